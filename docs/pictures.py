@@ -16,7 +16,7 @@ from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
 from bayesdamp.report.drawing import FAINT, INK, QUIET, RC, colour, dash
-from bayesdamp.report.figures.estimators import against, sweep
+from bayesdamp.report.figures.estimators import estimate_panels, sweep
 from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, series, true_models
 from bayesdamp.report.results.run import RunFolder
 
@@ -139,7 +139,7 @@ def in_noise(root: Path) -> Figure:
 def beside_posterior(root: Path) -> Figure:
     """The eleven against the posterior, from the report of studies/paper.toml."""
     run = RunFolder(root / "reports" / "paper")
-    return against([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
+    return estimate_panels([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
 
 
 def write(root: Path) -> None:

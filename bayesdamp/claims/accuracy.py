@@ -27,10 +27,10 @@ from bayesdamp.report.results.estimators import (
     STAGES,
     ErrorSeries,
     EstimatorComparison,
-    ahead,
     interval,
-    places,
+    is_significantly_better,
     printed_error,
+    rank_ranges,
 )
 
 CLAIMS: list[Claim] = []
@@ -196,7 +196,7 @@ def _weak(runs: Runs) -> Judgement:
         for level in (1.0, 10.0):
             if not _errors(along, "weak_sindy", level):
                 continue
-            order = places(along, "initial", along.values.index(level))
+            order = rank_ranges(along, "initial", along.values.index(level))
             first, last = order["weak_sindy"]
             best.append(first)
             worst.append(last)
@@ -220,9 +220,13 @@ def _sindy(runs: Runs) -> Judgement:
             weak, strong = (_errors(along, m, level) for m in ("weak_sindy", "sindy"))
             if not weak or not strong:
                 continue
-            better.append(ahead(weak, strong))
+            better.append(is_significantly_better(weak, strong))
             result = (
-                "better" if better[-1] else "worse" if ahead(strong, weak) else "not significantly different"
+                "better"
+                if better[-1]
+                else "worse"
+                if is_significantly_better(strong, weak)
+                else "not significantly different"
             )
             pair = f"{_size(along, 'weak_sindy', level)} against {_size(along, 'sindy', level)}"
             parts.append(f"{words.model(along.model)} {level:g} %: {pair}, {result}")

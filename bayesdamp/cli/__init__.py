@@ -1,4 +1,4 @@
-"""Run bayesdamp from the command line: the commands are in `commands`, and what they share is here."""
+"""Define the command line: each command is a module of `commands`, and their common code is here."""
 
 from bayesdamp.cli.app import main
 

@@ -1,4 +1,4 @@
-"""Run a command; an error becomes one clear line and an exit status."""
+"""Run a command, and report an error as one line and an exit status."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prep
 from bayesdamp.machine import GARBAGE, kill_as_interrupt
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit statuses: an internal error, an error of the user, and an interrupt (Ctrl-C)."""
 UNREAD = 141
-"""Exit status in a shell of a process that SIGPIPE ends: `bayesdamp look rig.csv | head -3` is not a mistake."""
+"""Exit status if the reader of the output closes it, as in `bayesdamp look rig.csv | head -3`. Shells use this number
+for a process that SIGPIPE has ended."""
 COMMANDS = {
     "look": (
-        "Show what is read of a file: columns, units, clock, the free decay in it, and what looks wrong.",
+        "Show how a file is read: columns, units, clock, the free decay in it, and what looks wrong.",
         "bayesdamp look rig.csv",
     ),
     "init": (
@@ -33,7 +35,7 @@ COMMANDS = {
         "bayesdamp init rig.csv",
     ),
     "study": (
-        "Run what is missing of a study, and write its report.",
+        "Run the tasks of a study that are not done yet, and write its report.",
         "bayesdamp study quickstart",
     ),
     "compare": (
@@ -41,7 +43,7 @@ COMMANDS = {
         "bayesdamp compare rig.csv --quick",
     ),
     "calibrate": (
-        "Check the intervals: draw from a study's own prior, simulate, infer, and compare with the truth.",
+        "Check the intervals: simulate records with parameters from the study's prior, and compare with the truth.",
         "bayesdamp calibrate studies/calibration.toml --records 100",
     ),
     "check": (
@@ -57,7 +59,7 @@ COMMANDS = {
         "bayesdamp report reports/rig",
     ),
     "claims": (
-        "Measure each claim of the paper on the eleven estimators, and report whether it holds.",
+        "Test each claim of the paper about the eleven estimators, and report whether it holds.",
         "bayesdamp claims --paper reports/paper --noise reports/noise",
     ),
     "doctor": (
@@ -69,27 +71,27 @@ COMMANDS = {
         "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
     ),
 }
-"""The commands in the order of the help, each with what it does and an example. A command is the function of its name
-in the module of its name in `bayesdamp.cli.commands`."""
+"""The commands in the order of the help, each with a summary and an example. The function of a command has the same
+name as the command; it is in the module of this name in `bayesdamp.cli.commands`."""
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
 class Commands(TyperGroup):
-    """The commands. The module of a command is imported when the command runs, and not for the list of all."""
+    """The group of all commands, which imports the module of a command only when this command runs."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = {name: TyperCommand(name, help=summary) for name, (summary, _) in COMMANDS.items()}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command to run, with its options, and the words after its name."""
+        """Return the name of the command to run, the command with its options, and the arguments after its name."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, command(name or ""), rest
 
 
 @lru_cache(maxsize=len(COMMANDS))
 def command(name: str) -> Any:
-    """Return a command with its options. Cached, because a test runs hundreds."""
+    """Return a command with its options. It is cached because tests run hundreds of commands in one process."""
     function = getattr(import_module(f"bayesdamp.cli.commands.{name}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=SETTINGS)
     alone.command(name, epilog=f"Example: {COMMANDS[name][1]}")(function)
@@ -108,10 +110,11 @@ app = typer.Typer(
 
 
 parsed = lru_cache(maxsize=1)(typer.main.get_command)
-"""The commands as a function, made once, because a test runs hundreds."""
+"""Convert the app to a function that parses and runs a command line. It is cached like `command`."""
 
 
 def _show_version(wanted: bool) -> None:
+    """Print the version and exit, if the option --version is given."""
     if wanted:
         typer.echo(f"bayesdamp {bd.__version__}")
         raise typer.Exit
@@ -130,8 +133,16 @@ def _main(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
-    0: done; 1: internal error; 2: wrong input; 3: done, but with failed tasks; 130: interrupted; 141: the reader of
-    the output has closed it.
+    Parameters
+    ----------
+    arguments
+        The words of the command line after `bayesdamp`; by default those of this process.
+
+    Returns
+    -------
+    int
+        0: success; 1: internal error; 2: wrong input; 3: finished, but tasks have failed; 130: interrupted; 141: the
+        reader of the output has closed it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
@@ -140,18 +151,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if any("\0" in word for word in given):
             raise bd.InputError(
-                "a word of the command contains a zero byte, which no path or name has; remove it"
+                "an argument contains a zero byte, which is not allowed in paths and names; remove it"
             )
         with kill_as_interrupt():
             status = parsed(app)(args=given, standalone_mode=False)
         sys.stdout.flush()
-    except (bd.InputError, bd.Refusal) as error:  # which loads them, and NumPy, where something was raised
+    except (
+        bd.InputError,
+        bd.Refusal,
+    ) as error:  # imports these classes, and NumPy, only if there was an exception
         _trace()
         print_error(one_line(error))
         return WRONG_INPUT
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except SystemExit as error:  # typer and rich exit so where their output is closed
+    except SystemExit as error:  # typer and rich raise this if their output is closed
         if not isinstance(error.__context__, BrokenPipeError):
             raise
         discard_output()
@@ -176,7 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _usage_error(error: Any, given: Sequence[str]) -> str:
-    """Return the line on a wrong command line, in the form of all other errors; empty where there is none to print."""
+    """Return one line on an error in the command line; empty if Typer has already printed the help."""
     line = error.format_message().rstrip(".")
     at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", line)
     line = f"{at[1]}: must be {at[2]}" if at else line
@@ -192,5 +206,6 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
 
 
 def _trace() -> None:
+    """Print the traceback of the current exception, if BAYESDAMP_DEBUG=1."""
     if os.environ.get("BAYESDAMP_DEBUG") == "1":
         traceback.print_exc()

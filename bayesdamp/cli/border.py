@@ -1,4 +1,4 @@
-"""Print errors as one short line, and name what the machine refuses."""
+"""Print errors as one short line, explain errors of the operating system, and prepare the output streams."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import os
 import sys
 
 LONGEST = 295
-"""Characters of the line on stderr."""
+"""Largest number of characters of an error line (conventional: three lines of a terminal)."""
 _HEAD = 180
+"""Number of characters that are kept from the beginning of a longer error."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Error numbers of a full disk."""
 _STOPS = ("strict", "surrogateescape")
-"""Error handlers of a stream that fail for a character which its encoding lacks."""
+"""Error handlers of a stream that raise an exception for a character that the stream cannot encode."""
 _MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
+"""Texts by which libraries report too little memory."""
 
 
 def one_line(text: object) -> str:
-    """Return a text as one printable line, without the middle of a long one, so that the remedy at its end stays."""
+    """Return a text as one printable line. A long text loses its middle, because its end contains the remedy."""
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
     if len(line) <= LONGEST:
@@ -26,16 +29,17 @@ def one_line(text: object) -> str:
 
 
 def machine_refusal(error: BaseException) -> str | None:
-    """Return a line on a full disk, too little memory or a path that the system refuses; None for other errors."""
+    """Return a line on an error of the operating system: full disk, too little memory, or an unusable path.
+
+    Return None for other errors.
+    """
     number = getattr(error, "errno", None)
     if (
         isinstance(error, MemoryError)
         or number == errno.ENOMEM
         or any(mark in str(error) for mark in _MEMORY)
     ):
-        return (
-            "too little memory for this; close other programs, use fewer --workers, or a part of the record"
-        )
+        return "not enough memory; close other programs, use fewer --workers, or use a part of the record"
     if not isinstance(error, OSError) or error.errno is None:
         return None
     place = error.filename if isinstance(error.filename, str | bytes | os.PathLike) else None
@@ -50,8 +54,9 @@ def machine_refusal(error: BaseException) -> str | None:
 def prepare_streams() -> None:
     """Prepare stdout, stderr and drawing for every environment.
 
-    A process that was started without stdout or stderr gets ones that lead nowhere, before a file takes their place.
-    Streams replace characters that their encoding lacks. Matplotlib draws without a screen.
+    If the process was started without stdout or stderr, they are opened on the null device; otherwise the next opened
+    file would get their file descriptors. Streams replace characters that they cannot encode. Matplotlib draws without
+    a screen.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
@@ -60,13 +65,13 @@ def prepare_streams() -> None:
         elif getattr(stream, "errors", "") in _STOPS and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     if not os.environ.get("COLUMNS", "1").strip("0"):
-        del os.environ["COLUMNS"]  # nothing would be printed on a terminal without a width
+        del os.environ["COLUMNS"]  # Rich would print nothing on a terminal of width 0
     if "MPLBACKEND" in os.environ:
         os.environ["MPLBACKEND"] = "agg"
 
 
 def print_error(line: str) -> None:
-    """Print a line on stderr, or nowhere where nobody reads it."""
+    """Print a line on stderr. If stderr is closed, discard the line."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
@@ -74,7 +79,7 @@ def print_error(line: str) -> None:
 
 
 def discard_output() -> None:
-    """Discard what a closed or full output cannot take, so that the process does not try it again at its end."""
+    """Discard buffered output that cannot be written, so that Python does not try to write it again at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

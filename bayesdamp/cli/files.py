@@ -1,4 +1,7 @@
-"""Check the files and folders that a command names, and write single files, replacing only its own earlier ones."""
+"""Check the files and folders that a command reads or writes.
+
+A command overwrites a file only if an earlier run of the same command wrote it.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,12 @@ from bayesdamp.types import InputError
 
 
 def check_folder(out: Path | None, name: str) -> Path:
-    """Return the folder of a run: `out`, or reports/`name`.
+    """Return the folder of a run: `out`, or reports/`name` if `out` is None.
 
     Raises
     ------
     InputError
-        Where the folder cannot be made, because a file has its name or that of a folder above it.
+        If the folder cannot be created, because the path or a part of it is a file.
     """
     folder = out if out is not None else Path("reports") / name
     try:
@@ -39,7 +42,7 @@ def check_folder(out: Path | None, name: str) -> Path:
 
 
 def check_names(paths: Sequence[Path]) -> None:
-    """Refuse files whose names are not valid UTF-8, in which a run describes its inputs. Raises InputError."""
+    """Raise InputError if a file name is not valid UTF-8, because run.json must contain the names of its inputs."""
     for path in paths:
         try:
             str(path).encode()
@@ -50,21 +53,29 @@ def check_names(paths: Sequence[Path]) -> None:
 FIRST_LINE = "# simulated by bayesdamp\n"
 """First line of a simulated record."""
 GENERATOR = '<meta name="generator" content="bayesdamp look">'
-"""Tag in the head of a page of `bayesdamp look`."""
+"""HTML tag that identifies a page of `bayesdamp look`."""
 SIMULATED = re.compile(FIRST_LINE)
 LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
 CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
-"""Beginnings of files that `bayesdamp simulate`, `look` and `claims` have written."""
+"""Patterns for the beginnings of files that `bayesdamp simulate`, `look` and `claims` have written."""
 _HEAD = 4096
-"""Bytes at the beginning of a file that identify it."""
+"""Number of bytes at the beginning of a file in which the pattern must be found."""
 
 
 @dataclass(frozen=True)
 class SingleFile:
     """A file that a command writes.
 
-    ours: beginning of a file of the same command, which may be replaced; option: the option that names the file;
-    inputs: files that the command reads.
+    Attributes
+    ----------
+    path
+        Path of the file.
+    ours
+        Pattern for the beginning of a file that the same command wrote, and that may be replaced.
+    option
+        The option with which the user names the file, for errors.
+    inputs
+        Files that the command reads, which must not be replaced.
     """
 
     path: Path
@@ -73,7 +84,7 @@ class SingleFile:
     inputs: tuple[Path, ...] = ()
 
     def check(self) -> None:
-        """Refuse a file that must not or cannot be written, before anything is computed. Raises InputError."""
+        """Raise InputError if the file must not or cannot be written. Called before anything is computed."""
         try:
             above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
             if above is not None and not above.is_dir():
@@ -97,14 +108,14 @@ class SingleFile:
                 raise self._taken()
 
     def write(self, text: str) -> None:
-        """Write the file in one step, completely or not at all.
+        """Write the file. An interrupted write leaves no incomplete file.
 
         Raises
         ------
         InputError
-            Where the file must not or cannot be written.
+            If the file must not or cannot be written.
         OSError
-            Where the disk is full.
+            If the disk is full.
         """
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create

@@ -1,4 +1,4 @@
-"""Write what `bayesdamp look` reads of a file as a page of HTML."""
+"""Write the HTML page of `bayesdamp look`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from bayesdamp.records.files.contents import Contents
 from bayesdamp.report.drawing import QUIET, WIDTH, Drawings
 
 _INSIDE = "#0072B2"
+"""Colour of the free decay."""
 _POINTS = 4000
+"""Approximate number of points of a drawn record."""
 _STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
     "table{border-collapse:collapse;display:block;overflow-x:auto}"
@@ -27,7 +29,7 @@ _STYLE = (
 
 
 def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
-    """Return the HTML page on what a file holds and what is read of it; one file that opens anywhere."""
+    """Return a self-contained HTML page on the content of a file, and on how its records are read."""
 
     def items(lines: Iterable[object], look: str = "") -> Markup:
         return Markup("").join(Markup('<li class="{}">{}</li>').format(look, str(line)) for line in lines)
@@ -52,6 +54,7 @@ def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
 
 
 def _figure(view: RecordView) -> Figure:
+    """Draw a record, with the free decay in colour."""
     t, y, window = view.t, view.y, view.window
     every = max(1, t.size // _POINTS)
     figure = Figure(figsize=(WIDTH, 2.6))

@@ -1,4 +1,4 @@
-"""Show what `bayesdamp look` reads of a file: words and a small plot on the terminal."""
+"""Prepare the output of `bayesdamp look`: tables, sentences, and a plot of braille characters on the terminal."""
 
 from __future__ import annotations
 
@@ -22,17 +22,27 @@ from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS
 
 MANY = 4
-"""Largest number of holes that are listed one by one."""
+"""Largest number of gaps in a record that are listed one by one."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Unicode braille patterns, by row and column of the dot."""
 
 
 @dataclass(frozen=True)
 class RecordView:
-    """What is shown of a record.
+    """The information on a record that `bayesdamp look` shows.
 
-    name, reading: its name and what it is read as; lines, doubts: what was done to it, and what looks wrong; t, y:
-    times in s and values in the file's unit, (n,); window: start and stop of the free decay, None where there is none.
+    Attributes
+    ----------
+    name
+        Name of the record.
+    reading
+        Its columns, unit, quantity, clock and number of samples, in words.
+    lines, doubts
+        Sentences on how it was cleaned, and on what looks wrong.
+    t, y
+        Times in s and values in the unit of the file, (n,).
+    window
+        Start and end of the free decay in s; None if there is none.
     """
 
     name: str
@@ -45,7 +55,7 @@ class RecordView:
 
 
 def columns_table(contents: Contents) -> Table:
-    """Return a row for each column: number, name, unit, samples, smallest and largest value."""
+    """Return a table with a row for each column: number, name, unit, samples, smallest and largest value."""
     rows = []
     for i, column in enumerate(contents.columns, start=1):
         unit, quantity = unit_of_column(column)
@@ -58,7 +68,7 @@ def columns_table(contents: Contents) -> Table:
 
 
 def view_motion(record: FileRecord) -> RecordView:
-    """Return what is shown of an oscillation."""
+    """Return the information on the record of an oscillation."""
     raw, signal = record.raw, record.signal
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     name = (record.several and record.label) or raw.channel or "the record"
@@ -69,7 +79,7 @@ def view_motion(record: FileRecord) -> RecordView:
     clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
     reading = f"column {value!r} as {what} in {unit}, {clock}, {raw.y.size} samples"
     about = raw.provenance if signal is None else signal.provenance
-    # `reading` contains the columns of times and values, but not why these were chosen.
+    # `reading` already names the columns of times and values, so only the reason for this choice is added.
     notes = (*filter(None, [raw.choice]), *(text for text in about.notes if text not in raw.why))
     lines = list(replace(about, notes=notes).sentences)
     window = None
@@ -91,21 +101,21 @@ def view_envelope(
     columns: tuple[str | None, str | None, float | None, str | None],
     ends: tuple[float | str, float | str],
 ) -> RecordView:
-    """Return what is shown of an envelope.
+    """Return the information on the record of an envelope.
 
     Parameters
     ----------
     path
-        Its file.
+        The file.
     columns
-        Columns of times and readings, the rate in Hz, and the unit, where they are given.
+        Columns of times and readings, the sampling rate in Hz, and the unit; None for those that are not given.
     ends
-        Ends of the decay in s, or "auto".
+        Start and end of the decay in s, or "auto".
 
     Raises
     ------
     InputError
-        Where it cannot be read.
+        If the file cannot be read.
     """
     time, value, rate, unit = columns
     record = read_envelope(path, time=time, value=value, rate=rate, unit=unit)
@@ -130,9 +140,9 @@ def view_envelope(
 
 
 def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
-    """Draw the curve y (n,) over t (n,) as rows of braille characters, which have two columns and four rows of dots.
+    """Draw the curve y, (n,), over t, (n,), as rows of braille characters. Each has two columns and four rows of dots.
 
-    Each column of dots shows all values in it, and joins the column before it.
+    Each column of dots covers the range of all values in it, extended so that it touches the column before it.
     """
     wide, high = 2 * columns, 4 * rows
     span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))
@@ -145,7 +155,7 @@ def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
         if values.size == 0:
             continue
         bottom, top = int(values.min()), int(values.max())
-        if last is not None:  # join it to the column before it
+        if last is not None:  # extend the range so that it touches the column before it
             bottom, top = min(bottom, max(last, bottom)), max(top, min(last, top))
             bottom = min(bottom, last + 1) if last < bottom else bottom
             top = max(top, last - 1) if last > top else top
@@ -158,7 +168,7 @@ def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
 def plot(
     t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int = 72, rows: int = 10
 ) -> Text:
-    """Draw the record with its free decay, window[0] to window[1] in s, bright, and a line with the scales."""
+    """Draw a record for the terminal, with its free decay (`window`, in s) in a bright colour, and its ranges."""
     span = float(t[-1] - t[0]) or 1.0
     edges = [int((end - t[0]) / span * columns) for end in window] if window else [0, -1]
     text = Text()

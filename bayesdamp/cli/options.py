@@ -1,4 +1,4 @@
-"""Define the options that several commands share: reading files, running, printing."""
+"""Define the options that several commands share: for reading files, for the run, and for the output."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import typer
 from bayesdamp.types import InputError
 
 READING, WEIGHED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
-"""Groups of options."""
+"""Headings of the groups of options in the help."""
 
 
 def option(group: str, text: str, *names: str, **more: Any) -> Any:
-    """Return an option of a group with its help."""
+    """Define an option, with its help text and its group in the help."""
     return typer.Option(*names, help=text, rich_help_panel=group, **more)
 
 
@@ -66,17 +66,17 @@ AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdi
 
 
 LONGEST = 40
-"""Characters of a wrong value that an error repeats."""
+"""Number of characters of an invalid value that an error message repeats."""
 
 
 def wrong(option: str, value: object, right: str) -> InputError:
-    """Return the error on a wrong value of an option: what it is, and what it must be."""
+    """Return the error for an invalid value of an option. `right` says what the value must be."""
     shown = repr(value[:LONGEST]) if isinstance(value, str) else f"{value:g}"
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 
 def bound(text: float | str, name: str) -> float | str:
-    """Return a time in s, or "auto". Raises InputError for anything else."""
+    """Convert the value of --start or --stop to a time in s; "auto" stays as it is. Raises InputError otherwise."""
     if text == "auto":
         return text
     try:

@@ -1,4 +1,4 @@
-"""Choose the records in files by the options of a command, and report what is doubtful about them."""
+"""Read the records in files according to the options of a command, and report what looks wrong with them."""
 
 from __future__ import annotations
 
@@ -28,20 +28,21 @@ _VALID = {
     "clock": ("auto", "as_logged", "uniform"),
     "time_unit": ("s", "ms", "us", "ns", "ps", "min", "h", "d"),
 }
-"""Values of options that a file can be read by."""
+"""Valid values of options."""
 LONGEST = 290
-"""Characters of a refusal with its command."""
+"""Largest number of characters of an error with a suggested command."""
 _OPTIONS = {"value": "angle", "rate": "rate"}
-"""Arguments of `read_records` that a refusal may ask for, as options; a rate replaces a column of times."""
+"""Options with which a user can provide arguments of `read_records` that an error asks for."""
 _UNKNOWN = {"rate": "HZ", "angle": "NAME"}
+"""Placeholders in a suggested command for values that are not known."""
 _INTRODUCTION = "in one command (check its values): "
 ROUNDS = 3
-"""Refusals of one file that are answered one after the other."""
+"""Largest number of errors of one file for which a single command is suggested."""
 
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """How to read files, as the command line gives it; see `compare`."""
+    """The options of the command line on how to read files; see the help of `bayesdamp compare`."""
 
     time: str | None = None
     angle: str | None = None
@@ -56,7 +57,7 @@ class ReadingOptions:
     channels: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        """Raise InputError for values that no file can be read by."""
+        """Convert the values and check them. Raises InputError if a value is invalid."""
         for field, value in zip(("unit", "quantity"), by_name(self.unit, self.quantity), strict=True):
             object.__setattr__(self, field, value)
         for name, valid in _VALID.items():
@@ -77,7 +78,7 @@ class ReadingOptions:
             raise InputError("--rate: replaces a column of times; remove --rate or --time")
 
     def read(self, path: Path) -> list[RawRecord]:
-        """Read the records of a file. Raises InputError."""
+        """Read the records of a file. Raises InputError if this is not possible."""
         return read_records(
             path,
             time=self.time,
@@ -89,21 +90,36 @@ class ReadingOptions:
         )
 
     def interpret(self, raw: RawRecord) -> tuple[str, str, tuple[Finding, ...]]:
-        """Return the unit and quantity of a record, and what looks wrong with it."""
+        """Return the unit and the quantity of a record, and findings on what looks wrong with it."""
         unit, quantity = read_as(raw, self.unit, self.quantity)
         doubtful = findings(raw, unit, quantity, self.unit is not None) if unit in UNITS else ()
         return unit, quantity, doubtful
 
     def assumes_rad(self, raw: RawRecord, unit: str, quantity: str) -> bool:
-        """Return whether rad is assumed, because neither the file nor the user gives a unit."""
+        """Return whether rad is assumed because neither the file nor the user specifies a unit."""
         return self.unit is None and not raw.unit and (unit, quantity) == ("rad", "angle")
 
 
 @dataclass(frozen=True)
 class FileRecord:
-    """One record of a file: how it is read, the free decay in it (or why there is none), and what looks wrong.
+    """One record of a file, with its free decay.
 
-    several: whether it is one of several records of its file.
+    Attributes
+    ----------
+    path
+        The file.
+    raw
+        The record as it was read.
+    unit, quantity
+        Unit of the values, and the recorded quantity.
+    findings
+        Findings on what looks wrong.
+    signal
+        The free decay in the record; None if there is none, or if it was not searched.
+    refusal
+        Reason why there is no free decay; empty if there is one.
+    several
+        Whether the file contains several records.
     """
 
     path: Path
@@ -117,7 +133,7 @@ class FileRecord:
 
     @property
     def label(self) -> str:
-        """The record's run and channel, empty where its file has one record."""
+        """The run and the channel of the record, in words; empty if the file has only one record."""
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 
@@ -137,7 +153,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     Raises
     ------
     InputError
-        Where the file cannot be read; with the command that answers what it leaves open.
+        If the file cannot be read. The message suggests a command that provides the missing information.
     """
     try:
         raws = options.read(path)
@@ -166,7 +182,19 @@ def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The records of files, what is doubtful about them, how they were read, and what is wrong with other files."""
+    """The records of several files.
+
+    Attributes
+    ----------
+    records
+        The records that are used.
+    doubted
+        Lines on what looks wrong with them.
+    notes
+        Lines on how they were read.
+    failed
+        Errors of the files that could not be read.
+    """
 
     records: list[FileRecord]
     doubted: list[str]
@@ -175,9 +203,9 @@ class Chosen:
 
 
 def chosen_records(paths: Sequence[Path], options: ReadingOptions, *, every: bool = False) -> Chosen:
-    """Choose the records of files.
+    """Return the records of several files.
 
-    Where a file has several records and none was selected, those without a free decay are left out, with a note.
+    If a file has several records and the user did not select any, those without a free decay are left out with a note.
 
     Parameters
     ----------
@@ -186,12 +214,12 @@ def chosen_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
     options
         How to read them.
     every
-        Whether every file must have a record.
+        Whether every file must contain a usable record; otherwise at least one file must.
 
     Raises
     ------
     InputError
-        Where no file has a record, or one has none and every file must.
+        If the files do not contain the required records.
     """
     several = len(paths) > 1
     chosen, failed = read_each(paths, lambda path: _choose(path, options, several))
@@ -208,9 +236,10 @@ def chosen_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
 def _choose(
     path: Path, options: ReadingOptions, cleaned: bool
 ) -> tuple[list[FileRecord], list[str], list[str]]:
-    """Return the records of a file, what is doubtful, and how they were read. Raises InputError.
+    """Return the records of a file that are used, lines on what looks wrong, and lines on how they were read.
 
-    cleaned: whether to look for the free decay even where the file has one record.
+    `cleaned`: whether to search for the free decay even if the file has only one record. Raises InputError if the file
+    has no usable record.
     """
     notes: list[str] = []
     all_of_it = options.runs is None and not options.channels and options.angle is None
@@ -245,13 +274,16 @@ def _choose(
 
 
 def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
-    """Return the findings of these kinds in all records of a file, each kind once."""
+    """Return lines on the findings of these kinds in all records of a file, one line for each kind."""
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
 
 def own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
-    """Return what distinguishes a record from the others of its file: its run, its channel, or both; else nothing."""
+    """Return the run or channel (or both) that distinguishes a record from the others of its file.
+
+    Empty if the file has only one record.
+    """
     if not record.several:
         return ""
     channels = {other.raw.channel for other in records if other.path == record.path}
@@ -259,7 +291,7 @@ def own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
 
 
 def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[Asked]:
-    """Return records as entries of a study's [[signal]]; runs of one channel are repeats of one specimen."""
+    """Convert records to entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
     o = options
     signals = []
     for record in records:
@@ -288,7 +320,7 @@ def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[A
 
 
 def _with_command(error: InputError, path: Path, options: ReadingOptions) -> InputError:
-    """Return a refusal of a file with the command that answers it and whatever else the file leaves open."""
+    """Add a command to an error of reading a file, which provides all the information that the file lacks."""
     answers: dict[str, str] = {}
     refused, trial = error, options
     for _ in range(ROUNDS):
@@ -315,7 +347,7 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
 
 
 def one_command(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
-    """Return a line for each file with several doubts: the command that answers all of them."""
+    """Return a line for each file with several findings, with a command that settles all of them."""
     by_path: dict[Path, dict[str, str]] = {}
     for record in records:
         by_path[record.path] = _answers(record.raw, options) | by_path.get(record.path, {})
@@ -327,14 +359,14 @@ def one_command(records: Sequence[FileRecord], options: ReadingOptions) -> list[
 
 
 def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the likeliest values of the options that settle what a record leaves open."""
+    """Return the most likely values of the options that would settle the findings on a record."""
     unit, quantity, doubtful = options.interpret(raw)
     answers = {"unit": unit} if options.assumes_rad(raw, unit, quantity) else {}
     return answers | dict(doubt.answer for doubt in doubtful if doubt.answer is not None)
 
 
 def _command(path: Path, options: ReadingOptions, answers: Mapping[str, str]) -> str:
-    """Return `bayesdamp compare` of a file with the options that were given and those that answer."""
+    """Return the command `bayesdamp compare` for a file, with the user's options and the suggested ones."""
     names = ("time", "angle", "rate", "time_unit", "unit", "quantity", "clock", "start", "stop", "runs")
     given = {name.replace("_", "-"): getattr(options, name) for name in names}
     if "rate" in answers:

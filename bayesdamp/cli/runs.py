@@ -1,4 +1,4 @@
-"""Read the study of a command, choose its folder, run it, and print its verdicts."""
+"""Read a study, choose the folder of its run, run it, and print its verdicts."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from bayesdamp.machine import cache_folder
 from bayesdamp.pipeline.jobs import Depth
 from bayesdamp.pipeline.run import WRONG_CELLS, run_study
 from bayesdamp.plugins import read_modules
-from bayesdamp.report.terminal import Lasting, VerdictPrinter, conclude
+from bayesdamp.report.terminal import PipeSafeConsole, VerdictPrinter, print_conclusion
 from bayesdamp.types import InputError
 
 MOST_ANSWERS = 100
-"""Numbered folders of one name that are searched for one without another question's answer."""
+"""Largest number of folders NAME, NAME-2, ... in which the answers on one name are stored (conventional)."""
 FEW = 5
-"""Largest number of records in one command whose verdicts are printed as they come."""
+"""Largest number of records in one command for which each verdict is printed as soon as it is available."""
 
 
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
-    """Read a study and check the options of its estimators too.
+    """Read a study, and check the options of its estimators.
 
     Parameters
     ----------
     file
-        A study file, the name of a study that ships, or a run's run.json.
+        A study file, the name of a study of the package, or the run.json of a run.
     plugins
-        Files with plug-ins besides those that the study names.
+        Files with plug-ins, in addition to those that the study names.
     """
     loaded = load_study(study_file(file), read_modules(plugins or ()))
     for name in loaded.estimators.use:
@@ -44,27 +44,27 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
 
 
 def choose_folder(study: Study) -> Path:
-    """Return reports/NAME, or the first of NAME-2, NAME-3, ... that does not hold another question's answer.
+    """Return the first of the folders reports/NAME, NAME-2, NAME-3, ... that has no answer to a different question.
 
     Raises
     ------
     InputError
-        Where a file has the folder's name, or no such folder is left.
+        If a file has the name of the folder, or if there are too many folders.
     """
     for name in (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_ANSWERS))):
         folder = check_folder(None, name)
         if not asks_another(study, folder):
             return folder
     raise InputError(
-        f"--out: reports/ has {MOST_ANSWERS} answers for {study.name}; give a folder of your own"
+        f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}; give another folder with --out"
     )
 
 
 def compilation_notice() -> str:
-    """Return a notice where a first run has nothing compiled yet and takes longer; empty later."""
+    """Return a notice if nothing is compiled yet, so that this run takes longer; empty otherwise."""
     if any((cache_folder() / "kernels").glob("*")):
         return ""
-    return "compiling the equations of motion for this machine; this first run takes about 20 s longer"
+    return "compiling the equations of motion for this machine; this first run takes 10 to 20 s longer"
 
 
 def run_and_print(
@@ -77,7 +77,7 @@ def run_and_print(
     failed: Sequence[InputError] = (),
     **options: Any,
 ) -> int:
-    """Run a study, print its verdicts as they come, and return the exit status.
+    """Run a study, print each verdict as soon as it is available, and return the exit status.
 
     Parameters
     ----------
@@ -88,18 +88,19 @@ def run_and_print(
     depth
         How thoroughly the answer is checked.
     finish
-        Prints the summary of the run's folder at the end; by default its verdicts. Not called with `as_json`.
+        Function that prints the end of the output, from the folder of the run; by default `print_conclusion`. It is
+        not called if `as_json`.
     as_json
-        Whether verdicts are printed as JSON.
+        Whether to print the verdicts as JSON.
     failed
-        What is wrong with files that are not in the study; printed at the end.
+        Errors of files that could not be read, which are printed at the end.
     **options
         Options of `run_study`.
     """
     envelopes_only = all(s.is_envelope for s in study.signals)
     if not options["quiet"] and not envelopes_only and (notice := compilation_notice()):
         typer.echo(notice, err=True)
-    shown = Lasting()
+    shown = PipeSafeConsole()
     answered = None
     if not as_json and len(study.signals) <= FEW:
         answered = VerdictPrinter(shown, {spec.name: spec.source.unit for spec in study.signals})
@@ -108,7 +109,7 @@ def run_and_print(
         path = folder / "verdict.json"
         typer.echo(path.read_text(encoding="utf-8").rstrip("\n") if path.is_file() else "[]")
     else:
-        (finish or conclude)(folder, shown)
+        (finish or print_conclusion)(folder, shown)
     for error in failed:
         print_error(one_line(f"failed: {error}"))
     return WRONG_CELLS if failed else status

@@ -1,4 +1,4 @@
-"""Define the interface in Python, which `bayesdamp` offers, over what the other packages compute.
+"""Define the classes and functions of `import bayesdamp`.
 
-Each module has one public class or function, or what several of these share.
+Each module contains one public class or function, or helpers of several of them.
 """

@@ -1,6 +1,7 @@
-"""Answer which damping one signal has, for a study's task, the command line and Python.
+"""Compute the answer on one signal: which damping it has, how large it is, and how well the law holds.
 
-The docstring of `bayesdamp.inference.deviation` explains the words and the steps of the computation.
+`bayesdamp compare`, `bd.compare` and the tasks of a study all call `answer`. How the damping models are compared is
+described in the docstring of `bayesdamp.inference.deviation`.
 """
 
 from __future__ import annotations
@@ -36,33 +37,36 @@ from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
-"""Factor by which an amplitude may lie outside those of the record."""
+"""Factor by which a requested amplitude may be outside the range of the record's amplitudes (conventional)."""
 COMPARED = "comparison"
+"""Key of the stored comparison in the argument `comparisons` of `answer`."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
+"""Names of the arrays of the damping curve that a verdict on several records needs."""
 BY_LAW = ("ratio", "low", "high", "free/")
-"""Prefixes of a picture's arrays that are the damping curve by a law, not measured without one."""
+"""Prefixes of the arrays of the damping curve, which are replaced if the verdict is free of a law."""
 OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
 """Prefixes of all arrays that depend on the law."""
 RUN = "run/"
-"""Prefix of arrays with a candidate's likelihood of its damping, for a verdict on several records."""
+"""Prefix of the arrays that describe each model's likelihood, for a verdict on several records."""
 JOINABLE = 40.0
-"""Log Bayes factor to the best in nats up to which this is stored of a form that is not compared."""
+"""Largest distance in nats from the best evidence at which the likelihood of a form of damping that is not compared is
+stored for a verdict on several records (conventional)."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer on a record, as a task or a file stores it.
+    """The answer on a record, in the form in which tasks and files store it.
 
     Attributes
     ----------
     content
         The answer as plain values.
     arrays
-        The arrays of its picture, as in `inference.deviation.findings`; for one of several records also
-        `run/DAMPING@RESTORING/...`.
+        The arrays of its figure, as in `inference.deviation.findings`; for one of several records of a specimen also
+        the likelihood of each model, `run/DAMPING@RESTORING/...`.
     further
-        Draws of the candidates that were sampled, `draws/DAMPING@RESTORING`, and arrays of the laws of `content`,
-        `found/DAMPING@RESTORING/...`.
+        Draws of the models that were sampled, `draws/DAMPING@RESTORING`, and the arrays of the fits in
+        `content.laws`, `found/DAMPING@RESTORING/...`.
     """
 
     content: AnswerContent
@@ -71,11 +75,11 @@ class Answer:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict."""
+        """The verdict on the record."""
         return Verdict.from_dict(self.content.verdict)
 
     def of_specimen(self) -> RecordAnswer:
-        """Return what a verdict on several records needs of this one."""
+        """Return the part of this answer that a verdict on several records of a specimen needs."""
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
 
@@ -104,7 +108,7 @@ class Answer:
 
 
 def law_prefix(damping: str, restoring: str) -> str:
-    """Return the prefix of the arrays of a law in `Answer.further`."""
+    """Return the prefix of the arrays in `Answer.further` that belong to the fit of one model."""
     return f"found/{damping}@{restoring}"
 
 
@@ -135,54 +139,54 @@ def answer(
     signal
         The signal.
     amplitudes
-        Where the damping ratio is given, in `unit`; by default three of the record.
+        Amplitudes at which to give the damping ratio, in `unit`; by default three in the range of the record.
     unit
-        Unit of `amplitudes`; by default the signal's, in which the answer is.
+        Unit of `amplitudes`; by default the signal's own unit. The answer itself is in the signal's unit.
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately.
     damping, restoring
         Damping sums and restoring laws to compare; by default all.
     known
-        Values of parameters, or a function from a law's name to them.
+        Known values of parameters, by name; or a function that returns them for the name of a restoring law.
     priors
         Priors by parameter.
     reference
-        What default priors scale with; by default the record's.
+        Amplitude and frequency to which default priors are scaled; by default those of the record.
     sensor
-        Relative linearity of the sensor, the least error of every rate.
+        Relative linearity error of the sensor, which is the smallest error of every decay rate.
     measured
-        Whether the record is a measurement, so that probabilities are capped.
+        Whether the record is a measurement. Probabilities are then capped.
     seed
         Seed of all random numbers.
     notes
-        Sentences on the record, for the remarks.
+        Sentences on the record that are added to the remarks.
     sample
-        Whether the motions themselves are sampled, and not only their linear model.
+        Whether to sample the posterior of the full equation of motion after the linear approximation.
     comparisons
-        Stores the comparison by linear models, for a second call on the same signal with the same arguments.
+        A dictionary in which the comparison by linear approximations is stored, so that a second call on the same
+        signal with the same arguments does not compute it again.
     repeated
-        Whether the signal is one of several records of a specimen, whose verdict needs each candidate's likelihood of
-        its damping.
+        Whether the signal is one of several records of a specimen. The answer then contains each model's likelihood.
     noise
         A noise model, several to choose from, or "auto".
 
     Returns
     -------
     Answer
-        Its grade is `not_weighed`, with the reason as the sentence, where nothing can be weighed, and `no_free_decay`
-        where the signal is not the free decay of one oscillator.
+        The grade of its verdict is `not_weighed` if no model can be fitted (the sentence gives the reason), and
+        `no_free_decay` if the signal is not the free decay of one oscillator.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
     wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
     if wrong:
         raise InputError(
-            f"restoring law {wrong[0]!r} describes an angle, and {signal.name} is in {signal.unit}"
+            f"restoring law {wrong[0]!r} describes an angle, but {signal.name} is in {signal.unit}; leave this law out"
         )
     other = no_free_decay(signal)
     if other is not None:
@@ -217,7 +221,7 @@ def answer(
         clear = {r.candidate.damping for r in comparison.results}
         clear |= {c.damping for c, why in comparison.refused.items() if why == BEHIND}
         reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
-        remarks += [f"{'+'.join(terms)} was not weighed: {why}." for terms, why in reasons.items()]
+        remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
     verdict = decide(
         findings,
         record=signal.name,
@@ -243,7 +247,7 @@ def answer(
 
 
 def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
-    """Return the answer as tasks and files store it."""
+    """Convert a comparison, its verdict and the arrays of its figure to an `Answer`."""
     further: dict[str, np.ndarray] = {}
     terms = next(iter(comparison.solvers.values())).terms
     priors, posteriors, laws, fits = [], [], [], {}
@@ -251,7 +255,7 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
         damping, law = "+".join(r.candidate.damping), r.candidate.restoring
         name = {"damping": damping, "restoring": law}
         priors.append({**name, "priors": {n: p.describe() for n, p in r.fit.parameters.priors.items()}})
-        if set(r.candidate.damping) == set(terms):  # the fit of all terms, under a law that is possible
+        if set(r.candidate.damping) == set(terms):  # the fit of all terms under this restoring law
             fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
             table, draws = posterior_of(comparison, r, r.sampled)
@@ -287,7 +291,10 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
 
 
 def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
-    """Return what is measured without a law at amplitudes (rad or m); None where the record is too short for it."""
+    """Measure the damping ratio and the frequency without a law, at amplitudes in rad or m.
+
+    None if the record is too short for this.
+    """
     try:
         curve = law_free(signal)
     except Refusal:
@@ -304,9 +311,10 @@ def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None
 
 
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
-    """Return the arrays `free/*` of a picture, the damping curve that is measured without a law.
+    """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    The energy lost in a cycle is that of a nearly sinusoidal oscillation.
+    The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A², with the damping
+    ratio ζ, the angular frequency ω and the amplitude A.
     """
     at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), TWO_SIDED * at.ratio_sd
@@ -320,21 +328,26 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
 def in_base(
     amplitudes: Sequence[float] | None, comparison: ModelComparison, unit: Unit
 ) -> tuple[float, ...] | None:
-    """Return amplitudes in the base unit of the record.
+    """Convert amplitudes to the base unit of a record, and check that the record contains them.
 
     Parameters
     ----------
     amplitudes
-        In `unit`; None where none are given.
+        The amplitudes in `unit`, or None.
     comparison
         The comparison of the candidates on the record.
     unit
         A unit of displacement.
 
+    Returns
+    -------
+    tuple or None
+        The amplitudes in rad or m; None if none are given.
+
     Raises
     ------
     InputError
-        For an amplitude that the record does not have.
+        If an amplitude is outside the range of the record.
     """
     if amplitudes is None:
         return None
@@ -343,13 +356,14 @@ def in_base(
     for a in amplitudes:
         if not low / BEYOND <= a <= high * BEYOND:
             raise InputError(
-                f"amplitude {a:g} {own.name}: the record has {low:.3g} to {high:.3g} {own.name}; give one of these"
+                f"amplitude {a:g} {own.name}: the amplitudes of the record are {low:.3g} to {high:.3g} {own.name}; "
+                "give one in this range"
             )
     return tuple(float(a) * own.factor for a in amplitudes)
 
 
 def _noise_remark(noise: SampleNoise) -> str:
-    """Return a sentence on noise that is not Gaussian; empty where it is."""
+    """Return a sentence on the noise model; empty if the noise is Gaussian."""
     if noise.name == GAUSSIAN:
         return ""
     if not np.isfinite(noise.ahead):
@@ -368,9 +382,10 @@ def _noise_remark(noise: SampleNoise) -> str:
 
 
 def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:
-    """Return the arrays that a verdict on several records needs.
+    """Return the arrays that a verdict on several records of a specimen needs.
 
-    They are each candidate's likelihood of its damping, and the deviation of the damping from its law along the curve.
+    They describe each model's likelihood as a function of its damping, and the deviation of the damping from its law
+    along the damping curve.
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])
     arrays = {f"{RUN}reference": np.array([comparison.reference.amplitude, comparison.reference.frequency])}
@@ -391,9 +406,9 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
 
 
 def _row(comparison: ModelComparison, result: CandidateResult) -> WeighedCandidate:
-    """Return a candidate as it is stored; without the rms residual at the samples where cycles were averaged."""
+    """Return the stored form of a model. It has no rms residual if cycles were averaged instead of fitting samples."""
     data, noise = comparison.data, comparison.variance / comparison.inflation
-    # A mean over several samples has only its share of the noise, to which that within the mean is added.
+    # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.
     squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
     return WeighedCandidate(
         damping="+".join(result.candidate.damping),

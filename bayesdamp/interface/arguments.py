@@ -18,40 +18,42 @@ from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
 _TEXT = "is text; give numbers, for example numpy.asarray(values, float)"
-_DATES = "holds dates or spans of time; give seconds: (t - t[0]) / numpy.timedelta64(1, 's')"
+_DATES = "contains dates or durations; give seconds: (t - t[0]) / numpy.timedelta64(1, 's')"
 _NOT_NUMBERS = {
-    "b": "holds true and false; give the recorded numbers",
-    "c": "holds complex numbers; give their real part, or another real quantity",
+    "b": "contains true and false; give the recorded numbers",
+    "c": "contains complex numbers; give their real part, or another real quantity",
     "M": _DATES,
     "m": _DATES,
     "S": _TEXT,
     "U": _TEXT,
 }
-"""Errors by the kind of an array's elements, where NumPy would convert them to numbers."""
+"""Errors by NumPy's code for the type of the elements, for types that NumPy would silently convert to numbers."""
 KINDS = get_args(get_args(GivenPrior)[0])
-"""The classes of priors."""
+"""The classes of priors that a user may specify."""
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
-"""Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
+"""Parameters that must be positive."""
 EPSILON = "epsilon"
+"""The width of friction, which may be zero (the sign function)."""
 LARGEST_SENSOR = 0.5
+"""Upper limit of a sensor's relative linearity error (conventional)."""
 
 
 def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
-    """Return the given numbers as an array of its own.
+    """Convert an argument to a new array of floats.
 
     Parameters
     ----------
     given
         Real numbers of any shape.
     what
-        Name of the argument.
+        Name of the argument, for errors.
     where
-        Name of the signal.
+        Name of the signal, for errors.
 
     Raises
     ------
     InputError
-        For elements that are masked or not real numbers.
+        If elements are masked or are not real numbers.
     """
     try:
         array = np.asanyarray(given)
@@ -69,16 +71,20 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
 
 
 def coefficients_of(terms: Sequence[str], law: Sequence[str] = ()) -> dict[str, str]:
-    """Return the term of each damping coefficient.
+    """Return the damping term of each coefficient, by the coefficient's name.
 
-    A term with the name of one of the restoring law's parameters, `law`, goes by its coefficient's name.
+    If the restoring law has a parameter with the name of the term (`law` lists its parameters), the name of the
+    coefficient is used instead of that of the term.
     """
     names = {t: TERMS.get(t).parameter for t in terms}
     return {n: n if t in law else t for t, n in names.items()}
 
 
 def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -> dict[str, Prior]:
-    """Return priors by parameter, from priors by damping term or parameter; coefficients: the term of each."""
+    """Convert priors by damping term or parameter to priors by parameter.
+
+    `coefficients` maps each damping coefficient to its term.
+    """
     own = {term: name for name, term in coefficients.items()}
     return {own.get(name, name): prior for name, prior in priors.items()}
 
@@ -86,7 +92,7 @@ def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -
 def check_known(
     who: str, known: object, coefficients: Mapping[str, str], parameters: Sequence[str]
 ) -> dict[str, float]:
-    """Return known values of parameters as numbers.
+    """Check the argument `known`, and return its values as floats.
 
     Parameters
     ----------
@@ -102,15 +108,19 @@ def check_known(
     Raises
     ------
     InputError
-        For a name that is not a parameter, for a damping, and for a value that the parameter cannot have.
+        If a name is not a parameter or is a damping coefficient, or if the parameter cannot have the value.
     """
     valid = [n for n in parameters if n not in coefficients]
-    valid += [EPSILON] * (EPSILON not in valid)  # one dictionary for models with and without friction
+    valid += [EPSILON] * (
+        EPSILON not in valid
+    )  # allowed without friction, so that one dictionary fits all models
     given = _mapping(who, "known", known)
     values = {}
     for name, value in given.items():
         if name in coefficients or name in coefficients.values():
-            raise InputError(f"{who}: known {name!r} is a damping, which is always inferred; give it a prior")
+            raise InputError(
+                f"{who}: known {name!r} is a damping coefficient, which is always inferred; give it a prior instead"
+            )
         if name not in valid:
             raise InputError(f"{who}: known has unknown parameter {name!r}{nearest(name, valid)}")
         values[name] = number(value)
@@ -130,7 +140,7 @@ def check_priors(
     coefficients: Mapping[str, str],
     parameters: Sequence[str],
 ) -> dict[str, Prior]:
-    """Return the given priors, by damping term or parameter.
+    """Check the argument `priors`, and return it as a dictionary by damping term or parameter.
 
     Parameters
     ----------
@@ -148,7 +158,8 @@ def check_priors(
     Raises
     ------
     InputError
-        For a name that is neither, for something that is not a prior, and for one that the parameter cannot have.
+        If a name is neither a term nor a parameter, if a value is not a prior, or if the prior allows values that the
+        parameter cannot have.
     """
     terms = tuple(coefficients.values())
     valid = [*terms, *parameters]
@@ -164,7 +175,7 @@ def check_priors(
             raise InputError(f"{who}: {name!r} is known and has a prior; give one of the two")
         term = coefficients.get(name, name)
         if term in names:
-            raise InputError(f"{who}: {names[term]!r} and {name!r} are one parameter; give one prior")
+            raise InputError(f"{who}: {names[term]!r} and {name!r} are the same parameter; give one prior")
         names[term] = name
         negative = isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)
         if negative and (term in terms or name in (*POSITIVE, EPSILON)):
@@ -174,7 +185,7 @@ def check_priors(
 
 
 def check_sensor(who: str, sensor: object) -> None:
-    """Raise InputError for something that is not the relative linearity of a sensor."""
+    """Raise InputError if the argument is not a valid relative linearity error of a sensor."""
     if not 0 <= number(sensor) < LARGEST_SENSOR:
         raise InputError(
             f"{who}: sensor is {sensor!r}; it must be a number from 0 to below {LARGEST_SENSOR:g}"
@@ -182,10 +193,10 @@ def check_sensor(who: str, sensor: object) -> None:
 
 
 def check_noise(who: str, noise: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of noise models. Raises InputError where there is none, or one is unknown."""
+    """Return the argument `noise` as a tuple of names. Raises InputError if it is empty or contains an unknown name."""
     names = (noise,) if isinstance(noise, str) else tuple(noise)
     if not names:
-        raise InputError(f'{who}: noise names no noise model; give one, several or "auto"')
+        raise InputError(f'{who}: noise is empty; give one noise model, several, or "auto"')
     for name in names:
         if name not in NOISES.names() and names != ("auto",):
             raise InputError(f"{who}: unknown noise model {name!r}{nearest(name, [*NOISES.names(), 'auto'])}")
@@ -205,6 +216,7 @@ def sums_and_laws(
 
 
 def _names(what: str, given: str | Iterable[str]) -> list[str]:
+    """Return a name or several names as a list. Raises InputError if an element is not text."""
     names = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else [None]
     if not all(isinstance(name, str) for name in names):
         raise InputError(f"compare: {what} is {given!r}; it must be a name, or a list of names")
@@ -218,21 +230,21 @@ def known_and_priors(
     priors: Mapping[str, Prior] | None,
     noises: Sequence[str] = (GAUSSIAN,),
 ) -> tuple[dict[str, float], dict[str, Prior]]:
-    """Return known values, and priors by parameter, of a comparison.
+    """Check the known values and the priors of a comparison, and return them by parameter.
 
     Parameters
     ----------
     sums, laws
         Damping sums and restoring laws that are compared; empty for all.
     known, priors
-        The arguments of the comparison.
+        The arguments of `compare`.
     noises
         Noise models that may be chosen.
 
     Raises
     ------
     InputError
-        For a name that none of these models has, or a wrong value.
+        If none of these models has a parameter with a given name, or if a value is invalid.
     """
     coefficients = coefficients_of(
         tuple(dict.fromkeys(t for s in sums or all_sums() for t in parse_model(s)))
@@ -247,11 +259,12 @@ def known_and_priors(
 
 
 def number(value: object) -> float:
-    """Return a number as a float; NaN for anything else."""
+    """Convert an int or a float to a float; return NaN for anything else, also for True and False."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
 def _mapping(who: str, what: str, given: object) -> Mapping[str, Any]:
+    """Return an argument that must be a dictionary. Raises InputError if it is something else."""
     if not isinstance(given, Mapping):
         raise InputError(f"{who}: {what} is {type(given).__name__}; it must be a dictionary by parameter")
     return given

@@ -37,22 +37,23 @@ if TYPE_CHECKING:
 
 
 _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]
+"""Columns of an empty `Comparison.table`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """Every damping sum weighed on one record, or on several of one specimen.
+    """The comparison of all damping models on one record, or on several records of one specimen.
 
     Attributes
     ----------
     verdict
-        The answer, with amplitudes in the unit that the record came in, as in tables and pictures.
+        The verdict, with amplitudes in the unit of the recorded file, as in tables and figures.
     answers
-        The answer on each record, in rad, m or the sensor's unit.
+        The answer on each record, in rad, m or the unit of the sensor.
     units
-        The unit that each record came in.
+        The unit of each recorded file.
     quantities
-        What was recorded: "angle" (any displacement), "velocity", "acceleration" or "envelope".
+        The recorded quantity of each record: "angle" (any displacement), "velocity", "acceleration" or "envelope".
     """
 
     verdict: Verdict
@@ -62,7 +63,7 @@ class Comparison(Result):
 
     @cached_property
     def records(self) -> tuple[Comparison, ...]:
-        """The comparison of each record by itself, where there are several."""
+        """The comparison on each record alone; empty if there is only one record."""
         if len(self.answers) == 1:
             return ()
         return tuple(
@@ -72,16 +73,16 @@ class Comparison(Result):
 
     @property
     def outcome(self) -> str:
-        """ "ok", or why nothing was weighed."""
+        """ "ok", or the reason why no models were compared."""
         return self.verdict.sentence if self.verdict.grade is Grade.NOT_WEIGHED else OK
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for each sum, restoring law and record that were compared.
+        """A table with a row for each damping sum, restoring law and record that were compared.
 
-        The columns are damping, restoring, log_evidence and log_evidence_exact (nats, relative to the best), rms of the
-        fit's residuals (unit of the record) and outcome. Other forms of damping, which may be more probable, are in
-        `verdict.rivals`.
+        The columns are damping, restoring, log_evidence and log_evidence_exact (in nats, relative to the best model),
+        rms (of the residual, in the unit of the record) and outcome. Other forms of damping, which may be more
+        probable, are in `verdict.rivals`.
         """
         import pandas as pd
 
@@ -103,23 +104,23 @@ class Comparison(Result):
 
     @property
     def curve(self) -> pd.DataFrame:
-        """The damping curve without a law, against amplitude, with 95 % intervals.
+        """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
 
-        It has the equivalent damping ratio, and the energy lost in a cycle per unit of inertia (unit²/s²).
+        It contains the equivalent damping ratio, and the energy lost in a cycle per unit of inertia (unit²/s²).
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
     @property
     def law_curve(self) -> pd.DataFrame:
-        """The damping ratio against amplitude by the laws, averaged by their probability, with 95 % intervals.
+        """The damping ratio by amplitude from the damping laws, averaged by their probability, with 95 % intervals.
 
-        It has no rows where no law is the answer (`verdict.law_free`).
+        It has no rows if no law describes the record (`verdict.law_free`).
         """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
 
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
-        """Return arrays as columns, one record after the other; without rows where no record has them."""
+        """Return arrays of all records as the columns of a table. `names` maps columns to the names of arrays."""
         import pandas as pd
 
         parts = []
@@ -132,33 +133,33 @@ class Comparison(Result):
         return pd.concat(parts, ignore_index=True) if parts else empty
 
     def _each(self) -> Iterator[tuple[Answer, Unit]]:
-        """Yield each record's answer with the unit that it came in."""
+        """Yield each record's answer together with the unit of the recorded file."""
         yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each record, and for the specimen, with the columns of verdicts.csv."""
+        """Return a table with a row for each record, and one for the specimen, with the columns of verdicts.csv."""
         import pandas as pd
 
         return pd.DataFrame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
-        """Draw the answer on the first record that has one.
+        """Plot the answer on the first record that has one.
 
         Parameters
         ----------
         ax
-            Four axes, such as those of `plt.subplots(2, 2)`; three for an envelope. New ones by default.
+            Four axes, for example from `plt.subplots(2, 2)`; three for an envelope. By default new ones.
 
         Returns
         -------
         tuple of Axes
-            Record, damping ratio against amplitude, residual and energy by term; for an envelope record, residual and
-            exponent.
+            The axes of record, damping ratio against amplitude, residual, and energy by term. For an envelope, the axes
+            of record, residual and exponent.
 
         Raises
         ------
         InputError
-            Where nothing was weighed.
+            If no record has an answer.
         """
         from matplotlib import rc_context
 
@@ -182,7 +183,7 @@ class Comparison(Result):
         return four
 
     def report(self, path: str | Path) -> Path:
-        """Write the answer as one page of HTML, and return the path. Raises InputError where it cannot be written."""
+        """Write the answer as an HTML page and return its path. Raises InputError if the file cannot be written."""
         from bayesdamp.report.render import page_of
         from bayesdamp.report.results.run import RunFolder
 
@@ -224,47 +225,47 @@ def compare(
 ) -> Comparison:
     """Find which damping a record has, how large it is, and how well the law holds.
 
-    It takes 5 to 10 s, with more cycles up to half a minute, and about 20 s longer where nothing is compiled yet.
-    Envelopes, which `read_envelope` reads, are compared by their damping alone: only `repeats`, `name`, `damping` and
-    `seed` apply to them.
+    For a record of 5,000 samples it takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with many
+    cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled. Of
+    the options, only `repeats`, `name`, `damping` and `seed` apply to envelopes (from `read_envelope`).
 
     Parameters
     ----------
     signals
-        One record; or several of one specimen with `repeats`: one damping for all, whose size differs between records
-        by a spread that is inferred.
+        One record; or, with `repeats`, several records of one specimen. These share one damping, and its size in each
+        record differs by a factor, whose spread is inferred.
     repeats
-        Whether several records are of one specimen.
+        Whether the records are repeats of one specimen.
     name
         Name of the specimen.
     deviation
         "auto" or "law": laws may hold approximately; "none": they hold exactly.
     noise
-        A noise model; or several, or "auto" for all, of which the most probable one is used.
+        A noise model; or several, or "auto" for all, from which the most probable one is chosen.
     damping, restoring
-        What is compared; by default every sum under every law that the record's unit allows.
+        Damping sums and restoring laws to compare; by default all that the unit of the record allows.
     known
-        Values of parameters.
+        Known values of parameters, by name.
     priors
         Priors by damping term or parameter.
     sensor
-        Relative linearity error of the sensor, the least error of a damping ratio.
+        Relative linearity error of the sensor, which is the smallest error of a damping ratio.
     amplitudes
-        Where the damping ratio is given, in the unit that the records came in.
+        Amplitudes at which to give the damping ratio, in the unit of the recorded file; by default three.
     sample
-        Whether the motions themselves are sampled, and not only their linear model.
+        Whether to confirm the linear approximations by sampling with the full equation of motion.
     seed
         Seed of all random numbers.
 
     Returns
     -------
     Comparison
-        For a record on which nothing can be concluded, its `outcome` is the reason.
+        The comparison. If no models can be compared on a record, its `outcome` is the reason.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
 
     Examples
     --------
@@ -287,7 +288,7 @@ def compare(
     envelopes = [s for s in every if isinstance(s, EnvelopeRecord)]
     one_kind = len(every) in (len(motions), len(envelopes))
     if not every or (len(every) > 1 and not repeats) or not one_kind:
-        raise InputError("compare takes one signal, or several of one specimen with repeats=True")
+        raise InputError("compare: give one signal, or several of one specimen with repeats=True")
     if envelopes:
         given_options = {
             "noise": noise != "auto",

@@ -1,4 +1,4 @@
-"""Offer a posterior as plain functions of the parameters, for any sampler or optimiser."""
+"""Provide a posterior density as functions of the parameters, for any sampler or optimiser."""
 
 from __future__ import annotations
 
@@ -26,27 +26,28 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 PRECISION = 1e-3
-"""Share of the fit's tolerance to which motions are solved. Measured on viscous, Coulomb, quadratic and Duffing
-motions: within three standard deviations of the best fit the log likelihood is then within 1e-3 nats of SciPy's at a
-tolerance of 1e-11; with the fit's own tolerance it was off by up to 0.006, and by up to 0.1 where friction's width is
-inferred."""
+"""Tolerance of the solver as a fraction of the fit's tolerance. Measured on viscous, Coulomb, quadratic and Duffing
+motions: within three standard deviations of the best fit, the log likelihood then agrees within 1e-3 nats with that of
+SciPy's solver at a tolerance of 1e-11. With the fit's own tolerance the error was up to 0.006 nats, or up to 0.1 if the
+width of friction is inferred."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Density(Shown):
-    """The posterior density of a model on a record; x is a vector of the parameters in natural units, by `names`.
+    """The posterior density of a model on a record.
 
-    The solver's steps are set at the best fit. Within three standard deviations of it the log likelihood is right
-    within 1e-3 nats, farther out within a share of its depth.
+    Its methods take a vector x of the parameters in natural units, in the order of `names`. The solver's step sizes are
+    chosen at the best fit. Within three standard deviations of it the error of the log likelihood is at most 1e-3 nats;
+    farther away it is a small fraction of the difference from the maximum.
 
     Attributes
     ----------
     signal, model
         The record and the model.
     values, units
-        Parameters at the best fit, and their units, by name.
+        Values of the parameters at the best fit, and their units, by name.
     target, mode
-        What samplers start from.
+        The posterior and its mode in the form that the package's samplers use.
 
     Examples
     --------
@@ -70,7 +71,7 @@ class Density(Shown):
 
     @classmethod
     def at(cls, signal: types.Signal, model: Result, mode: Mode) -> Self:
-        """Return the density whose mode is given, with the solver's steps set there."""
+        """Return the posterior density for a mode, where the solver's step sizes are chosen."""
         target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         units = units_of(target.names, target.oscillator.restoring, signal)
@@ -83,7 +84,7 @@ class Density(Shown):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter, defaults filled in."""
+        """The prior of each inferred parameter, including default priors."""
         return self.target.priors
 
     @property
@@ -92,19 +93,19 @@ class Density(Shown):
         return self.target.known
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each parameter, in the order of x: value at the best fit, unit, prior."""
+        """Return a table with a row for each parameter, in the order of x: value at the best fit, unit, prior."""
         import pandas as pd
 
         rows = {n: (self.values[n], self.units[n], p.describe()) for n, p in self.priors.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "unit", "prior"])
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
-        """Return values by name as x, (d,); those of the best fit for parameters that are not given.
+        """Convert values by name to a vector x, (d,). Parameters without a value have that of the best fit.
 
         Raises
         ------
         InputError
-            For a name that is not a parameter.
+            If a name is not a parameter.
         """
         for name in values or {}:
             if name not in self.names:
@@ -118,16 +119,16 @@ class Density(Shown):
     def log_likelihood(self, x: ArrayLike) -> float:
         """Return the log density of the record in nats at x, (d,).
 
-        It is −∞ where the motion escapes, and outside the prior's support.
+        It is −∞ if the motion escapes, and outside the support of the prior.
         """
         return float(self._log_likelihoods(self._vector(x)[None])[0])
 
     def log_posterior(self, x: ArrayLike) -> float:
-        """Return log prior plus log likelihood at x, (d,), not normalised; −∞ outside the support."""
+        """Return log prior plus log likelihood at x, (d,), not normalised; −∞ outside the support of the prior."""
         return float(self.log_posteriors(self._vector(x)[None])[0])
 
     def log_posteriors(self, x: ArrayLike) -> Vector:
-        """Return `log_posterior` at many x, (m, d), as (m,)."""
+        """Return `log_posterior` at each of m vectors x, (m, d), as an array (m,)."""
         many = np.array(x, float)
         if many.ndim != 2 or many.shape[1] != len(self.names):
             raise InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
@@ -135,7 +136,7 @@ class Density(Shown):
         return prior + np.where(np.isfinite(prior), self._log_likelihoods(many), -np.inf)
 
     def gradient(self, x: ArrayLike) -> Vector:
-        """Return the gradient of the log posterior at x, (d,), per natural unit; zeros where it is −∞."""
+        """Return the gradient of the log posterior in natural units at x, (d,); zeros if the log posterior is −∞."""
         x = self._vector(x)
         if not np.isfinite(self._log_priors(x[None])[0]):
             return np.zeros_like(x)
@@ -147,15 +148,15 @@ class Density(Shown):
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
         """Return a NumPyro model function of this posterior.
 
-        Called without arguments inside an inference it samples every parameter under its prior (as whitened scores, a
-        site `whitened`) and has each as a deterministic site of its name. A parameter that is passed by name, such as
-        model(zeta=zeta), has that value instead, which the caller may sample: under another prior, or in a hierarchy
-        over several records. It returns all parameters by name.
+        Without arguments, the model samples every parameter under its prior. It samples whitened standard normal
+        scores (site `whitened`), and each parameter is a deterministic site with its name. A parameter that is passed
+        by name, such as model(zeta=zeta), has that value instead. The caller may sample this value, under another prior
+        or in a hierarchy over several records. The model returns all parameters by name.
 
         Parameters
         ----------
         prefix
-            Beginning of the names of its sites, so that one model can contain several records.
+            Prefix of the names of its sites, so that one model can contain several records.
         """
         from bayesdamp.interface.numpyro_model import numpyro_model
 
@@ -164,17 +165,19 @@ class Density(Shown):
 
     @cached_property
     def _likelihood(self) -> Likelihood:
-        """The record's log density, with motions that are solved better than fits and samplers need."""
+        """The log likelihood, with a finer tolerance of the solver than fits and samplers use."""
         return self.mode.likelihood.within(PRECISION * self.mode.tolerance)
 
     def _slopes(self, x: Vector) -> tuple[float, Vector]:
+        """Return the log likelihood and its gradient at x, (d,)."""
         return self._likelihood.slopes_of(self._parameters(x))
 
     def _parameters(self, x: Vector) -> dict[str, float]:
-        """Return every parameter by name at x, (d,)."""
+        """Return the values of all parameters at x, (d,), by name, including the known ones."""
         return {**self.target.known, **dict(zip(self.names, x.tolist(), strict=True))}
 
     def _vector(self, x: ArrayLike) -> Vector:
+        """Convert x to an array, (d,). Raises InputError if it has another shape."""
         try:
             vector = np.array(x, float)
         except (TypeError, ValueError):
@@ -185,10 +188,11 @@ class Density(Shown):
         return vector
 
     def _log_priors(self, x: Vector) -> Vector:
+        """Return the log prior densities at each of m vectors x, (m, d), as an array (m,)."""
         return joint_log_density(list(self.priors.values()), x, self.target.scales)
 
     def _log_likelihoods(self, x: Vector) -> Vector:
-        """Return the log likelihoods at many x, (m, d), as (m,); −∞ outside the prior's support."""
+        """Return the log likelihoods at m vectors x, (m, d), as an array (m,); −∞ outside the prior's support."""
         values = np.full(len(x), -np.inf)
         for i in np.flatnonzero(np.isfinite(self._log_priors(x))):
             values[i] = self._likelihood.log_likelihood_of(self._parameters(x[i]))
@@ -205,5 +209,5 @@ class Density(Shown):
 
 
 def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
-    """Return the unit of each parameter on a record."""
+    """Return the unit of each parameter for a record, by the parameter's name."""
     return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}

@@ -1,4 +1,4 @@
-"""Answer which damping an envelope has, and several envelopes of one specimen."""
+"""Compute the answer on an envelope, and the verdict on several envelopes of one specimen."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
 POINTS = 4000
-"""Approximate number of readings that are stored for the picture of a record."""
+"""Approximate number of readings that are stored for the figure of a record."""
 LIKELIHOOD, PICTURE = "likelihood/", "picture"
-"""Names of arrays: prefix of the likelihoods of the rates, and the PNG of the picture as bytes."""
+"""Names of stored arrays: prefix of the likelihoods of the decay rates, and the figure as the bytes of a PNG."""
 
 
 def analyse(
@@ -33,7 +33,9 @@ def analyse(
     seed: int = 0,
     sums: Sequence[tuple[str, ...]] = SUMS,
 ) -> EnvelopeAnswer:
-    """Return the damping of an envelope with its uncertainty; a refusal is a verdict of grade "no_free_decay".
+    """Return the damping of an envelope with its uncertainty.
+
+    If the envelope does not contain a free decay, the verdict has the grade "no_free_decay".
 
     Parameters
     ----------
@@ -42,17 +44,17 @@ def analyse(
     window
         Window of the free decay; None to find it.
     seed
-        Seed of the draws that intervals follow from.
+        Seed of the draws from which intervals are computed.
     sums
-        Sums of registered damping terms by their names, three terms at most.
+        Damping sums to compare, each as the names of at most three terms.
 
     Raises
     ------
     InputError
-        Where the scale of a term is not known.
+        If a damping term cannot be used for an envelope.
     """
     try:
-        # For matrices of a hundred rows, threads of a linear algebra library only wait for each other.
+        # The matrices have about a hundred rows; with more than one BLAS thread this is slower.
         with threadpool_limits(1, "blas"):
             decay, weighed = free_decay(record, window, sums)
             return answer(decay, weighed, seed)
@@ -71,7 +73,7 @@ def answer_envelope(
     seed: int,
     repeated: bool,
 ) -> Answer:
-    """Return the answer on an envelope under these sums, with its picture.
+    """Return the answer on an envelope, with its figure.
 
     Parameters
     ----------
@@ -80,16 +82,16 @@ def answer_envelope(
     window
         Window of the free decay; None to find it.
     sums
-        Damping sums by their terms' names.
+        Damping sums to compare, each as the names of its terms.
     seed
-        Seed of the draws that intervals follow from.
+        Seed of the draws from which intervals are computed.
     repeated
-        Whether it is one of several records of a specimen.
+        Whether the record is one of several of a specimen. The answer then contains the likelihood of each sum.
 
     Raises
     ------
     InputError
-        Where the sums cannot be weighed on this record.
+        If a sum has more than three terms, or envelopes cannot distinguish the sums.
     """
     from bayesdamp.report.figures.answer import picture  # imports slowly
     from bayesdamp.report.figures.record import thinned
@@ -111,12 +113,12 @@ def answer_envelope(
 
 
 def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
-    """Return the verdict on a specimen from the answers on its envelopes; None where fewer than two have a decay.
+    """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two contain a decay.
 
     Raises
     ------
     InputError
-        Where the records have different units.
+        If the records have different units.
     """
     records = []
     for a in answers:

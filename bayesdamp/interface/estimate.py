@@ -1,4 +1,4 @@
-"""Estimate parameters of a record by one of the estimators, at both of its stages."""
+"""Run one estimator on a record, and refine its estimate by a trajectory fit."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Estimate(Result):
     signal, model, estimator
         The record, the model, and the name of the estimator.
     initial, refined
-        The estimator's own computation from the record, and the least-squares trajectory that starts there. Each has
-        values and stderr by parameter (SI units, only what was computed), trace, details, evaluations, seconds and
-        outcome.
+        The estimator's own estimate from the record, and the result of the least-squares trajectory fit that starts
+        from it. Each has values and stderr by parameter (in SI units, for the parameters that were computed), trace,
+        details, evaluations, seconds and outcome.
     units
-        Unit of each parameter.
+        Unit of each parameter, by name.
     """
 
     signal: Signal
@@ -51,7 +51,7 @@ class Estimate(Result):
 
     @property
     def outcome(self) -> str:
-        """ "ok", or a sentence for each stage that failed."""
+        """ "ok", or the reason why a stage failed."""
         return "; ".join(self._failures) or OK
 
     @property
@@ -60,11 +60,11 @@ class Estimate(Result):
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Values of the last stage that has some; a start for `fit`."""
+        """Values of the trajectory fit, or else of the own estimate; a possible starting point for `fit`."""
         return self.refined.values or self.initial.values
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each parameter: value and standard error at both stages, and unit."""
+        """Return a table with a row for each parameter: value and standard error at both stages, and unit."""
         import pandas as pd
 
         columns = [f"{what}_{stage}" for stage in STAGES for what in ("value", "stderr")]
@@ -78,10 +78,10 @@ class Estimate(Result):
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit"])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the record with the motion of each stage that has values, and return the axes.
+        """Plot the record with the motion of each stage that has values, and return the axes.
 
-        Parameters that a stage does not compute are the known ones, or those of the record's features. Raises Refusal
-        where neither stage has values.
+        Parameters that a stage does not compute have their known values, or values from the record's features. Raises
+        Refusal if neither stage has values.
         """
         if not self.values:
             raise Refusal(self.outcome)
@@ -127,14 +127,14 @@ def estimate(
     options: Mapping[str, object] | None = None,
     seed: int = 0,
 ) -> Estimate:
-    """Run one estimator on a record, both stages.
+    """Run one estimator on a record, and a trajectory fit that starts from its estimate.
 
     Parameters
     ----------
     signal
         The record.
     estimator
-        A name in `bayesdamp.estimators.ESTIMATORS`, such as one of the eleven that ship.
+        A name in `bayesdamp.estimators.ESTIMATORS`: one of the eleven of the package, or one of your own.
     model
         The model.
     options
@@ -145,12 +145,12 @@ def estimate(
     Returns
     -------
     Estimate
-        Where the method cannot work on the record, the outcome of its stage is a sentence.
+        The estimates of both stages. If a stage fails, its outcome is a sentence with the reason.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
 
     Examples
     --------

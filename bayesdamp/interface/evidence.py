@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
-"""The default method where laws hold exactly, and the other name of `laplace` where they may hold approximately."""
+"""The default method if laws hold exactly, and two names of the linear approximation if they may hold approximately."""
 FROM_DRAWS = "nuts"
-"""The sampler whose draws a method can start from; others leave thinned or weighted ones."""
+"""The sampler whose draws a method can use; the draws of other samplers are thinned or weighted."""
 
 
 @dataclass(frozen=True, repr=False)
 class Evidence(Result, types.Evidence):
     """The log marginal likelihood of a model on a record, in nats.
 
-    The evidence of two models may be compared on one record in one unit; it depends on the priors.
+    It depends on the priors. Compare the evidence of two models only on the same record in the same unit.
 
     Attributes
     ----------
     log_evidence, stderr
-        In nats, with its standard error; NaN where the method gives none.
+        The log evidence and its standard error in nats; NaN if the method does not compute it.
     diagnostic
-        What shows whether it can be trusted, in words.
+        Diagnostic numbers of the method, in words.
     outcome
-        "ok", or a sentence why it cannot be trusted, or why there is none.
+        "ok", or a sentence that says why the value is unreliable or missing.
     signal, noise
         Names of the record and of the noise model.
     """
@@ -44,7 +44,10 @@ class Evidence(Result, types.Evidence):
     noise: str = ""
 
     def summary(self) -> pd.DataFrame:
-        """Return one row, with log_evidence and stderr in nats; the rows of several models are a comparison."""
+        """Return a table with one row, with log_evidence and stderr in nats.
+
+        Concatenate the rows of several models to compare them.
+        """
         import pandas as pd
 
         return pd.DataFrame([{n: v for n, v in vars(self).items() if n != "arrays"}])
@@ -62,30 +65,32 @@ class Evidence(Result, types.Evidence):
 def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 0) -> Evidence:
     """Compute the evidence of the model of a fit or a posterior.
 
-    Where laws may hold approximately the default is "smc", the evidence of the motions themselves, which a posterior of
-    "smc" already has. "linear" (or laplace) is that of the model which is linear about the best motion, without
-    sampling and without an error. In importance, bridge and nested motions are linear in the deviations alone, which
-    are integrated out. The noise is that of the record under one restoring law: evidence of dampings may be compared
-    under one law, under two laws only where the noise is known; otherwise use `compare`.
+    If laws may hold approximately, the default is "smc" (sequential Monte Carlo), which uses the full equation of
+    motion. A posterior by "smc" already contains this evidence. "linear" (or laplace) uses motions that are linear
+    about the best motion; it needs no sampling, and has no standard error. importance, bridge and nested use motions
+    that are linear in the deviations only, and integrate these out. The noise variance is estimated under the model's
+    restoring law. Therefore compare the evidence of models with different restoring laws only if the noise is known;
+    otherwise use `compare`.
 
     Parameters
     ----------
     source
-        A fit, or a posterior, whose draws are used where a method needs some.
+        A fit; or a posterior, whose draws are used by methods that need draws.
     method
-        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge, by default, importance, nested or laplace.
+        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if laws hold exactly), importance,
+        nested or laplace.
     seed
         Seed of all random numbers.
 
     Returns
     -------
     Evidence
-        Where it cannot be computed, its outcome is a sentence.
+        The evidence. If it cannot be computed, its outcome is a sentence with the reason.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
 
     Examples
     --------
@@ -125,7 +130,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     if posterior is not None and posterior.sampler == FROM_DRAWS and posterior.names:
         draws, outcome = posterior.draws, posterior.outcome
     try:
-        result = weigh(fit, own, seed, draws, outcome)
+        result = run_evidence_method(fit, own, seed, draws, outcome)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     return Evidence(
@@ -133,8 +138,10 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     )
 
 
-def weigh(fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = OK) -> types.Evidence:
-    """Compute the evidence of a fit by one method: what `evidence` and the tasks of a study call.
+def run_evidence_method(
+    fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = OK
+) -> types.Evidence:
+    """Compute the evidence of a fit by one method. `evidence` and the tasks of a study call this function.
 
     Parameters
     ----------
@@ -145,14 +152,14 @@ def weigh(fit: Fit, method: str, seed: int, draws: Array | None = None, outcome:
     seed
         Seed of all random numbers.
     draws
-        Draws of "nuts" in natural units, shape (chain, draw, parameter), which a method that needs some starts from.
+        Draws of "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws.
     outcome
-        Outcome of these draws.
+        Outcome of the sampler that made these draws.
 
     Raises
     ------
     Refusal
-        Without a fit, or where the method cannot work on it.
+        If there is no fit, or the method cannot work on it.
     """
     plugin, (target, mode) = EVIDENCES.get(method), fit.engine
     given = Draws.of(target, draws, outcome) if plugin.needs_draws and draws is not None else None

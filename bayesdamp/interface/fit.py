@@ -1,4 +1,4 @@
-"""Fit a model to a record: the best fit, the normal distribution about it, and the motion at other times."""
+"""Fit a model to a record, and predict the motion at other times."""
 
 from __future__ import annotations
 
@@ -42,12 +42,16 @@ if TYPE_CHECKING:
     from bayesdamp.interface.result import GivenAxes
 
 Vector = NDArray[np.float64]
-EXACT = 'laws hold exactly in this fit: use sample(fit).derived, or give deviation="law"'
+EXACT = (
+    "laws hold exactly in this fit, so it has no table of damping ratios; use sample(fit).derived, or fit a Model "
+    'with deviation="law"'
+)
+"""Reason why a fit has no table of damping ratios."""
 _EMPTY = np.empty(0)
 BAND = 200
-"""Draws for the standard deviation of a prediction, which is then good to a twentieth of itself."""
+"""Number of draws for the standard deviation of a prediction. Its relative standard error is then 1/√(2·200) = 5 %."""
 PRECISION = 1e-6
-"""Precision of a predicted motion, as a share of the record's range."""
+"""Precision of a predicted motion, as a fraction of the record's range (conventional)."""
 SHOWN = 8
 """Largest number of times in a printed prediction."""
 TWO_SIDED = 1.96
@@ -56,17 +60,17 @@ TWO_SIDED = 1.96
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Result):
-    """A motion at given times.
+    """A predicted motion at given times.
 
     Attributes
     ----------
     t
         Times in s, shape (m,).
     value, sd
-        Motion at the best fit, and its standard deviation from the parameters' uncertainty without the noise, each of
-        shape (m,), in `unit`.
+        Motion of the best fit, and its standard deviation due to the uncertainty of the parameters (without noise),
+        each of shape (m,), in `unit`.
     quantity, unit
-        What is predicted, and its unit.
+        The predicted quantity ("angle", "velocity" or "acceleration"), and its unit.
     """
 
     t: Vector
@@ -76,13 +80,13 @@ class Prediction(Result):
     unit: str
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each time: t in s, value and sd in `unit`."""
+        """Return a table with a row for each time: t in s, value and sd in `unit`."""
         import pandas as pd
 
         return pd.DataFrame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the motion with its 95 % band, and return the axes."""
+        """Plot the motion with its 95 % band, and return the axes."""
         ax = get_axes(ax)[0]
         order = np.argsort(self.t)
         t, value, half = self.t[order], self.value[order], TWO_SIDED * self.sd[order]
@@ -104,7 +108,7 @@ class Prediction(Result):
 
 @dataclass(frozen=True)
 class StoredFit:
-    """The content of a file for a fit: its arguments, and where the searches ended."""
+    """The content of a file that stores a fit: the signal, the model, the choices, and the mode that was reached."""
 
     signal: Signal
     model: Model
@@ -121,44 +125,44 @@ class StoredFit:
 class Fit(Result, Reduced):
     """The best fit of a model to a record.
 
-    It is the mode of the posterior density of the parameters' scores, in which every prior is a standard normal.
+    If laws hold exactly, it is the posterior mode in coordinates z in which the prior of each parameter is N(0, 1).
 
-    Where laws may hold approximately (model.deviation), values are medians under the model that is linear about the
-    best motion, with deviations integrated out, and sd is the total standard deviation.
+    If laws may hold approximately (model.deviation), values are posterior medians and sd are total standard deviations.
+    Both are from an approximation that is linear about the best motion, with deviations integrated out.
 
     Attributes
     ----------
     signal, model
         The record and the model.
     noise
-        The noise model, as given or as chosen for the record.
+        The noise model that was specified, or chosen for the record.
     values, units
-        Inferred parameters in natural units, and their units, by name; empty without a fit.
+        Values of the inferred parameters in natural units, and their units, by name; empty without a fit.
     sd, intervals
-        Standard deviation of each parameter in the normal distribution about the mode, and its 95 % interval
-        (low, high), by name.
+        Standard deviation of each parameter and its 95 % interval (low, high), by name, from a normal approximation of
+        the posterior.
     known
-        Parameters that were not inferred, by name.
+        Values of the parameters that were not inferred, by name.
     fitted, residuals
-        Trajectory, and record minus trajectory, in the unit of the record, each of shape (n,). Where laws may hold
-        approximately, the trajectory includes the deviations of the best motion, and is NaN where the record is not
-        used (below 5 % of its first amplitude).
+        Trajectory, and record minus trajectory, in the unit of the record, each of shape (n,). If laws may hold
+        approximately, the trajectory includes the deviations of the best motion; it is NaN at samples that are not used
+        (after the amplitude has fallen below 5 % of its first value).
     log_posterior
-        Log prior plus log likelihood of the values in nats, per natural units, not normalised; NaN where laws may hold
-        approximately.
+        Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if laws
+        may hold approximately.
     outcome
-        "ok", or a sentence why there is no fit.
+        "ok", or a sentence that says why there is no fit.
     notes
-        Sentences on what was chosen.
+        Sentences on the choice of the noise model and of the width of friction.
     target, mode
-        What samplers start from; None without a fit, and where laws may hold approximately.
+        The posterior and its mode, from which samplers start; None without a fit, or if laws may hold approximately.
     sd_noise, sd_law
-        Where laws may hold approximately: the standard deviation from the noise alone, and the rest.
+        If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest.
     deviation, frequency_deviation
-        Where laws may hold approximately: relative deviations of damping and frequency from their laws, mean over the
+        If laws may hold approximately: relative deviations of damping and frequency from their laws, averaged over the
         record.
     law
-        Where laws may hold approximately: the fit in place of target and mode.
+        If laws may hold approximately: the fit in the form that replaces target and mode.
     """
 
     _STORED = StoredFit
@@ -186,14 +190,14 @@ class Fit(Result, Reduced):
 
     @cached_property
     def density(self) -> Density:
-        """The posterior as plain functions. Raises Refusal, with the outcome, without a fit."""
+        """The posterior density as functions of the parameters. Raises Refusal with the outcome if there is no fit."""
         return Density.at(self.signal, self.model, self.engine[1])
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The target and its mode; where laws may hold approximately, with deviations integrated out.
+        """The posterior that samplers use, and its mode; deviations, if allowed, are integrated out.
 
-        Raises Refusal, with the outcome, without a fit.
+        Raises Refusal with the outcome if there is no fit.
         """
         if self.law is not None:
             return self.law.mode.likelihood.target, self.law.mode
@@ -203,44 +207,44 @@ class Fit(Result, Reduced):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter, defaults filled in; empty without a fit."""
+        """The prior of each inferred parameter, including default priors; empty without a fit."""
         if self.law is not None:
             return self.law.state.priors
         return {} if self.target is None else self.target.priors
 
     @property
     def oscillator(self) -> Oscillator:
-        """Damping and restoring law that are fitted."""
+        """The oscillator that is fitted, with its damping terms and restoring law."""
         return Oscillator(self.model.terms, self.model.restoring)
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Return the equivalent damping ratio at amplitudes, with the parts of its sd and its 95 % interval.
+        """Return a table of equivalent damping ratios at amplitudes, with the parts of their sd and 95 % intervals.
 
-        It includes the law's deviation and the sensor's linearity.
+        They include the deviation from the law and the linearity error of the sensor.
 
         Parameters
         ----------
         amplitudes
-            In the unit that the record came in; by default three of the record.
+            Amplitudes in the unit of the recorded file; by default three in the range of the record.
 
         Raises
         ------
         Refusal
-            Without a fit, and where laws hold exactly: `sample(fit).derived` has the ratio there.
+            If there is no fit, or if laws hold exactly; use `sample(fit).derived` then.
         """
         return tabulate_ratios(self, amplitudes)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
-        """Return the motion at given times.
+        """Predict the motion at given times.
 
         Parameters
         ----------
         t
             Times in s from the first sample: a number, or an array of any shape and order. They may be within the
-            record, after it, or before it (negative); where laws may hold approximately only within it, because it is
-            not known how they deviate elsewhere.
+            record, after it, or before it (negative). If laws may hold approximately, they must be within the record,
+            because the deviations are not known elsewhere.
         quantity
-            "angle", "velocity" or "acceleration"; by default the recorded one.
+            "angle", "velocity" or "acceleration"; by default the recorded quantity.
 
         Returns
         -------
@@ -250,9 +254,9 @@ class Fit(Result, Reduced):
         Raises
         ------
         InputError
-            For times that are not numbers, or where the motion is not known.
+            If a time is not a finite number, or is outside the range in which the motion is known.
         Refusal
-            Without a fit.
+            If there is no fit.
         """
         wanted = quantity or self.signal.quantity
         times = check_times(t, wanted)
@@ -261,9 +265,9 @@ class Fit(Result, Reduced):
         return predict_exact(*self.engine, self.signal, times, wanted)
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
+        """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
 
-        Where laws may hold approximately also the parts of the sd.
+        If laws may hold approximately, the table also has the parts of the sd.
         """
         import pandas as pd
 
@@ -284,14 +288,14 @@ class Fit(Result, Reduced):
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
     def plot(self, ax: GivenAxes = None, until: float | None = None) -> tuple[Axes, ...]:
-        """Draw the record with the fit, and the residuals below.
+        """Plot the record with the fit, and the residuals below.
 
         Parameters
         ----------
         ax
-            Two axes, or one for the record with the fit alone; new ones by default.
+            Two axes, or one axes for the record and the fit without residuals; by default new ones.
         until
-            Time in s up to which the fit is continued after the record.
+            Time in s up to which the fit is extrapolated after the end of the record.
 
         Returns
         -------
@@ -301,9 +305,9 @@ class Fit(Result, Reduced):
         Raises
         ------
         InputError
-            For another number of axes.
+            If `ax` contains another number of axes.
         Refusal
-            Without a fit.
+            If there is no fit.
         """
         if not self.values:
             raise Refusal(self.outcome)
@@ -384,7 +388,10 @@ class Fit(Result, Reduced):
 
     @classmethod
     def at_mode(cls, signal: types.Signal, model: Model, mode: Mode, notes: tuple[str, ...] = ()) -> Self:
-        """Return the fit whose mode is given, where laws hold exactly; notes: on what was chosen for it."""
+        """Return the fit for a posterior mode, for laws that hold exactly.
+
+        `notes` are sentences on the choice of the noise model and of the width of friction.
+        """
         target, left = mode.likelihood.target, mode.likelihood.residual(mode.z)
         density = Density.at(signal, model, mode)
         covariance = np.linalg.inv(mode.information)
@@ -407,7 +414,7 @@ class Fit(Result, Reduced):
 
     @classmethod
     def at_law(cls, signal: types.Signal, model: Model, law: Single) -> Self:
-        """Return the fit at the end of a search for the motion, where laws may hold approximately."""
+        """Return the fit for a best motion, for laws that may hold approximately."""
         quantities = law.quantities()
         times = signal.t - signal.t[0]
         used = times <= law.knots[-1]
@@ -438,12 +445,12 @@ def fit(
 ) -> Fit:
     """Fit a model to a record.
 
-    Searches start from the record's turning points, a regression, two draws of the prior, and `start`. Where several
-    noise models are possible, the one with the highest evidence under this model is chosen.
+    Searches start from the record's turning points, a regression, two draws from the prior, and `start`. If the model
+    has several noise models, the one with the highest evidence under this model is chosen.
 
-    Where laws may hold approximately (model.deviation) the search is that of `compare`, over windows that grow from the
-    first two cycles, without a start. The noise, and the width of friction where it is not known, are then those under
-    viscous, Coulomb and quadratic damping together.
+    If laws may hold approximately (model.deviation), the search is that of `compare`: it fits windows that grow from
+    the first two cycles to the whole record, and `start` cannot be given. The noise model, and the width of friction
+    if it is not known, are then chosen with viscous, Coulomb and quadratic damping together.
 
     Parameters
     ----------
@@ -452,19 +459,19 @@ def fit(
     model
         The model.
     start
-        Parameter values by name, such as those of an estimate.
+        A further starting point: parameter values by name, such as those of an estimate.
     seed
-        Seed of the draws.
+        Seed of the draws from the prior.
 
     Returns
     -------
     Fit
-        Where the model cannot be fitted to this record, its outcome is a sentence.
+        The fit. If the model cannot be fitted to this record, its outcome is a sentence with the reason.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
 
     Examples
     --------
@@ -492,7 +499,10 @@ def fit(
 def tabulate_ratios(
     fit: Fit, amplitudes: Sequence[float] | None = None, u: Vector | None = None
 ) -> pd.DataFrame:
-    """Return `Fit.damping_ratio` of draws with their deviations, u (n, K), by default of the linear model's."""
+    """Return the table of `Fit.damping_ratio` from draws of parameters and deviations.
+
+    `u`, (n, K), contains the draws; by default draws of the linear approximation are used.
+    """
     import pandas as pd
 
     if fit.law is None:
@@ -508,7 +518,10 @@ def tabulate_ratios(
 
 
 def check_times(t: ArrayLike, quantity: str) -> Vector:
-    """Return times, (m,), from an array of any shape or a number. Raises InputError for wrong times or quantity."""
+    """Convert a number or an array of any shape to times, (m,).
+
+    Raises InputError if a time is not a finite number, or the quantity is unknown.
+    """
     if quantity not in QUANTITIES:
         raise InputError(f"predict: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
     times = numbers_of(t, "t", "predict").ravel()
@@ -518,7 +531,7 @@ def check_times(t: ArrayLike, quantity: str) -> Vector:
 
 
 def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Predict where laws hold exactly: at times (m,) within the record, after it, or before it."""
+    """Predict the motion if laws hold exactly, at times (m,) within the record, after it, or before it."""
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
     osc, best = target.oscillator, target.all_values(mode.z)
@@ -528,7 +541,7 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
     for chosen, way in ((times >= 0, 1.0), (times < 0, -1.0)):
         if not chosen.any():
             continue
-        # With reversed time, forces that are odd in the velocity change their sign, and so do velocities.
+        # Times before the record are computed with reversed time, in which velocities and damping change their sign.
         signs = {n: way for n in (*osc.coefficients, "omega0")}
         single = {n: v * signs.get(n, 1.0) for n, v in best.items()}
         many = {n: v * signs.get(n, 1.0) for n, v in drawn.items()}
@@ -540,14 +553,14 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
 
 
 def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Predict where laws hold approximately: in the part of the record that was fitted. Raises InputError outside."""
+    """Predict the motion if laws may hold approximately. Raises InputError outside the part that was fitted."""
     end = float(law.knots[-1])
     if not times.size:
         return Prediction(times, times, times, wanted, UNITS[signal.unit].of(wanted))
     if times.min() < 0 or times.max() > end:
         raise InputError(
-            f"predict: t goes from {times.min():.6g} to {times.max():.6g} s; the fit covers 0 to {end:.6g} s, and how "
-            'the law deviates elsewhere is not known; use deviation="none" to extrapolate'
+            f"predict: t goes from {times.min():.6g} to {times.max():.6g} s, but the fit covers 0 to {end:.6g} s, and "
+            'the deviations from the law are not known elsewhere; use a Model with deviation="none" to extrapolate'
         )
     grid, at = np.unique(times, return_inverse=True)
     motions = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)

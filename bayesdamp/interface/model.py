@@ -1,4 +1,7 @@
-"""Define a model of one decay, and search for its best fit to a record."""
+"""Define a model of one decay, and search for its best fit to a record.
+
+A model is a damping sum, a restoring law, noise, priors and known parameters.
+"""
 
 from __future__ import annotations
 
@@ -53,19 +56,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIXED = (*POSITIVE, "epsilon")
-"""Parameters that are not inferred where laws hold approximately: known, or determined from the record once."""
+"""Parameters that are not inferred if laws may hold approximately; they are known, or determined once per record."""
 PRIOR_STARTS = 2
-"""Number of draws from the prior that searches start from, in addition to the starts from the record."""
+"""Number of draws from the prior from which searches start, in addition to the starting points from the record."""
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
 Starts = Mapping[Seed, Mapping[str, float]]
-"""Parameter values by name, from each source of a start."""
+"""Starting points of a search: parameter values by name, for each source of a starting point."""
 REGRESSION = "least_squares"
-"""The estimator that gives a start where a study has none."""
+"""The estimator that provides a starting point if a study uses no estimator."""
 OBSERVED = Seed("frequency and decay")
-"""The start from the record's turning points. A regression on derivatives is far off where noise hides these, as in a
-record of the acceleration."""
+"""The starting point from the record's turning points. It is needed because a regression on derivatives fails if noise
+dominates the derivatives, as in a record of the acceleration."""
 ALL = Seed("fit of all dampings")
-"""The start with the motion of the fit under which the noise was chosen, which stays in phase with the record."""
+"""The starting point from the fit of all damping terms, whose motion stays in phase with the record."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,24 +84,26 @@ class Model(Result):
     noise
         A noise model; or several, or "auto" for all, of which the evidence chooses one for the record.
     priors
-        Priors by damping term or parameter name; parameters without one have the default. A name that is a term and a
-        parameter of the restoring law, such as "cubic" under "duffing", is the parameter; "mu_3" is the term.
+        Priors by damping term or parameter name; parameters without one have the default. If a name is both a damping
+        term and a parameter of the restoring law, such as "cubic" under "duffing", it means the parameter; use "mu_3"
+        for the coefficient of the term.
     known
-        Values of parameters that are not inferred, by name. Damping coefficients are always inferred. Friction's
-        epsilon may be given for a model without friction, which ignores it.
+        Values of parameters that are not inferred, by name. Damping coefficients are always inferred. The width of
+        friction, epsilon, may also be given for a model without friction, which ignores it.
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately, with deviations that are inferred. The
-        size of the noise is then known, or determined from what neither parameters nor deviations explain.
+        noise variance is then known, or set to the residual variance after fitting parameters and deviations.
     sensor
-        Relative linearity of the sensor, the least error of a damping ratio; used where laws may hold approximately.
+        Relative linearity error of the sensor, which is the smallest error of a damping ratio. It is used only if laws
+        may hold approximately.
     amplitude, frequency
-        Reference that default priors scale with, in the unit of the displacement and in rad/s; by default the system's
-        where it is known, otherwise the record's, to two digits.
+        Amplitude and frequency to which default priors are scaled, in the unit of the displacement and in rad/s. By
+        default they follow from the known parameters, or else from the record, rounded to two digits.
 
     Raises
     ------
     InputError
-        Where an argument makes no sense; with the nearest valid name.
+        If an argument is invalid. The message names the nearest valid name.
 
     Examples
     --------
@@ -137,8 +142,8 @@ class Model(Result):
             for name in self.priors:
                 if name in FIXED:
                     raise InputError(
-                        f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which fixes "
-                        "it; remove it, or give it as known"
+                        f"Model: {name!r} is not inferred under deviation {self.deviation!r}; remove its prior, or "
+                        "give its value as known"
                     )
         known = check_known("Model", self.known, self._coefficients, self.parameters)
         priors = check_priors("Model", self.priors, known, self._coefficients, self.parameters)
@@ -158,7 +163,7 @@ class Model(Result):
 
     @property
     def name(self) -> str:
-        """Damping and restoring law: `viscous+coulomb@pendulum`."""
+        """Name of the model, from its damping and its restoring law, such as `viscous+coulomb@pendulum`."""
         return types.candidate_name(self.damping, self.restoring)
 
     @property
@@ -168,65 +173,65 @@ class Model(Result):
 
     @property
     def noises(self) -> tuple[str, ...]:
-        """The noise models in play."""
+        """Names of the noise models from which one is chosen."""
         if self.noise == "auto":
             return tuple(NOISES.names())
         return (self.noise,) if isinstance(self.noise, str) else self.noise
 
     @property
     def approximate(self) -> bool:
-        """Whether laws may hold approximately."""
+        """Whether laws may hold approximately, with deviations that are inferred."""
         return self.deviation != "none"
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters, known ones included; of the noise, those of all models in play."""
+        """Names of all parameters, including known ones and those of every noise model that may be chosen."""
         noise = dict.fromkeys(p for n in self.noises for p in NOISES.get(n).parameters)
         return (*Oscillator(self.terms, self.restoring).parameters, *noise)
 
     @property
     def system(self) -> System:
-        """What is known and believed of the parameters, as the other packages need it."""
+        """The known values and the priors of the parameters, in the form that estimators and inference use."""
         given, unknown = self.parameter_priors, [n for n in self.parameters if n not in self.known]
         free = {n: given.get(n) for n in unknown if n != "epsilon" or n in given}
         return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
 
     @property
     def parameter_priors(self) -> dict[str, Prior]:
-        """The priors that are given, by parameter."""
+        """The specified priors, by parameter."""
         return by_parameter(self.priors, self._coefficients)
 
     @property
     def _coefficients(self) -> dict[str, str]:
-        """The term of each coefficient."""
+        """The damping term of each coefficient, by the coefficient's name."""
         return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
-        """Return the posterior density on a record, as plain functions of the parameters in natural units.
+        """Return the posterior density on a record, as functions of the parameters in natural units.
 
-        The model is fitted first, and the solver's steps are set at the best fit. Where laws may hold approximately,
-        deviations are integrated out.
+        The model is fitted first, and the solver's step sizes are chosen at the best fit. If laws may hold
+        approximately, deviations are integrated out.
 
         Parameters
         ----------
         signal
             The record.
         seed
-            Seed of the search.
+            Seed of the search for the best fit.
 
         Raises
         ------
         Refusal
-            Where the model cannot be fitted to this record.
+            If the model cannot be fitted to this record.
         """
         own = check_signal(signal, self)
         mode = fit_approximate(own, self).mode if self.approximate else fit_exact(own, self, None, seed)[0]
         return Density.at(own, self, mode)
 
     def summary(self) -> pd.DataFrame:
-        """Return a row for each parameter: its value where it is known, and the prior that was given.
+        """Return a table with a row for each parameter: its known value, and its specified prior.
 
-        Default priors depend on the record and are in the summary of a fit.
+        Default priors depend on the record; they are in the summary of a fit.
         """
         import pandas as pd
 
@@ -248,7 +253,7 @@ Model.__init__ = checked_call(Model.__init__, "Model")
 
 @dataclass(frozen=True)
 class Case:
-    """A model on a record with an oscillation, where laws hold exactly.
+    """A record and a model whose laws hold exactly.
 
     Attributes
     ----------
@@ -257,9 +262,9 @@ class Case:
     model
         The model.
     features
-        Features of the record.
+        Period, noise level and other features of the record.
     reference
-        What default priors scale with.
+        Amplitude and frequency to which default priors are scaled.
     """
 
     signal: types.Signal
@@ -269,13 +274,13 @@ class Case:
 
     @classmethod
     def of(cls, signal: types.Signal, model: Model) -> Case:
-        """Return a model on a record. Raises Refusal where the record shows no oscillation."""
+        """Return the case of a record and a model. Raises Refusal if the record shows no oscillation."""
         own = features(signal)
         return cls(signal, model, own, reference_of(model.system, own))
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Model) -> Case:
-        """Return a model on a record. Raises Refusal also where the record has no noise."""
+        """Return the case of a record and a model. Raises Refusal if the record has no oscillation or no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
             raise Refusal(NO_POSTERIOR)
@@ -283,23 +288,23 @@ class Case:
 
     @property
     def problem(self) -> Problem:
-        """The damping terms and the system, as estimators need them."""
+        """The damping terms and the system, in the form that estimators use."""
         return Problem(self.model.terms, self.model.system)
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
-        """Return the target under a noise model.
+        """Return the posterior that searches and samplers use, with one noise model.
 
         Parameters
         ----------
         noise
             The noise model.
         epsilon
-            Width of friction in rad/s, where it was chosen for the record.
+            Width of friction in rad/s if it was chosen for the record; None if the model determines it.
 
         Raises
         ------
         Refusal
-            Where the record is not suited to this noise model.
+            If the record is not suited to this noise model.
         """
         system = self.model.system
         if epsilon is not None:
@@ -323,25 +328,25 @@ class Case:
         seed: int = 0,
         thrifty: bool = False,
     ) -> Mode:
-        """Return the highest mode that a search reaches.
+        """Search for posterior modes from several starting points, and return the highest one.
 
         Parameters
         ----------
         noise, epsilon
             As in `target`.
         starts
-            Where the search starts.
+            The starting points.
         draws
-            Number of draws from the prior that it starts from too.
+            Number of further starting points, which are drawn from the prior.
         seed
             Seed of these draws.
         thrifty
-            Whether to stop at the first motion that keeps step with the record.
+            Whether to stop at the first mode whose motion stays in phase with the record.
 
         Raises
         ------
         Refusal
-            Where no start leads to a mode, or the record is not suited to the noise model.
+            If no starting point leads to a mode, or the record is not suited to the noise model.
         """
         target = self.target(noise, epsilon)
         return find_mode(
@@ -354,30 +359,30 @@ class Case:
 
 
 def check_signal(signal: object, model: object) -> Signal:
-    """Return the signal as a `Signal` of the interface.
+    """Check that a signal and a model belong together, and return the signal as a `Signal` of the interface.
 
     Raises
     ------
     InputError
-        Where an argument has another type, or the restoring law does not suit the record.
+        If an argument has the wrong type, or the restoring law describes an angle but the record is a translation.
     """
     if not isinstance(signal, types.Signal):
         raise InputError(
-            f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
+            f"signal is {type(signal).__name__}; it must be a Signal, for example from read(...).signal()"
         )
     if not isinstance(model, Model):
         raise InputError(f"model is {type(model).__name__}; it must be a Model")
     if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
         laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
         raise InputError(
-            f"{signal.name}: is in {signal.unit}, a translation, which {model.restoring} does not describe; "
+            f"{signal.name}: is a translation in {signal.unit}, but {model.restoring} describes an angle; "
             f"restoring can be {laws}"
         )
     return Signal.of(signal)
 
 
 def fit_approximate(signal: Signal, model: Model) -> Single:
-    """Fit a model with laws that may hold approximately. Raises Refusal where that cannot be done."""
+    """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record."""
     case = Case.with_noise(signal, model)
     noises = noises_of(model.noise)
     fit = partial(
@@ -400,21 +405,21 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Mode, tuple[str, ...]]:
-    """Fit a model with laws that hold exactly.
+    """Fit a model whose laws hold exactly.
 
     Returns
     -------
     mode
-        The highest mode under the noise that was chosen, where the solver's steps are set.
+        The highest posterior mode, with the chosen noise model. The solver's step sizes are chosen at this mode.
     notes
-        Sentences on what was chosen.
+        Sentences on the choice of the noise model and of the width of friction.
 
     Raises
     ------
     InputError
-        Where `start` has an unknown parameter.
+        If `start` has an unknown parameter.
     Refusal
-        Where the model cannot be fitted to the record.
+        If the model cannot be fitted to the record.
     """
     case = Case.with_noise(signal, model)
     given = {} if start is None else {Seed("given"): dict(start)}
@@ -429,30 +434,28 @@ def fit_exact(
         raise Refusal(outcome)
     noise, epsilon, notes, chosen = _choose(case, model)
     mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
-    # Restored at the mode, as it is where a fit is read from a file, so that both are the same.
+    # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.
     return restore_mode(mode.likelihood.target, mode.stored), notes
 
 
 def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
-    """Choose the noise model by its evidence under the model's own damping, where several are possible.
-
-    Then choose the width of friction, where it is neither known nor inferred.
+    """Choose the noise model by its evidence, and the width of friction if it is neither known nor inferred.
 
     Returns
     -------
     noise
         The noise model.
     epsilon
-        Width of friction in rad/s, where one was chosen.
+        Width of friction in rad/s; None if none was chosen.
     notes
-        Sentences on both.
+        Sentences on both choices.
     starts
-        Where the fit that chose them ended.
+        The starting point from the fit on which the choices are based.
 
     Raises
     ------
     Refusal
-        Where the model cannot be fitted to the record.
+        If the model cannot be fitted to the record.
     """
     names = model.noises
     if len(names) == 1:
@@ -486,16 +489,16 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
 
 
 def regression(signal: types.Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
-    """Return the values of least squares, and its outcome."""
+    """Estimate the parameters by the estimator `least_squares`. Return starting points, and its outcome."""
     estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
     return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
 
 
 def observed(signal: types.Signal, features: Features, problem: Problem) -> dict[Seed, Mapping[str, float]]:
-    """Return the start that the record shows; nothing where it cannot be read.
+    """Return the starting point from the record's own features; empty if it cannot be computed.
 
-    It is the restoring law of the record's frequency and midline, its smoothed start, and the damping of its
-    decrements.
+    The parameters of the restoring law follow from the frequency and the midline of the record, the initial conditions
+    from its smoothed first samples, and the damping from the decrease of its turning points.
     """
     try:
         values = start_parameters(signal, problem, features)
@@ -510,21 +513,22 @@ def of_all(
     problem: Problem,
     decays: Mapping[Seed, Mapping[str, float]],
 ) -> dict[Seed, Mapping[str, float]]:
-    """Return the start with the motion of a fit of all dampings.
+    """Return the starting point with the motion of a fit of all damping terms.
 
-    Its damping is that of the record's decrements, because fewer terms have to account for the whole decay. It is the
-    fit's own where no other is known or the terms are the same.
+    The restoring law and the initial conditions are those of the fit. The damping is the estimate from the decrease of
+    the turning points, because a model with fewer terms has to account for the whole decay. If there is no such
+    estimate, or the terms are the same, the damping is also that of the fit.
 
     Parameters
     ----------
     fit
         Parameters of the fit, by name.
     damping
-        Its damping terms.
+        Damping terms of the fit.
     problem
-        The terms and the system that need a start.
+        The damping terms and the system for which to return a starting point.
     decays
-        What `observed` returned.
+        Result of `observed`.
     """
     oscillator = Oscillator(problem.damping, problem.system.restoring)
     motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}

@@ -1,4 +1,4 @@
-"""Detect a record that is not a free decay of one oscillator, and decide on it."""
+"""Detect a record that is not the free decay of one oscillator, and write the verdict on it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
+"""Number of time derivatives of the displacement in each recorded quantity."""
 TWO_SIDED = 1.96
+"""Half width of a 95 % interval in standard deviations."""
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
 @once_per_record
 def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
-    """Return what a signal is if not the free decay of one oscillator; None where it may be one."""
+    """Return the motion of a signal if it is not the free decay of one oscillator; None if it may be one."""
     try:
         period = features(signal).period
     except Refusal:
@@ -30,15 +32,15 @@ def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
 
 
 def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
-    """Return the verdict on a signal with another motion that is large enough; None for a free decay.
+    """Return the verdict on a signal that is not the free decay of one oscillator; None if it is one.
 
     Parameters
     ----------
     signal
         The signal.
     harmonics
-        Whether a second oscillation at a whole multiple of the frequency counts; where the law of one oscillator
-        agrees with the record, it may be its harmonic.
+        Whether an oscillation at a multiple of the frequency counts as a second oscillation. It may also be a harmonic
+        of a nonlinear oscillator, so use True only if no law of one oscillator fits the record.
     """
     other = _other_motion(signal, harmonics)
     if other is None or other.size < thresholds.OTHER_MOTION:
@@ -73,7 +75,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
 
 
 def remark_on(signal: Signal) -> str:
-    """Return a remark on a second oscillation that is too small for another verdict; empty where there is none."""
+    """Return a remark on a second oscillation that is too small to change the verdict; empty if there is none."""
     other = _other_motion(signal, False)
     if other is None or len(other.modes.frequencies) < 2:
         return ""

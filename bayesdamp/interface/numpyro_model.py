@@ -33,11 +33,17 @@ def numpyro_model(
     priors
         Priors by parameter.
     value_and_slopes
-        Log likelihood and its slopes at parameters, (d,), in the order of priors.
+        Function of the parameters, (d,), in the order of `priors`, which returns the log likelihood and its gradient.
     centre, covariance
-        Of the parameters' scores, (d,) and (d, d), by which they are whitened for sampling.
+        Approximate posterior mean, (d,), and covariance, (d, d), of the parameters' standard normal scores z, with
+        which sampling is whitened. The score z of a parameter is N(0, 1) under its prior.
     prefix
-        Beginning of the names of sites.
+        Prefix of the names of NumPyro sites.
+
+    Returns
+    -------
+    callable
+        The model. Parameters that are passed to it by name are not sampled.
     """
     names = list(priors)
     shape = jax.ShapeDtypeStruct((1 + len(names),), float)
@@ -61,18 +67,19 @@ def numpyro_model(
     density.defjvp(along)
 
     def sample(free: Sequence[str]) -> dict[str, Any]:
-        """Sample parameters under their priors, as sites of their names.
+        """Sample parameters under their priors; each becomes a deterministic site with its name.
 
-        Whitened scores are sampled, because samplers hardly find their way into a narrow and correlated posterior.
+        The sampler draws whitened scores u, because it would explore a narrow, correlated posterior only slowly.
         """
         at = [names.index(n) for n in free]
         factor = np.linalg.cholesky(covariance[np.ix_(at, at)])
         u = numpyro.sample(f"{prefix}whitened", dist.Normal(0.0, 1.0).expand([len(free)]).to_event(1))
         z = jnp.asarray(centre[at] + factor @ jnp.asarray(u))
-        # The density of u is replaced by the prior of the scores times the volume.
+        # z = centre + factor u. NumPyro adds log N(u; 0, I); replace it by the log prior of z plus log det factor.
         volume = float(np.sum(np.log(np.diag(factor))))
-        # The prior of the scores, over (2π)^(−d/2), is N(0, 1); of those with a shared scale, with an unknown scale
-        # that is the same for all. A reflected score has half of the density on each side of zero.
+        # The log prior of z is −z²/2 for each score, without the constant −(d/2) log(2π), which cancels that of u. The
+        # scores of parameters with a shared scale have a joint prior instead, in which the unknown scale is integrated
+        # out; its density is divided by 2 for each of them, because z and −z give the same parameter.
         own = -0.5 * jnp.sum(z**2)
         places = np.flatnonzero([isinstance(priors[n], SharedHalfNormal) for n in free])
         if places.size:

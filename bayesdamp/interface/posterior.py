@@ -1,4 +1,4 @@
-"""Draw from the posterior of a fit, and derive results from the draws."""
+"""Sample the posterior of a fit, and derive results from the draws."""
 
 from __future__ import annotations
 
@@ -37,22 +37,25 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
+"""Columns of a summary."""
 CELLS = 20_000_000
-"""Numbers in a pointwise group (160 MB); with more, draws are thinned evenly."""
+"""Largest number of values in a group along the record (160 MB); with more, draws are thinned evenly."""
 TOGETHER = 500_000
-"""Numbers that are computed at a time."""
+"""Number of values along the record that are computed at a time, which limits the memory."""
 ORDER = (
     "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
 )  # fmt: skip
+"""Order of the groups in `Posterior.data`."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
-"""Names of the deviations along the record; with `_size`, of their sizes over it."""
+"""Names of the variables with the deviations along the record; with the suffix `_size`, of their mean sizes."""
 RECORD = "record"
-"""The one variable of observed, predicted and pointwise groups."""
+"""Name of the only variable in the groups along the record."""
 Group = tuple[dict[str, Any], dict[str, Any]]
 """Variables and coordinates of a group, as `xarray.Dataset` takes them."""
 TEMPERED = "smc"
-"""The sampler where laws may hold approximately."""
+"""Default sampler if laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
+"""Default sampler if laws hold exactly."""
 DRAWS = 1000
 """Default number of draws of each chain (conventional)."""
 _OF_THE_MOTION = {
@@ -60,21 +63,22 @@ _OF_THE_MOTION = {
     "omega0": "velocity at the first sample",
     "epsilon": "velocity over which friction changes its sign: tanh(velocity/epsilon); 0 is the sign itself",
 }
+"""Definitions of parameters that belong neither to a damping term nor to a restoring law."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Posterior(Result, types.Posterior):
     """Draws of the posterior of a fit.
 
-    Where laws may hold approximately, a chain of "smc" is a run of its own whose draws are in no order of time. The
-    likelihood of "nuts" and "emcee" is then that of the parameters, with deviations integrated out.
+    If laws may hold approximately, each chain of "smc" is an independent run, and the order of its draws has no
+    meaning. The likelihood of "nuts" and "emcee" is then that of the parameters, with deviations integrated out.
 
     Attributes
     ----------
     fit
         The fit.
     names, summaries
-        Names of the parameters, and summaries of each.
+        Names of the parameters, and mean, sd, quantiles and diagnostics of each.
     draws
         Draws in natural units, shape (chain, draw, parameter).
     log_likelihood
@@ -82,23 +86,23 @@ class Posterior(Result, types.Posterior):
     stats
         Statistics of the sampler by name, each of shape (chain, draw).
     starts
-        Starts of the chains.
+        Starting points of the chains.
     divergences
-        Number of transitions that diverged; None where the sampler has no such number.
+        Number of divergent NUTS transitions; None for other samplers.
     evaluations
         Number of evaluations of the likelihood.
     ensembles
-        Number of groups of chains that share their moves.
+        Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     effective
-        Number of independent draws that those of an approximation are worth.
+        Effective sample size of the draws of an approximation, from their importance weights.
     diagnostics
         Other results of the sampler.
     seed
         Seed of all random numbers.
     outcome
-        "ok", or a sentence why the draws cannot be trusted, or why there are none.
+        "ok", or a sentence that says why the draws are unreliable or missing.
     u
-        Where laws may hold approximately: each draw with its deviations, in the coordinates of `fit.law`, shape
+        If laws may hold approximately: parameters and deviations of each draw in the coordinates of `fit.law`, shape
         (chain, draw, K).
     """
 
@@ -108,26 +112,26 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_evidence(self) -> float:
-        """The log evidence in nats, for "smc" alone; otherwise NaN."""
+        """The log evidence in nats; only "smc" computes it, otherwise NaN."""
         return float(self.diagnostics.get("log_evidence", math.nan))  # type: ignore[arg-type]
 
     @property
     def stderr(self) -> float:
-        """Standard error of the log evidence, for "smc" alone; otherwise NaN."""
+        """Standard error of the log evidence in nats; only "smc" computes it, otherwise NaN."""
         return float(self.diagnostics.get("stderr", math.nan))  # type: ignore[arg-type]
 
     @cached_property
     def data(self) -> xr.DataTree:
-        """All results as ArviZ reads them, computed at the first use. Raises Refusal without draws.
+        """All results as a data tree for ArviZ, computed at the first use. Raises Refusal without draws.
 
-        Groups: posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
-        leave-one-out cross-validation), sample_stats, observed_data, constant_data; units and definitions are
-        attributes of the variables. With very many samples and draws, the two groups along the record are thinned to a
-        size of 160 MB each.
+        The groups are posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
+        leave-one-out cross-validation), sample_stats, observed_data and constant_data. Units and definitions are
+        attributes of the variables. With very many samples and draws, posterior_predictive and log_likelihood are
+        thinned to a size of 160 MB each.
 
-        Where laws may hold approximately, posterior and prior also contain the deviations at their knots, and their
-        sizes over the record; the groups along the record contain the samples that were fitted, neighbours averaged
-        where they are closer than the fit needs.
+        If laws may hold approximately, posterior and prior also contain the deviations at their knots, and their mean
+        sizes. The groups along the record then contain the data that were fitted; these are averages of neighbouring
+        samples if the sampling is denser than the fit needs.
         """
         self._require_draws()
         import xarray as xr
@@ -177,10 +181,10 @@ class Posterior(Result, types.Posterior):
 
     @cached_property
     def derived(self) -> xr.Dataset:
-        """Quantities that follow from the draws, (chain, draw), with their units as attributes.
+        """Quantities that are computed from each draw, (chain, draw), with their units as attributes.
 
-        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors, and
-        follow from the laws alone; `damping_ratio` includes the deviations from these. Raises Refusal without draws.
+        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors. They
+        are computed without deviations from the laws; `damping_ratio` includes these. Raises Refusal without draws.
         """
         import xarray as xr
 
@@ -198,7 +202,10 @@ class Posterior(Result, types.Posterior):
         )
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Return `Fit.damping_ratio` of these draws. Raises Refusal where laws hold exactly, or without draws."""
+        """Return the table of `Fit.damping_ratio` from these draws.
+
+        Raises Refusal without draws, and if laws hold exactly.
+        """
         self._require_draws()
         return tabulate_ratios(
             self.fit, amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
@@ -206,18 +213,19 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_prior(self) -> Array:
-        """Log density of the parameters' prior in natural units at each draw, (chain, draw).
+        """Log prior density of the parameters in natural units at each draw, (chain, draw).
 
-        Deviations have no such density, because they are 0 with a probability of their own.
+        It does not include the deviations, which have no density: their prior is a mixture with a point mass at 0.
         """
         self._require_draws()
         priors = self.fit.priors
         return np.sum([priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """Return a row for each parameter, and for each derived quantity that all draws have; empty without draws.
+        """Return a table with a row for each parameter and each derived quantity; empty without draws.
 
-        The columns are mean, sd, quantiles, the shortest interval of 95 %, effective sample sizes, R-hat and unit.
+        Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
+        shortest 95 % interval, effective sample sizes, R-hat and unit.
         """
         import pandas as pd
 
@@ -231,14 +239,14 @@ class Posterior(Result, types.Posterior):
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
-        """Draw the trace of each parameter, and its density to the right of it.
+        """Plot the trace of each parameter, and its density to the right.
 
         Parameters
         ----------
         ax
-            Two axes for each parameter; new ones by default.
+            Two axes for each parameter; by default new ones.
         names
-            Parameters to draw; all by default.
+            Parameters to plot; by default all.
 
         Returns
         -------
@@ -248,9 +256,9 @@ class Posterior(Result, types.Posterior):
         Raises
         ------
         InputError
-            For a name that is not a parameter.
+            If a name is not a parameter.
         Refusal
-            Without draws.
+            If there are no draws.
         """
         self._require_draws()
         chosen = list(self.names if names is None else names)
@@ -279,7 +287,7 @@ class Posterior(Result, types.Posterior):
         return axes
 
     def _require_draws(self) -> None:
-        """Raise Refusal without draws."""
+        """Raise Refusal if there are no draws."""
         if not self.names:
             raise Refusal(self.outcome)
 
@@ -293,7 +301,7 @@ class Posterior(Result, types.Posterior):
 
 
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
-    """Return draws (chain, draw, parameter) by name."""
+    """Return draws, (chain, draw, parameter), as variables with units, definitions and priors, and coordinates."""
     fit = post.fit
     coords = {"chain": np.arange(draws.shape[0]), "draw": np.arange(draws.shape[1])}
     variables: dict[str, Any] = {}
@@ -308,7 +316,7 @@ def _parameters(post: Posterior, draws: np.ndarray) -> Group:
 
 
 def _definition(name: str, fit: Fit) -> str:
-    """Return what a parameter is, in a line."""
+    """Return the definition of a parameter in one line."""
 
     def first_line(thing: object) -> str:
         return (inspect.getdoc(type(thing)) or "").partition("\n")[0]
@@ -325,7 +333,10 @@ def _definition(name: str, fit: Fit) -> str:
 
 
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
-    """Return parameters, deviations at the knots, and their sizes, for u (chain, draw, K)."""
+    """Return the variables of draws whose laws may hold approximately: parameters, deviations and their sizes.
+
+    `u`, (chain, draw, K), contains the parameters and deviations in the coordinates of `law`.
+    """
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
     variables, coords = _parameters(post, law.values(u))
@@ -343,7 +354,7 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
 
 
 def _pointwise(post: Posterior) -> dict[str, Group]:
-    """Return log likelihoods and replications of each sample, (chain, draw, time)."""
+    """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time)."""
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
     numbers = np.arange(0, count, max(1, -(-chains * count * n // CELLS)))
@@ -372,9 +383,10 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
 
 
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return log likelihoods and replications, (m, n) each, where laws hold exactly.
+    """Return log likelihoods and simulated records of m draws, (m, n) each, if laws hold exactly.
 
-    There are no replications where the noise cannot be drawn.
+    `numbers` are the indices of the draws of each chain. There are no simulated records (None) if the noise model
+    cannot be simulated.
     """
     target, mode = post.fit.engine
     n, noise = post.fit.signal.t.size, NOISES.get(target.noise)
@@ -401,7 +413,7 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
 def _along(
     post: Posterior, variables: dict[str, Any], coords: Mapping[str, np.ndarray] = MappingProxyType({})
 ) -> Group:
-    """Return variables along the record's times, or those of the samples that were fitted."""
+    """Return variables with the coordinate time: that of the record, or of the data that were fitted."""
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
     times = ("time", t, {"units": "s", "definition": "time from the first sample"})
@@ -417,40 +429,43 @@ def sample(
     draws: int | None = None,
     seed: int = 0,
 ) -> Posterior:
-    """Draw from the posterior of a fit.
+    """Sample the posterior of a fit.
 
-    Where laws may hold approximately the default sampler is "smc": each chain is a run of its own that leads its draws
-    from the linear model to the motions themselves, without a warmup. The other samplers draw the parameters by motions
-    that are linear in the deviations, which are integrated out, and then give each draw its own deviations; they agree
-    with "smc" where deviations are small enough for that. kalman assumes that laws hold exactly.
+    If laws may hold approximately, the default sampler is "smc" (sequential Monte Carlo). Each chain is then an
+    independent run, which moves its draws in steps from the linear approximation to the full equation of motion; it
+    needs no warmup. The other samplers use motions that are linear in the deviations. They integrate the deviations
+    out, sample the parameters, and then draw deviations for each draw. They agree with "smc" if the deviations are
+    small. kalman assumes that laws hold exactly.
 
     Parameters
     ----------
     fit
         The fit.
     sampler
-        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, by default, emcee, kalman, laplace or variational.
+        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if laws hold exactly), emcee, kalman,
+        laplace or variational.
     chains, warmup
-        Number of chains, and of draws that each discards at its beginning. emcee's chains are walkers; it uses more
-        than given.
+        Number of chains, and number of draws that each chain discards at its beginning. The chains of emcee are
+        walkers; it may use more than requested.
     draws
-        Draws of each chain; by default 1,000, and nuts and emcee add some where these are too few.
+        Number of draws of each chain. By default 1,000; nuts and emcee then add draws if these are too few.
     seed
         Seed of all random numbers.
 
     Returns
     -------
     Posterior
-        Where there is no fit, the sampler cannot work on it, or draws are too few, its outcome is a sentence.
+        The draws. If there is no fit, or the sampler cannot work on it, or there are too few independent draws, its
+        outcome is a sentence with the reason.
 
     Raises
     ------
     InputError
-        For a wrong argument.
+        If an argument is invalid.
     """
     if not isinstance(fit, Fit):
         raise InputError(
-            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
+            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, the result of fit(signal, model)"
         )
     grows, draws = draws is None, DRAWS if draws is None else draws
     for name, value, least in (
@@ -473,19 +488,19 @@ def sample(
 
 
 def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, Array]:
-    """Draw from the posterior of a fit: what `sample` and the tasks of a study call.
+    """Sample the posterior of a fit. `sample` and the tasks of a study call this function.
 
     Returns
     -------
     posterior
-        The draws, with the parts of their sds where laws may hold approximately.
+        The draws with their summaries.
     u
-        Each draw with its deviations, as in `Posterior`.
+        Parameters and deviations of each draw, as in `Posterior`.
 
     Raises
     ------
     Refusal
-        Without a fit, or where the sampler cannot work on it.
+        If there is no fit, or the sampler cannot work on it.
     """
     law = fit.law
     if law is not None and sampler == TEMPERED:

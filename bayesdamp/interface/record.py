@@ -1,4 +1,4 @@
-"""Read a measured record: its columns, units and runs, and the free decay of each run."""
+"""Read a measured file, and find the free decay in each of its runs."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Column = str | int
+"""A column of a file, by its name or its number from 1."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(Result):
-    """The content of a file, before anything is cut; equal only to itself.
+    """The content of a file before cleaning. Two records are equal only if they are the same object.
 
     Attributes
     ----------
     path
         The file.
     columns
-        Names of the columns of times and values in the file, for each run; empty for times that follow from a rate.
+        For each run, the names of its columns of times and values. The first is empty if times follow from a rate.
     unit, quantity
-        Of the values.
+        Unit of the values, and the recorded quantity.
     raw
         The runs as they were read.
     """
@@ -56,15 +57,15 @@ class Record(Result):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each of the `columns` by its name; times are in s, to which they were converted."""
+        """Unit of each of the `columns`, by the column's name. Times have been converted to s."""
         value = UNITS[self.unit].of(self.quantity)
         return {n: u for pair in self.columns for n, u in zip(pair, ("s", value), strict=True) if n}
 
     @property
     def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
-        """Start and stop in s of each free decay in each of the `runs`; empty where a run has none.
+        """Start and end in s of all free decays in each run, by the run's number; empty for a run without a decay.
 
-        `signal(run, start=..., stop=...)` cuts out one of them.
+        Use `signal(run, start=..., stop=...)` to select one of them.
         """
         decays: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
         for run in self.runs:
@@ -88,21 +89,23 @@ class Record(Result):
         run
             Number of the run, from 1.
         clock
-            "as_logged", "uniform", or "auto", which rebuilds a uniform clock where stamps are rounded or repeat in
-            bursts.
+            "as_logged": use the times as they are; "uniform": replace them by equally spaced times; "auto": do this
+            only if the times are rounded or repeat in bursts.
         start, stop
-            In s of the file's own times (from the first sample, where they count from an epoch), or "auto": after the
-            release, before the rest.
+            Start and end of the free decay in s, on the time axis of the file (from the first sample if the file
+            contains dates); or "auto" to find the decay after the release and before the oscillation vanishes.
         name
-            Name of the signal; by default the file's, with the run's number where there are several.
+            Name of the signal; by default the name of the file, with the number of the run if there are several.
 
         Raises
         ------
         InputError
-            Where there are not two periods of an oscillation, or no such run.
+            If the run does not exist, or does not contain two periods of an oscillation.
         """
         if run not in self.runs:
-            raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")
+            raise InputError(
+                f"{self.path.name}: has no run {run!r}; its runs are {', '.join(map(str, self.runs))}"
+            )
         own = self.path.stem if len(self.raw) == 1 else f"{self.path.stem}-{run}"
         window = {"clock": clock, "start": start, "stop": stop}
         return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)
@@ -112,7 +115,7 @@ class Record(Result):
         return tuple(self.signal(run) for run in self.runs)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all runs as they were read, in the file's unit, and return the axes."""
+        """Plot all runs as they were read, in the unit of the file, and return the axes."""
         ax = get_axes(ax)[0]
         for run, raw in zip(self.runs, self.raw, strict=True):
             times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
@@ -147,31 +150,32 @@ def read(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> Record:
-    """Read a file in any of the supported formats: all its runs and channels that oscillate.
+    """Read a file in any of the supported formats, with all its runs and all channels that oscillate.
 
     Parameters
     ----------
     path
         The file.
     time, value
-        Columns by name or by number from 1 (in MATLAB and .npz files a path with dots); by default the only sensible
-        choice.
+        Columns of times and values, by name or by number from 1 (in MATLAB and .npz files a path with dots). They can
+        be left out if only one choice is possible.
     rate
         Sampling rate in Hz, for a file without times.
     unit, quantity
-        Of the values, as in `signal`; by default from the file (`Angle(deg)`, `acc (g)`). Otherwise an angle in rad is
-        assumed, or another unit where the values are too large for that, with a warning.
+        Unit and quantity of the values, as in `signal`; by default from the file (`Angle(deg)`, `acc (g)`). If the file
+        has no unit, an angle in rad is assumed, or in another unit (with a warning) if the values are too large for
+        rad.
     runs
-        Runs of a file with several, such as `2` or `"1,3-5"`; by default all, numbered from 1 in the record.
+        Runs to read, such as `2` or `"1,3-5"`; by default all. In the record they are numbered from 1.
     channels
-        Names of channels of a file with several; by default all.
+        Names of the channels to read; by default all.
     time_unit
         Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
 
     Raises
     ------
     InputError
-        For anything wrong with the file or the arguments, also where records are in several units.
+        If the file or an argument is invalid, or if the records are in several units.
 
     Examples
     --------
@@ -202,7 +206,9 @@ def read(
     units = {read_as(record, unit, quantity): record.channel for record in raw}
     if len(units) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in units.items())
-        raise InputError(f"{path.name}: holds records in several units: {each}; choose with channels=[...]")
+        raise InputError(
+            f"{path.name}: contains records in several units: {each}; choose with channels=[...]"
+        )
     given = unit
     unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)
@@ -211,7 +217,7 @@ def read(
         if (doubt := question(record, unit, quantity, given is not None)) is not None:
             raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
         doubts = [] if given is not None else findings(record, unit, quantity)
-        new = [f"{f.sentence}; give unit= where that is wrong." for f in doubts if f.kind is Kind.DEGREES]
+        new = [f"{f.sentence}; give unit= if that is wrong." for f in doubts if f.kind is Kind.DEGREES]
         before = record.provenance
         warned.append(replace(record, provenance=replace(before, warnings=(*before.warnings, *new))))
     raw = tuple(warned)

@@ -1,4 +1,4 @@
-"""Define what all results can do: print as a short table, be saved and loaded, and find the axes to draw on."""
+"""Define the base classes of all results, which can be printed, saved and loaded, and helpers for their plots."""
 
 from __future__ import annotations
 
@@ -26,17 +26,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
-    """Axes as a user gives them: one, several, those of `plt.subplots`, or none."""
+    """Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
 
 META = "result.json"
+"""Name of the file with plain values inside a saved result; the arrays are next to it."""
 KINDS = (
     "Record", "Signal", "Model", "Estimate", "Fit", "Posterior", "Evidence", "Comparison", "Prediction",
 )  # fmt: skip
-"""Public names of the results that are saved."""
+"""Names of the classes whose results can be saved."""
 
 
 class Shown(CheckedMethods, ABC):
-    """A value that prints as a short table, also in a notebook; its methods refuse misspelt keywords in one line."""
+    """Base class of values that are printed as a short table, also in a notebook.
+
+    Its methods reject misspelt keywords with a one-line error.
+    """
 
     @abstractmethod
     def _table(self) -> Table: ...
@@ -49,15 +53,15 @@ class Shown(CheckedMethods, ABC):
 
 
 class Result(Shown):
-    """A frozen value that prints as a short table and can be saved and loaded."""
+    """Base class of results: they are printed as a short table, and can be saved and loaded."""
 
     def save(self, path: str | Path) -> Path:
-        """Write the result to a file, completely or not at all, and return the path.
+        """Save the result in a file and return its path. An interrupted save leaves no incomplete file.
 
         Raises
         ------
         InputError
-            Where the file cannot be written.
+            If the file cannot be written.
         """
         arrays = dict[str, np.ndarray]()
         head = {"kind": type(self).__name__, "version": __version__, "value": split(self, arrays)}
@@ -65,25 +69,26 @@ class Result(Shown):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote.
+        """Read a result from a file that `save` wrote.
 
         Raises
         ------
         InputError
-            Where the file is not such a result.
+            If the file does not contain a result of this class.
         """
         return _read(path, cls)
 
 
 def load(path: str | Path) -> Any:
-    """Read the result that `save` wrote to a file, a verdict in JSON, or the run in a folder, whichever it is.
+    """Load a result, a verdict or a run.
 
-    A class's own `load`, such as `Fit.load(path)`, does the same with a type.
+    The path is a file that `save` wrote, a verdict in JSON, or the folder of a run. The method `load` of a class, such
+    as `Fit.load(path)`, also checks the type.
 
     Raises
     ------
     InputError
-        Where the path is none of them.
+        If the path is none of these.
     """
     path = Path(path)
     if path.is_dir():
@@ -96,39 +101,42 @@ def load(path: str | Path) -> Any:
 
 
 def _read(path: str | Path, cls: type[Any] | None) -> Any:
-    """Return the result in a file, which must be one of `cls` where that is given."""
+    """Load a result from a file. If `cls` is given, the result must be of this class."""
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file; give one that a result's save() wrote")
+        raise InputError(f"{path}: no such file; give a file that save() wrote")
     try:
         head, arrays = unpacked(path, META)
         kind, version = head["kind"], head["version"]
     except BROKEN:
         raise InputError(
-            f"{path}: is not a result of bayesdamp, or not a whole one; give one that save() wrote"
+            f"{path}: is not a result of bayesdamp, or is damaged; give a file that save() wrote"
         ) from None
     if cls is not None and kind != cls.__name__:
-        raise InputError(f"{path}: holds a {kind}, not a {cls.__name__}; use bayesdamp.load")
+        raise InputError(f"{path}: contains a {kind}, not a {cls.__name__}; use bayesdamp.load")
     if cls is None:
         if kind not in KINDS:
-            raise InputError(f"{path}: holds a {kind!r}, which is not known here{nearest(kind, list(KINDS))}")
+            raise InputError(
+                f"{path}: contains a {kind!r}, which this version does not know{nearest(kind, list(KINDS))}"
+            )
         cls = getattr(import_module("bayesdamp"), kind)
     try:
         return join(cls, head["value"], arrays)
     except BROKEN:
         raise InputError(
-            f"{path}: was saved by bayesdamp {version}, which this version does not read"
+            f"{path}: was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
         ) from None
 
 
 def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the sentences below a table: the outcome, where it is not `ok`, and notes."""
+    """Return the sentences below a table: the outcome if it is not `ok`, then the notes."""
     return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)
 
 
 INVISIBLE = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
-"""Backends of matplotlib that show nothing."""
+"""Backends of Matplotlib that do not show figures."""
 INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
+"""Colours of plots: three greys from dark to light, and blue."""
 
 
 def get_axes(
@@ -143,21 +151,21 @@ def get_axes(
     Parameters
     ----------
     ax
-        The axes that the user gives; None for those of a new figure.
+        The axes that the user passed; None to create a figure.
     count
-        How many are needed.
+        Number of axes that are needed.
     columns, heights, size
-        Of a new figure: columns, relative heights of the rows, and size in inches.
+        Number of columns, relative heights of the rows, and size in inches of a new figure.
 
     Raises
     ------
     InputError
-        Where another number of axes is given, or something else.
+        If `ax` contains another number of axes, or objects that are not axes.
     """
     if ax is not None:
         given = list_axes(ax)
         if len(given) != count:
-            raise InputError(f"plot: ax has {len(given)} axes; it must have {count}, or be left out")
+            raise InputError(f"plot: ax contains {len(given)} axes; give {count}, or leave ax out")
         return given
     import matplotlib.pyplot as plt
 
@@ -168,21 +176,21 @@ def get_axes(
 
 
 def list_axes(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
-    """Return the given axes, row by row. Raises InputError for anything else."""
+    """Return the axes that a user passed, row by row. Raises InputError if an element is not axes."""
     from matplotlib.axes import Axes
 
     elements: list[Any] = np.ravel(np.asarray(ax, dtype=object)).tolist()
     for element in elements:
         if not isinstance(element, Axes):
-            raise InputError(f"plot: ax holds a {type(element).__name__}; it must be matplotlib's axes")
+            raise InputError(f"plot: ax contains a {type(element).__name__}; it must contain Matplotlib axes")
     return tuple(elements)
 
 
 def show_in_notebook() -> None:
-    """Let a notebook show pictures below the cell, even where the environment names a backend that shows nothing.
+    """Make a notebook show figures below the cell, even if MPLBACKEND names a backend that does not show figures.
 
-    Servers and test machines do so. A backend that the notebook itself chose stays. Call this outside of a context of
-    settings.
+    This variable is set on many servers. A backend that was chosen in the notebook is not changed. Do not call this
+    inside `rc_context`, which would restore the backend at its end.
     """
     import matplotlib as mpl
 

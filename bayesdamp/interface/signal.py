@@ -1,4 +1,4 @@
-"""Make a signal, the free decay of a record in SI units, from arrays or from a record."""
+"""Make a signal (the free decay of a record, in SI units) from arrays or from a record."""
 
 from __future__ import annotations
 
@@ -32,14 +32,15 @@ _EMPTY = np.empty(0)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signal(Result, types.Signal):
-    """A record's free decay in SI units; equal only to itself.
+    """The free decay of a record, in SI units. Two signals are equal only if they are the same object.
 
     Attributes
     ----------
     t
         Times in s, shape (n,), strictly increasing; t[0] = 0 at the first sample of the decay.
     y
-        The recorded quantity, shape (n,): in `unit`, per s or per s² for a velocity or an acceleration.
+        The recorded quantity, shape (n,): in `unit` for a displacement, in `unit`/s for a velocity, in `unit`/s² for
+        an acceleration.
     quantity
         "angle" (any displacement), "velocity" or "acceleration".
     unit
@@ -47,12 +48,12 @@ class Signal(Result, types.Signal):
     name
         Name of the record.
     step
-        Recording step in the unit of y; 0 where there is none.
+        Step to which values are rounded, in the unit of y; 0 if they are not rounded.
     provenance
-        How the record was read, and what was done to it.
+        Information on how the record was read and cleaned.
     whole_t, whole_y
-        The whole record that the decay was cut out of, in s on the record's own clock and in the unit of y, shape (N,);
-        empty where nothing was cut.
+        The whole record from which the decay was cut: times in s on the record's own time axis, and values in the unit
+        of y, shape (N,); empty if nothing was cut.
     """
 
     whole_t: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)
@@ -60,21 +61,25 @@ class Signal(Result, types.Signal):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the record and on what was done to it."""
+        """Sentences on how the record was read and cleaned."""
         return self.provenance.sentences
 
     @property
     def y_unit(self) -> str:
-        """Unit of y."""
+        """Unit of y, such as "rad" or "m/s²"."""
         return UNITS[self.unit].of(self.quantity)
 
     @property
     def own_unit(self) -> Unit:
-        """The unit that the record came in; pictures and tables use it."""
+        """The unit of the recorded file, which figures and tables use."""
         return UNITS[self.provenance.unit or self.unit]
 
     def summary(self) -> pd.DataFrame:
-        """Return one row: record, samples, length (s), mean rate (Hz), uniform, quantity, unit, low and high in it."""
+        """Return a table with one row.
+
+        Its columns are record, samples, length in s, mean sampling rate in Hz, whether sampling is uniform, quantity,
+        unit, and the smallest and largest value in this unit.
+        """
         import pandas as pd
 
         unit, n = self.own_unit, self.t.size
@@ -92,7 +97,7 @@ class Signal(Result, types.Signal):
         return pd.DataFrame([row])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the record, with what was cut away faint and the reasons in the title, and return the axes."""
+        """Plot the record and return the axes. The parts that were cut away are grey; the title gives the reasons."""
         ax = get_axes(ax)[0]
         begun = self.provenance.start if self.whole_t.size else 0.0
         unit = self.own_unit
@@ -122,7 +127,7 @@ class Signal(Result, types.Signal):
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
-        """Return any signal of the package as one that can be drawn, printed and saved."""
+        """Convert a signal of another class to one that can be plotted, printed and saved."""
         if isinstance(signal, cls):
             return signal
         names = ("t", "y", "quantity", "unit", "name", "step", "provenance")
@@ -151,24 +156,24 @@ def signal(
     y
         The recorded quantity, shape (n,).
     rate
-        Sampling rate in Hz in place of the times: `signal(y, rate=500.0)`.
+        Sampling rate in Hz, instead of the times: `signal(y, rate=500.0)`.
     unit
-        Unit of the displacement, by its name in `bayesdamp.units.UNITS` or as in the head of a column (`°`,
-        `degrees`); y is per s or per s² where quantity is "velocity" or "acceleration".
+        Unit of the displacement, by its name in `bayesdamp.units.UNITS` or as in the header of a column (`°`,
+        `degrees`). A velocity is in this unit per s, an acceleration in this unit per s².
     quantity
-        "angle" (any displacement), "velocity" or "acceleration"; "angle" by default.
+        "angle" (any displacement), "velocity" or "acceleration"; by default "angle".
     name
         Name of the signal.
     cleaned
-        Whether the free decay is cut out, as in `Record.signal`; otherwise the arrays are used as they are, with times
-        from the first sample.
+        Whether to find and cut out the free decay, as `Record.signal` does; otherwise the arrays are used as they are,
+        with times from the first sample.
     clock, start, stop
         As in `Record.signal`.
 
     Raises
     ------
     InputError
-        Where the arrays are not a record, or nothing oscillates.
+        If the arrays are not a valid record, or do not contain an oscillation.
 
     Examples
     --------
@@ -197,16 +202,17 @@ def signal(
     times, values = numbers_of(t, "t", name), numbers_of(y, "y", name)
     if times.ndim != 1 or times.shape != values.shape:
         raise InputError(
-            f"t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}", name
+            f"t and y must be vectors of equal length, but their shapes are {times.shape} and {values.shape}",
+            name,
         )
     if times.size < LEAST:
-        raise InputError(f"{times.size} samples; a signal needs at least {LEAST}", name)
+        raise InputError(f"t and y have {times.size} samples; a signal needs at least {LEAST}", name)
     for what, column in (("t", times), ("y", values)):
         if not np.all(np.isfinite(column)):
             at = int(np.flatnonzero(~np.isfinite(column))[0])
-            raise InputError(f"{what}[{at}] is {column[at]}, not a finite number", name)
+            raise InputError(f"{what}[{at}] is {column[at]}, not a finite number; remove such samples", name)
     if np.ptp(values) == 0:
-        raise InputError(f"the values are constant ({values[0]:g}), nothing oscillates", name)
+        raise InputError(f"y is constant ({values[0]:g}); give a record that oscillates", name)
     unit, quantity = resolved_unit(*by_name(unit, quantity), "", "")
     scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
@@ -214,28 +220,30 @@ def signal(
         return cut(raw, name, unit, quantity, clock=clock, start=start, stop=stop)
     if np.any(np.diff(times) <= 0):
         at = int(np.argmax(np.diff(times) <= 0)) + 1
-        raise InputError(f"times must increase; sample {at} (from 0) is not later than the one before", name)
+        raise InputError(
+            f"times must increase, but t[{at}] is not later than t[{at - 1}]; sort the samples", name
+        )
     provenance = Provenance(notes=("Used as it is.",), unit=unit, more={"quantity": quantity})
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
 
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
-    """Return the free decay in a raw record, with the whole record.
+    """Find the free decay in a raw record, and return it together with the whole record.
 
     Parameters
     ----------
     raw
         The record as it was read.
     name, unit, quantity
-        Of the signal.
+        Name of the signal, unit of the raw values, and recorded quantity.
     **window
-        Options clock, start and stop of `clean`.
+        Options clock, start and stop, as in `Record.signal`.
 
     Raises
     ------
     InputError
-        As `clean`.
+        If the record does not contain a free decay.
     """
     raw = unwrapped(raw, unit, quantity)
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)

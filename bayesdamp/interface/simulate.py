@@ -1,4 +1,4 @@
-"""Simulate a record from the names and parameters of damping and restoring law."""
+"""Simulate a record from a damping, a restoring law, and their parameters."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
+"""Default initial conditions, and default width of friction."""
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Default rest position of the oscillator."""
+"""Default equilibrium of the oscillator."""
 
 
 def simulate(
@@ -41,14 +42,14 @@ def simulate(
     name: str = "simulated",
     **parameters: float,
 ) -> Signal:
-    """Simulate a record of an oscillator with noise; the signal does not contain the truth.
+    """Simulate a record of an oscillator with noise. The signal does not contain the true parameters.
 
-    For a trajectory alone see `trajectory`.
+    Use `trajectory` for a motion without noise.
 
     Parameters
     ----------
     damping
-        Coefficients by damping term, such as {"viscous": 0.05, "coulomb": 0.03}.
+        Coefficient of each damping term, such as {"viscous": 0.05, "coulomb": 0.03}.
     restoring
         The restoring law.
     duration
@@ -60,11 +61,11 @@ def simulate(
     noise
         The noise model.
     outliers
-        Number of outliers, or their share where it is below 1.
+        Number of outliers; a number below 1 is their fraction of the samples.
     gaps
-        Number of stretches without samples.
+        Number of gaps without samples.
     quantum
-        Recording step, in the unit of the quantity; 0 for none.
+        Step to which values are rounded, in the unit of the quantity; 0 for no rounding.
     quantity
         "angle" (any displacement), "velocity" or "acceleration".
     unit
@@ -74,14 +75,20 @@ def simulate(
     name
         Name of the signal.
     **parameters
-        Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5) by name, theta0 (by default
-        0.3), omega0 (0.0), the friction's epsilon (0.0, the sign itself), noise_time (s) for noise="correlated",
-        noise_dof for "student_t". rest_angle and spring_angle are 0 by default.
+        Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5), by name. Further
+        parameters: theta0 and omega0, displacement and velocity at the start (by default 0.3 and 0.0); epsilon, the
+        width of friction (0.0, the sign function); noise_time in s for noise="correlated"; noise_dof for "student_t".
+        rest_angle and spring_angle are 0 by default.
+
+    Returns
+    -------
+    Signal
+        The record, in the unit `unit`.
 
     Raises
     ------
     InputError
-        For a wrong or missing argument.
+        If an argument is invalid or missing.
 
     Examples
     --------
@@ -107,7 +114,7 @@ def simulate(
     own = {p.name: term for term in keys if keys[term] in damping for p in TERMS.get(term).inferred}
     for parameter, what in {**dict.fromkeys(needed, restoring), **own}.items():
         if parameter not in given:
-            raise InputError(f"simulate: {what} needs {parameter} too; give {parameter}=NUMBER")
+            raise InputError(f"simulate: {what} also needs {parameter}; give {parameter}=NUMBER")
     options = {"duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise}
     options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
     options |= {"quantity": quantity, "unit": unit}
@@ -127,16 +134,16 @@ def simulate(
 def simulated(
     source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
 ) -> types.Signal:
-    """Simulate a record as a study describes it.
+    """Simulate a record from the settings in a study.
 
     Parameters
     ----------
     source
-        The simulation in the study.
+        The settings: damping terms, duration, samples, noise model and so on.
     restoring
         The restoring law.
     truth
-        Values of the parameters.
+        True values of the parameters, by name.
     name
         Name of the signal.
     rng
@@ -145,7 +152,7 @@ def simulated(
     Raises
     ------
     InputError
-        Where the motion escapes.
+        If the motion escapes.
     """
     return simulate_signal(
         Oscillator(source.damping, restoring),

@@ -1,1 +1,1 @@
-"""The report of a run's folder: draw and describe what the store contains, without computing any statistics."""
+"""Write the report of a run: draw and describe the stored results, without computing any statistics."""

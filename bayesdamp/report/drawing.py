@@ -30,6 +30,7 @@ from bayesdamp.types import candidate_parts
 INK = "#222222"
 QUIET = "#8a8a8a"
 FAINT = "#d9d9d9"
+"""Greys of lines and text, from the most to the least prominent."""
 
 WIDTH = 9.6
 """Width of a full figure in inches; the report shows it at its natural size."""
@@ -46,36 +47,37 @@ _MODELS = {
     frozenset({"coulomb", "quadratic"}): ("#E69F00", "-."),
     frozenset({"viscous", "coulomb", "quadratic"}): ("#000000", "-"),
 }
+"""Colour and line style of each damping sum, by its set of terms."""
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
-"""Colours of models with damping terms that are not part of the package."""
+"""Colours of all other damping sums."""
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", INK)
-"""Colours of records, oscillations or methods that are drawn together."""
+"""Colours that distinguish several records, oscillations or methods in one figure."""
 LOOKS = tuple(zip(INKS, ("-", "--", "-.", ":")))
-"""Colour and line style of each sampler or oscillation of a few."""
+"""Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
 PALER = 0.45
-"""Share of the way to white by which each further candidate of one damping sum is paler."""
+"""Fraction of the way to white by which the colour gets paler with each further restoring law of one damping sum."""
 LETTERS, MARK = 12.5, 7
-"""Letters per inch of a legend, and the length of an entry's line and gap in letters."""
+"""Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
 RIGHT = 0.2
-"""Space at the right of a figure, in inches."""
+"""Space to the right of the panels of a figure, in inches."""
 HOLE = 20.0
-"""Sampling intervals (medians) above which a gap is drawn as a hole."""
+"""A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 SVG = 80_000
-"""Largest size in bytes of an SVG in the page; figures with thousands of points are larger, and embedded as PNG."""
+"""Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded as PNG."""
 NARROW, LEGIBLE = 440, 0.8
-"""Width in CSS pixels above which a figure scrolls sideways on a phone, and the scale below which its letters
-are too small to read."""
+"""A figure that is wider than `NARROW` CSS pixels scrolls sideways on a phone, so that it is never scaled below
+`LEGIBLE`, where its letters would be too small to read."""
 DPI = 150
-"""Resolution of a PNG."""
+"""Resolution of a PNG in dots per inch."""
 
 
 def colour(model: str) -> str:
-    """Return the colour of a model; models with terms of a user share four further colours."""
+    """Return the colour of a model. It depends on the damping sum only."""
     return _look(model)[0]
 
 
 def dash(model: str) -> str:
-    """Return the line style of a model, for readers who do not see its colour."""
+    """Return the line style of a model, which distinguishes it also without colours."""
     return _look(model)[1]
 
 
@@ -85,9 +87,9 @@ def _look(model: str) -> tuple[str, str]:
 
 
 def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Return the colour and line style of each candidate in one figure.
+    """Return the colour and line style of each model in one figure.
 
-    Candidates with the same damping sum under several restoring laws have one colour, each paler than the last.
+    Models with the same damping sum and different restoring laws have the same hue; each is paler than the one before.
     """
     styles: dict[str, tuple[str, str]] = {}
     before: Counter[frozenset[str]] = Counter()
@@ -101,13 +103,26 @@ def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
-    """Return how many columns, at most `most`, a legend has in a figure of this width in inches."""
+    """Return the number of columns, at most `most`, of a legend that fits a figure of this width in inches."""
     longest = max(map(len, labels), default=1)
     return max(1, min(len(labels), most, int(LETTERS * width / (longest + MARK))))
 
 
 def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the line through t and y, each (n,), with a nan at each hole between the times `sampled`, (m,)."""
+    """Insert a nan into a line at each long gap of the record, so that the line is interrupted there.
+
+    Parameters
+    ----------
+    t, y
+        Points of the line, (n,).
+    sampled
+        Times of all samples of the record, (m,).
+
+    Returns
+    -------
+    tuple
+        The points of the line with a nan in y at each gap that is longer than `HOLE` median sampling intervals.
+    """
     gaps = np.diff(sampled)
     begins = sampled[:-1][gaps > HOLE * np.median(gaps)] if gaps.size else sampled[:0]
     places = np.searchsorted(t, begins, side="right")
@@ -117,7 +132,7 @@ def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarra
 def plain(axis: Axis, decades: bool = True) -> None:
     """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten.
 
-    `decades` says whether the axis is so long that only a few numbers between two powers of ten have room.
+    `decades`: whether the axis is so long that there is room for only a few numbers between two powers of ten.
     """
     for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
         set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
@@ -132,9 +147,9 @@ def fix_margins(
     Parameters
     ----------
     figure
-        With panels in rows and columns of equal size.
+        The figure; its panels are in rows and columns of equal size.
     left, top, bottom
-        Space beside, above and below the panels, in inches; `left` is also the space between columns.
+        Space to the left of, above and below the panels, in inches; `left` is also the space between columns.
     down
         Space between rows, in inches.
     """
@@ -154,7 +169,7 @@ def fix_margins(
 
 
 class Drawings:
-    """Put a report's figures into the page, and into a folder if there is one."""
+    """Embed the figures of a report in its page, and save them in a folder if one is given."""
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
@@ -170,12 +185,12 @@ class Drawings:
         caption
             Text below the figure.
         draw
-            Returns the figure.
+            Function that draws the figure and returns it.
 
         Returns
         -------
         Markup
-            The HTML, with the figure embedded. A wide figure scrolls sideways on a phone.
+            The HTML, which contains the figure. A wide figure scrolls sideways on a phone.
         """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
@@ -198,7 +213,7 @@ class Drawings:
     def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
         """Save a figure that is already a PNG, and return the HTML that shows it.
 
-        `embed` says whether the page contains the figure; otherwise it links to the file.
+        `embed`: whether the HTML contains the figure; otherwise it links to the file.
         """
         source = f"figures/{name}.png"
         if self.folder is not None:
@@ -213,7 +228,7 @@ class Drawings:
 def _encode(figure: Figure) -> tuple[bytes, bytes]:
     """Return a figure as SVG and PNG.
 
-    It is laid out once and printed directly, because `savefig` would lay it out and draw it for each format.
+    The figure is laid out once for both formats; `savefig` would lay it out for each of them.
     """
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
@@ -223,17 +238,17 @@ def _encode(figure: Figure) -> tuple[bytes, bytes]:
         figure.set_layout_engine("none")
     canvas.draw()
     svg, png = io.BytesIO(), io.BytesIO()
-    # A figure has few colours and their shades, and a palette makes the file three times smaller. Maximum coverage
-    # keeps the colour of a thin line, which a median cut would give to the shades of a broad one.
+    # A palette makes the file three times smaller, because a figure has few colours. The method "maximum coverage"
+    # preserves the colour of thin lines; the default (median cut) would replace it by shades of broad lines.
     pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     pixels.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(png, "PNG")
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
-    # Matplotlib names marks after memory addresses; numbers make the file reproducible.
+    # Matplotlib derives the names of markers from memory addresses; numbers make the file reproducible.
     text = svg.getvalue().decode()
     marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text))
     names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
     text = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), text)
-    # Coordinates to a hundredth of a point make it shorter.
+    # Round coordinates to a hundredth of a point, which makes the file shorter.
     number = re.compile(r"-?\d+\.\d{3,}")
     text = re.sub(
         r' d="[^"]*"',

@@ -1,4 +1,4 @@
-"""Write report.html from a run's folder."""
+"""Write report.html from the files in a run's folder."""
 
 from __future__ import annotations
 
@@ -17,34 +17,36 @@ from bayesdamp.store.contents import OtherVersionError
 from bayesdamp.types import InputError
 
 DRAWN = ".drawn"
-"""File in `figures/` with the names of the report's figures, one in each line."""
+"""File in `figures/` that lists the figure files of the last report, one in each line."""
 
 
 def render(folder: Path, pool: Executor | None = None) -> Path:
     """Write report.html (one self-contained file) and figures/ into a run's folder.
 
-    Figures that an earlier report wrote and this one does not have are removed.
+    Figures of an earlier report that this report does not contain are deleted.
 
     Parameters
     ----------
     folder
-        Of the run; nothing else is read.
+        The run's folder. No other files are read.
     pool
-        Where sections are drawn in parallel; None to draw them in this process.
+        Executor that draws the sections in parallel; None to draw them in this process.
 
     Returns
     -------
     Path
-        Of report.html.
+        The path of report.html.
 
     Raises
     ------
     InputError
-        If the folder does not contain a run, or contains one of a version that stored other data.
+        If the folder does not contain a run, or if an incompatible version of bayesdamp wrote the run.
     """
     run = RunFolder(folder)
     if run.info.get("kind") == "envelopes":
-        what = "compares envelopes as an earlier version of bayesdamp did; compare the records again"
+        what = (
+            "this comparison of envelopes is from an earlier version of bayesdamp; compare the records again"
+        )
         raise InputError(what, str(folder))
     claim(run.folder)
     try:
@@ -63,7 +65,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 
 
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
-    """Return the page of a run, and the names of its figures."""
+    """Return the HTML page of a run, and the names of its figures."""
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.place(run))
     names = [section.name for section in sections]

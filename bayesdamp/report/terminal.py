@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.text import Text
 
-from bayesdamp.report.results.checks import sampled_words
+from bayesdamp.report.results.checks import sampling_sentence
 from bayesdamp.report.results.run import RunFolder, answers, overview_table, specimens
 from bayesdamp.types import OK
 from bayesdamp.units import unit_named
@@ -22,11 +22,11 @@ from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_sentences
 
 
-class Lasting(Console):
-    """A console that becomes silent when its reader closes it, so that the run and its report still finish."""
+class PipeSafeConsole(Console):
+    """A console that stops printing when the reader of its output closes it, so that the run still finishes."""
 
     def on_broken_pipe(self) -> None:
-        """Print nothing more."""
+        """Stop printing, and discard what is still buffered."""
         self.quiet = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -34,14 +34,15 @@ class Lasting(Console):
 
 
 class VerdictPrinter:
-    """Print each record's verdict when it arrives, and later whether MCMC sampling confirms it.
+    """Print each record's verdict when it arrives, and later whether MCMC sampling confirms this verdict.
 
     Parameters
     ----------
     console
-        Where to print.
+        The console to print on.
     units
-        Unit of each record's displacement, by the record's name; the verdict's own unit for other records.
+        Unit in which to print each record's displacement, by the record's name. Other records are printed in the unit
+        of their verdict.
     """
 
     def __init__(self, console: Console, units: Mapping[str, str] | None = None) -> None:
@@ -49,7 +50,7 @@ class VerdictPrinter:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
-        """Print a record's first verdict in full; of a later one whether it confirms the first, and its sentence."""
+        """Print a record's first verdict in full. For a later one, print whether it confirms the first one."""
         unit = self._units.get(verdict.record)
         converted = in_unit(verdict, unit_named(unit)) if unit else verdict
         before = self.first.get(verdict.record)
@@ -59,11 +60,11 @@ class VerdictPrinter:
             self.first[verdict.record] = verdict
             print_verdict(converted, self.console)
             return
-        both_without_law = before.law_free and verdict.law_free  # then no motions are sampled
+        both_without_law = before.law_free and verdict.law_free  # then nothing was sampled
         if both_without_law or verdict.grade is Grade.NO_FREE_DECAY or verdict.quantity == "envelope":
             return
         comparison = agreement(before, verdict)
-        self.console.print(Text(sampled_words(comparison)), soft_wrap=True)
+        self.console.print(Text(sampling_sentence(comparison)), soft_wrap=True)
         if comparison.confirms:
             _print_sentence(converted, self.console)
         else:
@@ -72,7 +73,7 @@ class VerdictPrinter:
 
 
 def print_verdict(verdict: Verdict, console: Console) -> None:
-    """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
+    """Print a verdict: its sentence, the table of damping ratio against amplitude, and the remarks."""
     _print_sentence(verdict, console)
     if verdict.decay_rate:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
@@ -92,8 +93,8 @@ def _print_sentence(verdict: Verdict, console: Console) -> None:
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
 
 
-def conclude(folder: Path, console: Console) -> None:
-    """Print the specimens' verdicts, a table of the records, warnings, and the path of the report."""
+def print_conclusion(folder: Path, console: Console) -> None:
+    """Print the end of a run: verdicts on specimens, a table of the records, warnings, and the report's path."""
     run = RunFolder(folder)
     available = answers(run)
     for verdict in specimens(run):
@@ -110,12 +111,12 @@ def conclude(folder: Path, console: Console) -> None:
             why = "" if outcome == OK else f": {outcome.rstrip('.')}"
             console.print()
             console.print(Text(f"{signal}: no verdict{why}."), soft_wrap=True)
-    beware(run, console)
+    print_warnings(run, console)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 
-def beware(run: RunFolder, console: Console) -> None:
-    """Print the warnings about the records of a run."""
+def print_warnings(run: RunFolder, console: Console) -> None:
+    """Print the warnings from reading the records of a run."""
     for signal in run.signals:
         whose = f"{signal}: " if len(run.signals) > 1 else ""
         for warning in run.provenance(signal).warnings:

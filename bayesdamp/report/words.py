@@ -1,4 +1,4 @@
-"""Write the names of parameters, models, methods and units for a reader."""
+"""Translate the names of parameters, models, methods and units into words and symbols for a reader."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from bayesdamp.types import Symbol, candidate_parts
 
 _SYMBOLS = {
     "natural_frequency": Symbol("ωₙ", r"$\omega_n$", "natural frequency (derived)"),
-    "quality_factor": Symbol("Q", r"$Q$", "quality factor at rest"),
+    "quality_factor": Symbol("Q", r"$Q$", "quality factor in the limit of small amplitudes"),
 }
 _WORDS = {
     "noise_sd": ("noise sd", "standard deviation of the noise"),
     "noise_time": ("noise time", "correlation time of the noise"),
     "noise_dof": ("noise dof", "degrees of freedom of the noise"),
-    "damping_ratio": ("damping ratio at rest", "linear damping ratio at rest"),
+    "damping_ratio": ("small-amplitude damping ratio", "damping ratio in the limit of small amplitudes"),
     "equivalent_ratio": ("equivalent damping ratio", "equivalent viscous damping ratio"),
     "log_decrement": ("logarithmic decrement", "logarithmic decrement"),
     "half_life": ("half-life", "time in which the amplitude falls to half"),
-    "energy_fraction": ("specific damping capacity", "share of the energy that is lost in a cycle"),
+    "energy_fraction": ("specific damping capacity", "fraction of the energy that is lost in a cycle"),
     "energy_lost": ("energy lost in a cycle", "energy lost in a cycle"),
     "viscous_coefficient": ("viscous coefficient", "inertia times 2ζ"),
     "coulomb_torque": ("friction", "inertia times μc"),
     "quadratic_coefficient": ("quadratic coefficient", "inertia times μq"),
 }
-"""Parameters of the noise and derived quantities that are written as words, and their meanings."""
+"""Parameters of the noise and derived quantities without a symbol: the words for each, and its meaning."""
 
 
 def symbol(parameter: str) -> Symbol:
-    """Return how a parameter is written; a parameter without a symbol keeps its name."""
+    """Return the symbol of a parameter and its meaning. A parameter without a symbol is written with its name."""
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))
     return named or Symbol(text, text, meaning)
@@ -45,14 +45,14 @@ _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
 
 
 def model(name: str) -> str:
-    """Return a candidate in words: `viscous+coulomb` is viscous + Coulomb, `coulomb@linear` Coulomb (linear)."""
+    """Return a model in words: "viscous + Coulomb" for `viscous+coulomb`, "Coulomb (linear)" for `coulomb@linear`."""
     damping, restoring = candidate_parts(name)
     terms = " + ".join(own_words(term) or law(term) for term in damping.split("+"))
     return f"{terms} ({law(restoring)})" if restoring else terms
 
 
 def law(name: str) -> str:
-    """Return a restoring law in words."""
+    """Return the name of a restoring law or of a damping term in words."""
     return _PROPER.get(name, name.replace("_", " "))
 
 
@@ -65,15 +65,15 @@ _METHODS = {
 
 
 def method(name: str) -> str:
-    """Return a method in words."""
+    """Return the name of an estimator, a sampler, an evidence method or a noise model in words."""
     return _METHODS.get(name, name.replace("_", " "))
 
 
 def stage(name: str) -> str:
-    """Return a stage of an estimator in words."""
+    """Return the name of an estimator's stage in words: "own estimate" or "trajectory fit"."""
     return {"initial": "own estimate", "refined": "trajectory fit"}.get(name, name)
 
 
 def unit(text: str) -> str:
-    """Return a unit with raised exponents."""
+    """Return a unit with raised exponents: s² for `s^2`."""
     return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")

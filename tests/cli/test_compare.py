@@ -82,7 +82,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
         return 0
 
     monkeypatch.setattr("bayesdamp.cli.runs.run_study", run)
-    monkeypatch.setattr("bayesdamp.cli.runs.conclude", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.cli.runs.print_conclusion", lambda *_: None)
     words = [*map(str, (good[0], bad, good[1])), "--quick", "--workers", "1", "--out", str(tmp_path / "out")]
     assert main(["compare", *words]) == 3
     said = capsys.readouterr().err.splitlines()
@@ -113,8 +113,8 @@ def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) 
 CLOSED = """
 import sys
 from pathlib import Path
-from bayesdamp.report.terminal import Lasting
-console = Lasting()
+from bayesdamp.report.terminal import PipeSafeConsole
+console = PipeSafeConsole()
 for _ in range(3):
     console.print("x")
 Path(sys.argv[1]).write_text("went on", encoding="utf-8")

@@ -13,12 +13,12 @@ from tests.interface.problems import TIMES, TRUTH, closed_form, not_refused
 Y = closed_form(TIMES, TRUTH)
 STAMPS = np.datetime64("2024-05-01") + (TIMES * 1e9).astype("timedelta64[ns]")
 REFUSED = {
-    "y > 0": (TIMES, Y > 0, "y holds true and false"),
-    "times that are true or false": (TIMES > 3, Y, "t holds true and false"),
-    "complex": (TIMES, Y + 1j, "y holds complex numbers"),
+    "y > 0": (TIMES, Y > 0, "y contains true and false"),
+    "times that are true or false": (TIMES > 3, Y, "t contains true and false"),
+    "complex": (TIMES, Y + 1j, "y contains complex numbers"),
     "text as objects": (TIMES, Y.astype(str).astype(object), "y is text"),
     "bytes": (TIMES.astype("S"), Y, "t is text"),
-    "dates": (STAMPS, Y, "t holds dates or spans of time; give seconds"),
+    "dates": (STAMPS, Y, "t contains dates or durations; give seconds"),
     "masked": (TIMES, np.ma.masked_greater(Y, 0.2), "y has .* masked values"),
     "a table": ({}, Y, "t must be an array of numbers"),
 }

@@ -33,7 +33,7 @@ WRONG: dict[str, Callable[[], object]] = {
         {"viscous": 0.1}, stiffnes=20.0
     ),
     "model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
-    "compare takes one signal": lambda: ANY.compare(3),
+    "compare: give one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
     "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
     "plot: unknown argument 'axes'; did you mean 'ax'": lambda: bd.signal(T, Y).plot(axes=None),  # type: ignore[call-arg]

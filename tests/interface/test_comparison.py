@@ -61,7 +61,7 @@ def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
     finally:
         TERMS.remove("unsolved")
     assert found.verdict.damping == "viscous"
-    said = [r for r in found.verdict.remarks if r.startswith("viscous+unsolved was not weighed: ")]
+    said = [r for r in found.verdict.remarks if r.startswith("viscous+unsolved was not compared: ")]
     assert len(said) == 1
     assert "has no `kernel`" in said[0]
     assert "has no `kernel`" in alone.outcome
@@ -157,7 +157,7 @@ def test_an_amplitude_is_asked_for_in_the_records_own_unit() -> None:
     asked = found.verdict.damping_ratio[1].amplitude
     one = bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[asked])
     assert [r.amplitude for r in one.verdict.damping_ratio] == pytest.approx([asked])
-    with pytest.raises(bd.InputError, match=r"0\.001 deg: the record has .* deg"):
+    with pytest.raises(bd.InputError, match=r"0\.001 deg: the amplitudes of the record are .* deg"):
         bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[0.001])
 
 

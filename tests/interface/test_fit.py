@@ -90,7 +90,7 @@ def test_axes_are_taken_as_a_user_has_them() -> None:
     (alone,) = fit().plot(four[1, 1], until=10.0)  # the record with the fit, without the residuals
     assert alone is four[1, 1]
     assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
-    wrong = {"ax has 4 axes; it must have 2": four, "holds a Figure; it must be matplotlib's axes": figure}
+    wrong = {"ax contains 4 axes; give 2": four, "contains a Figure; it must contain Matplotlib axes": figure}
     assert not_refused((partial(fit().plot, given), said) for said, given in wrong.items()) == []
     assert not_refused([(lambda: record().plot(tuple(four[0])), "ax has 2 axes; it must have 1")]) == []  # type: ignore[arg-type]
     plt.close("all")
@@ -136,7 +136,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "did you mean 'koopman'": lambda: bd.estimate(record(), "kopman", MODEL),
     "t must be finite times": lambda: fit().predict([np.nan]),
     "did you mean 'angle'": lambda: fit().predict([1.0], "angel"),
-    "a translation, which pendulum does not describe; restoring can be duffing, linear": lambda: bd.fit(
+    "but pendulum describes an angle; restoring can be duffing, linear": lambda: bd.fit(
         bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
     ),
 }

@@ -48,7 +48,7 @@ WRONG: list[tuple[dict, str]] = [
     ({"damping": "viscos"}, "did you mean 'viscous'"),
     ({"damping": ""}, "sum of different terms"),
     ({"restoring": "pendulm"}, "did you mean 'pendulum'"),
-    ({"noise": ()}, "names no noise model"),
+    ({"noise": ()}, "noise is empty"),
     ({"restoring": None}, "unknown restoring law None"),
     ({"priors": ["viscous"]}, "dictionary by parameter"),
     ({"deviation": "laws"}, "did you mean 'law'"),
@@ -62,7 +62,7 @@ WRONG: list[tuple[dict, str]] = [
     ({"priors": {"stiffness": bd.Normal(1.0, 1.0)}, "known": {"stiffness": 1.0}}, "give one of the two"),
     ({"amplitude": -1.0}, "must be a positive number"),
     ({"deviation": "law", "sensor": -1.0}, "must be a number from 0"),
-    ({"deviation": "law", "priors": {"noise_sd": bd.HalfNormal(1.0)}}, "has no meaning under deviation"),
+    ({"deviation": "law", "priors": {"noise_sd": bd.HalfNormal(1.0)}}, "is not inferred under deviation"),
 ]
 
 

@@ -73,7 +73,7 @@ def test_a_file(tmp_path: Path) -> None:
 
 WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: bd.signal([1, 2], [3, 4]), "2 samples; a signal needs at least 10"),
-    (lambda: bd.signal(TIMES, TIMES[1:]), "vectors of one length"),
+    (lambda: bd.signal(TIMES, TIMES[1:]), "vectors of equal length"),
     (lambda: bd.signal(TIMES, np.full(150, np.nan)), "not a finite number"),
     (lambda: bd.signal(TIMES, np.ones(150)), "constant"),
     (lambda: bd.signal(TIMES, TIMES, unit="degre"), "did you mean 'deg'"),
@@ -98,7 +98,7 @@ def test_a_file_that_is_no_result(tmp_path: Path) -> None:
     (tmp_path / "torn").write_bytes(b"PK nothing")
     with pytest.raises(bd.InputError, match="not a result"):
         bd.Fit.load(tmp_path / "torn")
-    with pytest.raises(bd.InputError, match="holds a Signal, not a Fit"):
+    with pytest.raises(bd.InputError, match="contains a Signal, not a Fit"):
         bd.Fit.load(record().save(tmp_path / "signal"))
 
 
@@ -112,7 +112,7 @@ def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> N
     sizes = [float(np.ptp(signal.y)) for signal in record.signals()]
     assert np.allclose(np.array(sizes) / sizes[0], [1, 2, 3], rtol=1e-2)
     assert [one.run for one in bd.read(path, runs="1,3").raw] == ["1", "3"]
-    with pytest.raises(bd.InputError, match="has no run 4; it has"):
+    with pytest.raises(bd.InputError, match="has no run 4; its runs are"):
         record.signal(4)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.priors import FURTHER_TERM
-from bayesdamp.report.results.checks import Checks
-from bayesdamp.report.results.run import RunFolder, over_odds, ranking
+from bayesdamp.report.results.checks import RecordChecks
+from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, ranking
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
@@ -84,7 +84,7 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
 
 def checked(run: RunFolder) -> tuple[list[str], list[str]]:
     """The sentences of the checks that pass, and of those that fail."""
-    result = Checks(run, "a").all()
+    result = RecordChecks(run, "a").all()
     return [c.text for c in result if not c.fails], [c.text for c in result if c.fails]
 
 
@@ -105,7 +105,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         "Residuals: viscous fits.",
         "Truth: the record was simulated with viscous damping, as the answer says.",
     ]
-    table = Checks(run_of(verdict(), truth="viscous", **tables), "a").table()
+    table = RecordChecks(run_of(verdict(), truth="viscous", **tables), "a").table()
     assert list(table.lines[0]) == [
         "ζ", "1/s", "0.0500 (0.0480 to 0.0520)", *["0.0500 (0.0480 to 0.0520)"] * 2, "0.0500000 (2)", "0.05",
     ]  # fmt: skip
@@ -151,7 +151,7 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
         stored = {"answer": cell("answer", verdict()), "posterior": chains}
         run = run_of(posteriors=chain())
         run.cell = lambda kind, *_: stored.get(kind)  # type: ignore[method-assign]
-        return " ".join(check.text for check in Checks(run, "a").all())
+        return " ".join(check.text for check in RecordChecks(run, "a").all())
 
     assert "NUTS confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in ratios(0.01, 0.001)
     assert "NUTS contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2 rad" in ratios(
@@ -200,7 +200,7 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
     result = ranking(run_of(evidence=evidence(**probabilities)), "a", 0)
     assert result is not None
-    shares = over_odds(result)
+    shares = probabilities_by_odds(result)
     assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
     lower, own, higher = shares.values()
     assert own == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
@@ -208,4 +208,4 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     assert higher["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
     single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
     assert single is not None
-    assert over_odds(single) == {}  # all have as many terms
+    assert probabilities_by_odds(single) == {}  # all have as many terms

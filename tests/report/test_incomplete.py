@@ -19,7 +19,7 @@ def test_an_empty_run_says_so(tmp_path):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     words = Page(render(tmp_path).read_text()).words
-    assert "does not contain a signal yet" in words
+    assert "does not contain any results yet" in words
 
 
 def without(folder: Path, *kinds: str) -> None:
@@ -33,7 +33,7 @@ def without(folder: Path, *kinds: str) -> None:
     [
         (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
         (["evidence.csv"], ["evidence"], "No verdict on the damping: no evidence was computed."),
-        ([], ["signal"], "The record is not in this folder."),
+        ([], ["signal"], "The samples of this record are not stored with the run; run the study again."),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
             ["posterior", "estimate", "evidence", "mode"],

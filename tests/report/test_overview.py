@@ -13,8 +13,8 @@ from rich.console import Console
 from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder, answers, common_amplitude, ratio_of
-from bayesdamp.report.sections.estimates import inside
-from bayesdamp.report.terminal import conclude
+from bayesdamp.report.sections.estimates import coverage_sentence
+from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.cells import claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
@@ -69,7 +69,7 @@ def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Pa
 
 def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:
     out = io.StringIO()
-    conclude(folder, Console(file=out, width=120))
+    print_conclusion(folder, Console(file=out, width=120))
     text = out.getvalue()
     lines = [line.split() for line in text.splitlines()]
     assert [line[0] for line in lines if "viscous" in line] == ["1", "2", "3"], (
@@ -89,7 +89,7 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
     low, high = estimates.posterior
     assert low < 0.0501 < high
     count = sum(low <= value <= high for value in estimates.refined.values())
-    assert f"{count} of 11 trajectory fits" in inside([estimates])
+    assert f"{count} of 11 trajectory fits" in coverage_sentence([estimates])
     assert np.isnan(estimates_of(run, "bench", "viscous")[0].truth)
 
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from bayesdamp.report.render import render
 from bayesdamp.report.results.run import RunFolder, models_not_pruned
 from bayesdamp.report.sections import SECTIONS, Section
-from bayesdamp.report.terminal import conclude
+from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import write_json
 from bayesdamp.store.cells import claim
 from tests.report.pages import Page, foreign
@@ -135,7 +135,7 @@ def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(
     warning = "it swings by 80 turns to either side."
     for warned in (False, True):
         printed = io.StringIO()
-        conclude(folder, Console(file=printed, width=200))
+        print_conclusion(folder, Console(file=printed, width=200))
         assert (f"Beware: {warning}" in printed.getvalue()) == warned
         assert (
             f"Warning from reading the record: {warning}" in Page(render(folder).read_text()).words

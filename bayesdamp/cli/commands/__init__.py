@@ -1,1 +1,1 @@
-"""Define the commands; each imports what it needs when it is run."""
+"""Define the commands, each in a module of its name, which is imported only when the command runs."""

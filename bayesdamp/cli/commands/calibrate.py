@@ -1,4 +1,4 @@
-"""`bayesdamp calibrate`: check the intervals of a study."""
+"""Define `bayesdamp calibrate`, which checks the intervals of a study with simulated records."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ from bayesdamp.cli.runs import read_study
 def calibrate(
     file: o.StudyFile,
     out: o.Out = None,
-    models: Annotated[bool, typer.Option("--models", help="Test the probabilities of the models.")] = False,
+    models: Annotated[
+        bool, typer.Option("--models", help="Check the probabilities of the models instead of the intervals.")
+    ] = False,
     records: Annotated[
         int | None,
-        typer.Option(min=1, help="Records of each model (of all with --models); by default as in the study."),
+        typer.Option(
+            min=1,
+            help="Number of records of each model (with --models of all models together); by default as in the study.",
+        ),
     ] = None,
     workers: o.Workers = None,
     fresh: o.Fresh = False,
@@ -28,7 +33,7 @@ def calibrate(
         typer.Option("--no-report", help="Do not write report.html; `bayesdamp report` writes it later."),
     ] = False,
 ) -> int:
-    """Check the intervals: draw from a study's own prior, simulate, infer, and compare with the truth."""
+    """Check the intervals: simulate records with parameters from the study's prior, and compare with the truth."""
     loaded = read_study(file)
     folder = check_folder(out, loaded.name)
     status = run_calibration(

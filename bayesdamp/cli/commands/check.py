@@ -1,4 +1,4 @@
-"""`bayesdamp check`: check a study file."""
+"""Define `bayesdamp check`, which checks a study file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`bayesdamp claims`: measure what the paper claims."""
+"""Define `bayesdamp claims`, which tests the claims of the paper."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def claims(
     ] = None,
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
-    """Measure each claim of the paper on the eleven estimators, and report whether it holds."""
+    """Test each claim of the paper about the eleven estimators, and report whether it holds."""
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(

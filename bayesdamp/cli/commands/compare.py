@@ -1,4 +1,4 @@
-"""`bayesdamp compare`: find the damping of records."""
+"""Define `bayesdamp compare`, which finds the damping of records."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 
 FIRST_WORDS = 5
-"""Largest number of records in one command for which a first line on each is printed."""
+"""Largest number of records in one command for which a line is printed before anything is fitted."""
 ALONE = 6
-"""Number of envelopes that one process answers before a second one has started."""
+"""Largest number of envelopes that are computed in this process: starting a second process takes longer (measured)."""
 
 
 def compare(
@@ -43,7 +43,7 @@ def compare(
     frequency: Annotated[
         float | None,
         o.option(
-            READING, "Frequency of the oscillation in Hz, for an envelope; by default from the file's head."
+            READING, "Frequency of the oscillation in Hz, for an envelope; by default from the file's header."
         ),
     ] = None,
     clock: o.Clock = "auto",
@@ -87,8 +87,8 @@ def compare(
         o.option(
             RUNNING,
             "Also check the answer by NUTS and bridge sampling, assuming that laws hold exactly; takes minutes. "
-            "With --deviation law, under the answer's own deviations. With --repeats, the joint fit "
-            "under --deviation.",
+            "With --deviation law, these allow the same deviations as the answer. With --repeats, also fit all "
+            "records jointly.",
             "--exact",
         ),
     ] = False,
@@ -99,7 +99,7 @@ def compare(
     sensor: Annotated[
         float,
         o.option(
-            WEIGHED, "Linearity error of the sensor (0.002 is 0.2 %), the least error of a damping ratio."
+            WEIGHED, "Linearity error of the sensor (0.002 is 0.2 %), the smallest error of a damping ratio."
         ),
     ] = 0.002,
     quiet: o.Quiet = False,
@@ -133,7 +133,7 @@ def compare(
         chosen = r.chosen_records(records, reading)
         failed = chosen.failed
         signals = r.as_signals(chosen.records, reading)
-    # Threads of this process answer a single record: other processes would only wait.
+    # A single record is computed by the threads of this process; more processes would not make it faster.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
     study = comparison(
         signals,
@@ -149,16 +149,18 @@ def compare(
     if not quiet:
         few = 0 < len(chosen.records) <= FIRST_WORDS
         first = first_words_on(read_by_study(chosen.records, study), reading) if few else []
-        # What may have been misread comes first, and how the file was read last.
+        # First the lines on what may be read wrongly, last the lines on how the file was read.
         for line in [*chosen.doubted, *first, *r.one_command(chosen.records, reading), *chosen.notes]:
             typer.echo(line, err=True)
-    # Imports slowly, which the first words do not wait for.
+    # Import this here, because it is slow, and the first lines should be printed at once.
     from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
 
     folder = check_folder(out, study.name) if out is not None else choose_folder(study)
     if folder.name != study.name and out is None and not quiet:
         before = folder.with_name(study.name)
-        typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
+        typer.echo(
+            f"{before} contains the answer to a different question; this answer goes to {folder}", err=True
+        )
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     options = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
     return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **options)
@@ -167,27 +169,27 @@ def compare(
 def _envelopes(
     paths: Sequence[Path], unit: str | None, **options: Any
 ) -> tuple[list[Asked], list[InputError]]:
-    """Return the envelopes of files as entries of a study's [[signal]], and what is wrong with other files.
+    """Convert files of envelopes to entries [[signal]] of a study, and return the errors of files that are unreadable.
 
     Parameters
     ----------
     paths
         The files.
     unit
-        Unit of the readings; None where the files give it.
+        Unit of the readings; None to take it from the files.
     **options
-        As in a [[signal]]: time, angle, rate, frequency, start, stop.
+        Further keys of a [[signal]]: time, angle, rate, frequency, start, stop.
 
     Raises
     ------
     InputError
-        Where none can be read.
+        If no file can be read.
     """
 
     from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
 
     def check(path: Path) -> Asked:
-        # Not validated as a table of a study, because the user did not write its keys.
+        # Not validated as a [[signal]], because its errors would name keys that the user did not write.
         source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
         read_recording(source, path.name)
         return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
@@ -196,7 +198,7 @@ def _envelopes(
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
-    """Return records with the free decays that the study's run will use; without one where it cannot be read."""
+    """Return the records with the free decays that the run of the study will use, as far as these can be read."""
     read = []
     for record, spec in zip(records, study.signals, strict=True):
         assert isinstance(spec.source, Recording)
@@ -207,10 +209,10 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
 
 
 def first_words_on(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
-    """Return lines on records before anything is fitted.
+    """Return lines on records that are printed before anything is fitted.
 
-    For each record its frequency and damping without any law, or what it is if not the free decay of one oscillator;
-    nothing where nothing oscillates. Then a line for each file whose unit is assumed.
+    For each record that oscillates, a line gives its frequency and its damping without a law, or says that it is not
+    the free decay of one oscillator. Then there is a line for each file for which the unit rad is assumed.
     """
     lines = []
     assumed: dict[str, None] = {}

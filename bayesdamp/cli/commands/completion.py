@@ -1,4 +1,4 @@
-"""`bayesdamp completion`: print the script with which a shell completes commands and options."""
+"""Define `bayesdamp completion`, which prints the script with which a shell completes commands and options."""
 
 from __future__ import annotations
 

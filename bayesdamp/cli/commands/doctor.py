@@ -1,4 +1,4 @@
-"""`bayesdamp doctor`: check the installation."""
+"""Define `bayesdamp doctor`, which checks the installation."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import typer
 from bayesdamp.machine import cache_folder
 
 LEAST_MEMORY = 2.0
-"""GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes needs (measured)."""
+"""Required memory in GiB: twice the 0.95 GiB of a quick comparison of 2,001 samples on two processes (measured)."""
 TRUTH, WITHIN = 0.05, 0.1
 """Decay rate in 1/s of the test record, and the relative error that the answer may have (conventional)."""
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """One line: what was checked, whether it is good, and what there is (or how to correct it)."""
+    """The result of one check: what was checked, whether it is good, and a text with details or the remedy."""
 
     what: str
     good: bool
@@ -29,13 +29,15 @@ class CheckResult:
 
 
 def packages() -> CheckResult:
-    """Check the required libraries against the ranges that the package states."""
+    """Check whether the versions of the required libraries are in the ranges that the package allows."""
     from packaging.requirements import Requirement
 
     try:
         needed = [Requirement(text) for text in requires("bayesdamp") or ()]
     except PackageNotFoundError:
-        return CheckResult("libraries", False, "bayesdamp is not installed; pip install -e . in its folder")
+        return CheckResult(
+            "libraries", False, "bayesdamp is not installed; run pip install -e . in its folder"
+        )
     wrong, right = [], 0
     for library in needed:
         if library.marker is not None and not library.marker.evaluate({"extra": ""}):
@@ -53,7 +55,7 @@ def packages() -> CheckResult:
 
 
 def cache() -> CheckResult:
-    """Check the folder of compiled programs."""
+    """Check whether the cache folder of compiled code can be written."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -66,7 +68,7 @@ def cache() -> CheckResult:
 
 
 def kernels() -> CheckResult:
-    """Load the compiled kernels, and compile them where that is needed."""
+    """Load the compiled kernels, or compile them if necessary."""
     from bayesdamp.physics.kernel.solve import warm
 
     began = time.perf_counter()
@@ -87,7 +89,7 @@ def machine() -> CheckResult:
 
 
 def answer() -> CheckResult:
-    """Analyse a small simulated record, whose damping is known."""
+    """Compare dampings on a small simulated record, and check the result against the true damping."""
     import bayesdamp as bd
 
     options = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
@@ -104,7 +106,7 @@ CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kerne
 
 
 def results(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
-    """Run each check; an exception in one is its result."""
+    """Run each check and yield its result. An exception in a check is reported as a failed check."""
     for function in checks:
         try:
             yield function()

@@ -1,4 +1,4 @@
-"""`bayesdamp init`: write a commented study that compares files as `bayesdamp compare` does."""
+"""Define `bayesdamp init`, which writes a commented study that compares files as `bayesdamp compare` does."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SECTIONS: dict[str, type[StudySection]] = {
     "evidence": EvidenceTable,
 }
 _TABLES = {
-    "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',
+    "estimators": 'Estimators to run in addition to the comparison; use = "all" runs all eleven.',
     "models": "Which damping laws are compared.",
     "posterior": "How the posterior is sampled.",
     "evidence": "How damping models are compared, and when nested sampling is used as well.",
@@ -45,19 +45,19 @@ _TABLES = {
 
 
 def study_text(records: Sequence[Asked], out: Path) -> str:
-    """Return the study of records whose files are in the folder of `out`, where it will be written.
+    """Return the text of a study of these records, whose files are in the same folder as the study file `out`.
 
     Raises
     ------
     InputError, StudyError
-        Where the study would not be valid.
+        If the study would be invalid.
     """
     tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
     typed, of = _commented(shlex.quote(out.name)), _commented(Path(records[0]["file"]).name)
     lines = [
-        f"# A study of {of}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
-        f"#   bayesdamp check {typed}    reads it and reports errors",
-        f"#   bayesdamp study {typed}    runs it, in minutes; with --quick the answer alone, in seconds",
+        f"# A study of {of} with the settings of `bayesdamp compare --exact`. Correct what is wrong, then run",
+        f"#   bayesdamp check {typed}    to check it for errors",
+        f"#   bayesdamp study {typed}    to compute it in minutes; with --quick only the answer, in seconds",
         "",
     ]
     lines += [
@@ -80,23 +80,24 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
 
 
 def _commented(text: str) -> str:
-    """Return a text as one line of a comment."""
+    """Return a text as one printable line, for a comment in the study."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def _place(item: tuple[str, Any]) -> int:
-    """Return the place of a key in a [[signal]]: these come last, in this order."""
+    """Return the sort key of an item of a [[signal]]: specimen, restoring and system come last."""
     last = ("specimen", "restoring", "system")
     return last.index(item[0]) if item[0] in last else -1
 
 
 def _line(section: type[StudySection], key: str, value: object) -> str:
+    """Return a line of the study with a key, its value, and its description as a comment."""
     text = f"{key} = {written(value)}"
     return f"{text:<48} # {section.model_fields[key].description}"
 
 
 def written(value: object) -> str:
-    """Return a value as TOML writes it."""
+    """Convert a value to TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""`bayesdamp look`: show what is read of a file, before anything is computed."""
+"""Define `bayesdamp look`, which shows how a file is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bayesdamp.records.opening import contents
 from bayesdamp.types import InputError
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
-"""Largest numbers of these that are shown."""
+"""Largest numbers of columns, plots and facts on the file that are shown."""
 NARROWEST = 10
 """Smallest width of a plot in characters."""
 
@@ -40,7 +40,7 @@ def look(
     plugin: o.Plugins = None,
     html: Annotated[Path | None, typer.Option(help="Also write a page of HTML with this name.")] = None,
 ) -> int:
-    """Show what is read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
+    """Show how a file is read: columns, units, clock, the free decay in it, and what looks wrong."""
     page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:
         page.check()
@@ -79,7 +79,9 @@ def look(
         for line in view.lines:
             console.print(f"  {line}", markup=False, highlight=False)
         if i < PLOTS:
-            width = max(NARROWEST, min(console.width, 100) - 2)  # a terminal may have no width
+            width = max(
+                NARROWEST, min(console.width, 100) - 2
+            )  # the width of a terminal may be reported as 0
             console.print(looking.plot(view.t, view.y, view.window, width))
     if page is not None:
         from bayesdamp.cli.look_page import page_of  # imports Matplotlib

@@ -1,4 +1,4 @@
-"""`bayesdamp report`: write the report of a run again."""
+"""Define `bayesdamp report`, which writes the report of a run again."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ from bayesdamp.types import InputError
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]) -> int:
     """Write the report of a run again; nothing is computed."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder; give the folder of a run, such as reports/NAME")
+        raise InputError(f"{folder}: no such folder; give the folder of a run, such as reports/NAME")
     typer.echo(render(folder))
     return 0

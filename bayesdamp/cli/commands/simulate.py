@@ -1,4 +1,4 @@
-"""`bayesdamp simulate`: write a record to try the program on."""
+"""Define `bayesdamp simulate`, which writes a simulated record to try the program on."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from bayesdamp.plugins import read_modules, use
 from bayesdamp.types import InputError
 
 DAMPING = {"viscous": 0.1}
-"""Default damping, in 1/s: Q of about 30."""
+"""Default damping in 1/s, with a Q of about 30."""
 LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
-"""Defaults of the restoring laws' parameters: about 1 Hz, and visible nonlinearities."""
+"""Default parameters of the restoring laws, with a frequency of about 1 Hz and visible nonlinearities."""
 NOISE = 0.01
-"""Default noise as a share of the amplitude: a record without any noise has no likelihood."""
+"""Default sd of the noise as a fraction of the amplitude; without noise a record would have no likelihood."""
 
 
 def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
-    """Parse `a=1,b=2`. Raises InputError for anything else."""
+    """Parse texts such as `a=1,b=2` to numbers by name. Raises InputError for other texts."""
     values: dict[str, float] = {}
     for part in ",".join(texts).split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
@@ -48,7 +48,7 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 
 
 def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
-    """Return the defaults other than zero that were used, as one would type them; empty where there are none."""
+    """Return the nonzero defaults that were used, in the form of options; empty if there are none."""
     system = {name: LAW[name] for name in LAWS.get(restoring).parameters if name in LAW} | START
     left = {name: value for name, value in system.items() if value and name not in other}
     options = {"--damping": {} if damping else DAMPING, "--set": left}
@@ -57,7 +57,10 @@ def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], rest
 
 
 def suggest_option(option: str) -> str:
-    """Return what to type for an unknown option that is a damping term or a parameter; empty for others."""
+    """Return a hint on the right option, for an unknown option that is the name of a damping term or a parameter.
+
+    Empty for other unknown options.
+    """
     name = option.lstrip("-").replace("-", "_")
     if name in TERMS.names():
         return f"; it is --damping {name}=NUMBER"
@@ -72,23 +75,23 @@ def simulated(
     noise_sd: float | None = None,
     **options: Any,
 ) -> tuple[Signal, float]:
-    """Return the record that `simulate` makes from the words of the command, and the sd of its noise in rad.
+    """Simulate a record with the options of the command. Return it, and the sd of its noise in rad.
 
     Parameters
     ----------
     damping, other
-        Coefficients and parameters, by name.
+        Values of the options --damping and --set, by name.
     restoring
         The restoring law.
     noise_sd
-        Standard deviation of the noise in rad; a hundredth of the amplitude by default.
+        Standard deviation of the noise in rad; by default 1 % of the amplitude.
     **options
-        Options of `simulate`.
+        Further options of `bayesdamp.simulate`.
 
     Raises
     ------
     InputError
-        Where the record cannot be simulated.
+        If the record cannot be simulated.
     """
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
     terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
@@ -101,13 +104,13 @@ def simulated(
         noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
         if noise_sd == 0:
             raise InputError(
-                "simulate: nothing moves; start away from rest, for example with --set theta0=0.3"
+                "simulate: the oscillator does not move; start it away from equilibrium, such as --set theta0=0.3"
             )
     return make(noise_sd=noise_sd), noise_sd
 
 
 def as_csv(signal: Signal) -> str:
-    """Return the record as CSV, after a line that marks it as simulated."""
+    """Return the record as CSV. Its first line marks it as simulated."""
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
     return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"
 

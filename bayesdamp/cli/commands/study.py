@@ -1,4 +1,4 @@
-"""`bayesdamp study`: run a study file."""
+"""Define `bayesdamp study`, which runs a study file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from bayesdamp.cli.runs import read_study, run_and_print
 from bayesdamp.config import in_keys
 from bayesdamp.pipeline.jobs import Depth
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.terminal import beware
+from bayesdamp.report.terminal import print_warnings
 
 
 def study(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="A study file (TOML), the name of one that ships, or a run's run.json."
+            metavar="FILE",
+            help="A study file (TOML), the name of a study of the package, or the run.json of a run.",
         ),
     ],
     out: o.Out = None,
@@ -33,13 +34,13 @@ def study(
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
 ) -> int:
-    """Run what is missing of a study, and write its report."""
+    """Run the tasks of a study that are not done yet, and write its report."""
     loaded = read_study(file, plugin)
     folder = check_folder(out, loaded.name)
 
     def finish(folder: Path, console: Console) -> None:
         if (page := folder / "report.html").is_file():
-            beware(RunFolder(folder), console)
+            print_warnings(RunFolder(folder), console)
             typer.echo(page)
 
     depth = Depth.ANSWER if quick else Depth.WHOLE

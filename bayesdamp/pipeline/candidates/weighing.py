@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import COMBINED, NESTED_CHECK, adopted, disagreement
-from bayesdamp.interface.evidence import FROM_DRAWS, weigh
+from bayesdamp.interface.evidence import FROM_DRAWS, run_evidence_method
 from bayesdamp.numerics.weights import quantiles
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -66,7 +66,7 @@ def compute_evidence(branch: Branch, method: str, seed: int) -> Product:
     if EVIDENCES.get(method).needs_draws and FROM_DRAWS in study.posterior.samplers:
         cell = branch.store.read(f"posterior/{branch.path}/{FROM_DRAWS}")
         draws, outcome = cell.arrays.get("draws"), cell.outcome
-    evidence = weigh(branch.fit, method, seed, draws, outcome)
+    evidence = run_evidence_method(branch.fit, method, seed, draws, outcome)
     arrays: Mapping[str, np.ndarray] = {}
     if branch.repeat == 0:  # only sensitivity cells read them, which are of the first repeat
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in evidence.arrays.items()}

@@ -1,4 +1,4 @@
-"""Draw an answer: record, damping ratio, residual and energy lost in a cycle; of an envelope the exponent too."""
+"""Draw the figures of an answer: of one oscillation, of several records together, and of an envelope."""
 
 from __future__ import annotations
 
@@ -31,38 +31,42 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
 HEIGHT = 6.2
-"""Height of the figure, in inches."""
+"""Height of the figure of an answer, in inches."""
 FREE = "#c9b27c"
-"""Colour of the band of the damping curve without a law."""
+"""Colour of the band around the damping curve that is measured without a law."""
 POINTS = 1200
-"""Points of a line in a panel, two for each of its pixels in the PNG."""
+"""Largest number of points of a line in a panel: about two for each column of pixels in the PNG."""
 FEW = 6
-"""Largest number of records of an overview that have colours and names."""
+"""Largest number of records in an overview that are drawn in different colours and with a legend."""
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
 MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
-"""Exponents of laws, with their names and terms."""
+"""Exponents that are marked on the axis, each with its label and its damping term."""
 ENDS = (-0.12, 3.05)
 """Ends of the exponent's axis; its prior is uniform between 0 and 3."""
 CUBIC = (3.0, "cubic", "cubic")
+"""A further mark on that axis, as in `MARKED`."""
 FIT, BAND = USED, "#D55E00"
+"""Colours of the fit, and of the ends of the decay and the scatter of the readings, in the figure of an envelope."""
 PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
-"""Left, bottom, width and height of the three panels in the figure."""
+"""Left, bottom, width and height of the three panels in the figure of an envelope, as fractions of the figure."""
 
 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "") -> Figure:
-    """Return a figure with four panels, or three if no law is drawn.
+    """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
+
+    There are three panels if no law is drawn, because there is no residual.
 
     Parameters
     ----------
     arrays
-        As `inference.deviation.findings` returns them.
+        The arrays of the answer, as `inference.deviation.findings.picture` returns them.
     unit
-        Of the displacement.
+        Unit of the displacement.
     damping
         The damping sum whose fit is drawn.
     recorded
-        Unit of the record if it differs from `unit`.
+        Unit of the recorded quantity, if it differs from `unit`.
     """
     figure, has_fit = Figure(figsize=(WIDTH, HEIGHT)), "fit" in arrays
     axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
@@ -84,9 +88,9 @@ def draw_answer(
     damping: str,
     recorded: str = "",
 ) -> None:
-    """Draw the four panels on these axes: record, damping ratio, residual, energy.
+    """Draw the four panels of `answer` on the given axes: record, damping ratio, residual, energy.
 
-    The panel of the residual stays empty if no law is drawn. The other arguments are those of `answer`.
+    If no law is drawn, the axes of the residual are switched off. For the other arguments see `answer`.
     """
     whole, ratio, rest, energy = axes
     assert whole is not None
@@ -111,7 +115,7 @@ def draw_answer(
         rest.axhline(0.0, color=QUIET, lw=0.6)
         rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
     _ratios(ratio, arrays, unit)
-    # The energy lost in a cycle: by each term, or without a law.
+    # Energy lost in a cycle: by each damping term, or in total as measured without a law.
     a, lost = arrays["amplitude"], False
     for name, values in sorted(arrays.items()):
         if name.startswith("work/"):
@@ -131,7 +135,7 @@ def draw_answer(
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    """Draw the damping ratio against amplitude, with each law and with the ratio without a law."""
+    """Draw the damping ratio against amplitude: of the answer, of each law fitted alone, and measured without a law."""
     law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")
     if law_free:
@@ -154,7 +158,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
     plain(ax.xaxis)
     ax.set_xlim(a.min(), a.max())
-    # Below the axes, because ten names would hide the curves.
+    # The legend is below the axes, because up to ten entries would hide the curves.
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), fontsize=6.5, ncols=2, borderaxespad=0.1)
 
 
@@ -164,9 +168,9 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     Parameters
     ----------
     curves
-        Record to amplitude, ratio and the ends of its interval, each (m,).
+        For each record: amplitude, damping ratio and the ends of its 95 % interval, each (m,).
     unit
-        Of the amplitudes.
+        Unit of the amplitudes.
     """
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
@@ -189,16 +193,16 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
 
 
 def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str) -> Figure:
-    """Draw the posterior of the exponent, with its median and 95 % interval below.
+    """Draw the posterior of the exponent of the velocity, with its median and 95 % interval below.
 
     Parameters
     ----------
     draws
-        Of the exponent, (n,).
+        Draws of the exponent, (n,).
     interval
-        Value, low, high.
+        Median of the exponent and the ends of its 95 % interval.
     title
-        Of the figure.
+        Title of the figure.
     """
     figure = Figure(figsize=(WIDTH, 1.9))
     draw_exponent(figure.subplots(), draws, interval, title)
@@ -213,9 +217,9 @@ def draw_exponent(
     title: str = "",
     marked: Sequence[tuple[float, str, str]] = MARKED,
 ) -> None:
-    """Draw the exponent on these axes, as `exponent` does; without draws only its interval.
+    """Draw the posterior of the exponent on the given axes, as `exponent` does; without draws only its interval.
 
-    `marked` contains exponents of laws, their names and terms.
+    `marked` lists the exponents that are marked on the axis, each with its label and its damping term.
     """
     value, low, high = interval
     for place, name, term in marked:
@@ -239,19 +243,19 @@ def draw_exponent(
 def draw_envelope(
     axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
 ) -> None:
-    """Draw the record with its fit, the residual and the exponent; without a decay only the record.
+    """Draw an envelope with its fit, the residual and the exponent; without a decay only the record.
 
     Parameters
     ----------
     axes
-        Three; those that stay empty are switched off.
+        Three axes, for record, residual and exponent. Axes without content are switched off.
     arrays
-        `t` (s) and `level` (dB) of the record; `curve/...` of the decay, the fields of
+        `t` (s) and `level` (dB): the record; `curve/...`: the decay, with the fields of
         `inference.envelope.decay.Curve`.
     verdict
-        On the record.
+        The verdict on the record.
     unit
-        Of the levels.
+        Unit of the levels.
     """
     whole, rest, below = axes
     whole.plot(*thinned(arrays["t"], arrays["level"], POINTS), color=QUIET, lw=0.7)
@@ -286,7 +290,7 @@ def draw_envelope(
 
 
 def picture(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> bytes:
-    """Return the figure as PNG. The arguments are those of `draw_envelope`."""
+    """Draw an envelope as `draw_envelope` does, and return the figure as PNG."""
     figure = Figure(figsize=(9.6, 4.2), dpi=90)
     canvas = FigureCanvasAgg(figure)
     draw_envelope([figure.add_axes(place) for place in PLACES], arrays, verdict, unit)

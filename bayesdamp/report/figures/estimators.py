@@ -1,4 +1,4 @@
-"""Draw estimates against the posterior, errors along a factor, and further results of single methods."""
+"""Draw estimates against the posterior, errors against noise, sampling and length, and results of single methods."""
 
 from __future__ import annotations
 
@@ -18,23 +18,28 @@ from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEsti
 
 SINGLE = 4.3
 """Width of a figure with a single panel in a row, in inches."""
-ABREAST = 4
+MOST_IN_ROW = 4
 """Largest number of panels in a row; more would be too narrow for their labels."""
-REACH = 3.0
-"""Half the axis in half widths of the posterior's interval, which then fills the middle third."""
-ALONE = 0.06
-"""Half the axis without a posterior, as a share of the truth or of the median estimate."""
+HALF_AXIS = 3.0
+"""Half the length of the axis, in half widths of the posterior's 95 % interval, which then fills the middle third."""
+HALF_AXIS_ALONE = 0.06
+"""Half the length of the axis without a posterior, as a fraction of the true value or of the median estimate."""
 ROW, ROW_PUBLISHED = 0.31, 0.40
-"""Inches for each method, with two and with three marks."""
+"""Height in inches for each method, without and with a mark of the published error."""
 _MARKS = "osD^vP*Xph<>"
 LOWEST, HIGHEST = 1e-7, 1e3
-"""Errors in per cent between which `sweep` draws."""
+"""Limits in per cent to which `sweep` clips errors."""
 
 
 def traces(curves: Mapping[str, np.ndarray]) -> Figure:
-    """Draw the progress of iterations: title to curve, (n,).
+    """Draw the progress of iterative methods, a panel for each curve.
 
-    The axis is logarithmic if all values are positive and span two decades.
+    An axis is logarithmic if all values are positive and span two decades.
+
+    Parameters
+    ----------
+    curves
+        For each title, the values by iteration, (n,).
     """
     columns = min(4, len(curves))
     rows = -(-len(curves) // columns)
@@ -51,15 +56,17 @@ def traces(curves: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-def against(estimates: Sequence[CoefficientEstimates], abreast: int = ABREAST) -> Figure:
-    """Draw a panel for each coefficient, with a line for each method; an arrow shows what is off the axis.
+def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MOST_IN_ROW) -> Figure:
+    """Draw the estimates of each coefficient in a panel with a row for each method.
+
+    An arrow marks an estimate that is off the axis.
 
     Parameters
     ----------
     estimates
-        The coefficients.
+        The estimates of each coefficient.
     abreast
-        Number of panels in a row.
+        Largest number of panels in a row.
     """
     abreast = min(abreast, len(estimates))
     methods = list(dict.fromkeys(m for e in estimates for m in e.methods))
@@ -89,12 +96,15 @@ def against(estimates: Sequence[CoefficientEstimates], abreast: int = ABREAST) -
 
 
 def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
+    """Draw the estimates of one coefficient, with its posterior and true value."""
     shade = colour(e.model)
+    # The axis is centred on the posterior, or else on the true value or the median estimate.
     middle = e.truth if np.isfinite(e.truth) else float(np.median([*e.own.values(), *e.refined.values()]))
-    reach = ALONE * abs(middle) or 1.0
+    reach = HALF_AXIS_ALONE * abs(middle) or 1.0
     if e.posterior is not None:
         middle = 0.5 * (e.posterior[0] + e.posterior[1])
-        reach = REACH * 0.5 * (e.posterior[1] - e.posterior[0]) or ALONE * abs(middle) or 1.0
+        width = e.posterior[1] - e.posterior[0]
+        reach = HALF_AXIS * 0.5 * width or HALF_AXIS_ALONE * abs(middle) or 1.0
         if np.isfinite(e.truth):
             reach = max(reach, 1.2 * abs(e.truth - middle))
     low, high = middle - reach, middle + reach
@@ -142,7 +152,7 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
 
 
 def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -> Figure:
-    """Draw the eigenvalues of a generator: real part in 1/s, imaginary part in rad/s."""
+    """Draw the eigenvalues of a Koopman generator: real parts in 1/s, imaginary parts in rad/s."""
     figure = Figure(figsize=(4.6, 2.5))
     ax = figure.add_subplot()
     ax.axvline(0, color=FAINT, lw=0.8, zorder=0.5)
@@ -157,18 +167,18 @@ def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -
 def force(
     velocity: Sequence[float], learnt: Sequence[float], law: Sequence[float], model: str, unit: str
 ) -> Figure:
-    """Draw a learnt damping force, and the law with the coefficient that was read from it.
+    """Draw a learnt damping force, and the damping law that was fitted to it.
 
     Parameters
     ----------
     velocity
-        Of the record, (n,), in `unit` per s.
+        Velocities, (n,), in `unit` per s.
     learnt, law
-        The forces, (n,), in `unit` per s².
+        The learnt force and that of the law at these velocities, (n,), in `unit` per s².
     model
-        For the colour.
+        Name of the model, which determines the colour.
     unit
-        Of the displacement.
+        Unit of the displacement.
     """
     figure = Figure(figsize=(4.6, 2.5))
     ax = figure.add_subplot()
@@ -181,9 +191,9 @@ def force(
 
 
 def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
-    """Draw the errors along a factor: left the initial stage, right the refined one.
+    """Draw the errors of the methods against one factor: left their own estimates, right the trajectory fits.
 
-    Both axes are logarithmic; a value of 0 is at the left edge.
+    Both axes are logarithmic. A factor of 0 (no noise) is drawn at the left edge.
     """
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = np.atleast_1d(figure.subplots(1, 2, sharey=True))

@@ -18,33 +18,35 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
 
 _BINS = 160
+"""Number of grid points of a drawn density."""
 TRUE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 """Style of a line at a true value."""
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
 """Parameters that cannot be negative, besides the damping coefficients."""
 SETTLING = 0.15
-"""Share of the record, at its beginning, whose band is too wide to set the scale of the axis."""
+"""Fraction of the record, from its beginning, that does not set the scale of the axis because the band is too wide."""
 
 Draws = Mapping[str, Mapping[str, np.ndarray]]
-"""Sampler to parameter to its draws, of any shape."""
+"""For each sampler and parameter its draws, of any shape."""
 Interval = tuple[float, float, float]
-"""2.5, 50 and 97.5 %."""
+"""Quantiles at 2.5, 50 and 97.5 %."""
 
 
 def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return a smooth density of draws.
+    """Estimate the density of draws with a Gaussian kernel, scaled to a maximum of 1.
 
     Parameters
     ----------
     draws
-        Of any shape.
+        The draws, of any shape.
     reflected
-        Whether the quantity cannot be negative; then the density is reflected at zero and ends there.
+        Whether the quantity cannot be negative. The density is then zero below zero, and the part that the kernel puts
+        there is reflected.
 
     Returns
     -------
     tuple
-        Grid and density, whose maximum is 1, each (bins,).
+        Grid and density, each (bins,).
     """
     flat = np.ravel(draws)
     flat = flat[np.isfinite(flat)]
@@ -54,7 +56,7 @@ def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.
     reflect = reflected and low < 0
     low = 0.0 if reflect else low
     counts, edges = np.histogram(flat, bins=_BINS, range=(low, high))
-    width = 1.06 * flat.std() * flat.size**-0.2 / (edges[1] - edges[0])
+    width = 1.06 * flat.std() * flat.size**-0.2 / (edges[1] - edges[0])  # Scott's rule, in bins
     height = gaussian_filter1d(
         counts.astype(float), max(1.0, width), mode="reflect" if reflect else "constant"
     )
@@ -64,19 +66,19 @@ def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.
 def contours(
     x: np.ndarray, y: np.ndarray, reflected: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
-    """Return a smooth joint density of draws, and its levels that enclose 90 % and 50 % of them.
+    """Estimate the joint density of two parameters, and the levels whose contours enclose 90 % and 50 % of it.
 
     Parameters
     ----------
     x, y
-        Draws, of the same shape.
+        Draws of the two parameters, of the same shape.
     reflected
         Whether x and y cannot be negative, as in `outline`.
 
     Returns
     -------
     tuple
-        Grids of x and y, (80,) each, the density (y, x), and the two levels.
+        Grids of x and y, (80,) each, the density at (y, x), and the two levels.
     """
     x, y = np.ravel(x), np.ravel(y)
     edges, modes = [], []
@@ -103,15 +105,15 @@ def marginals(
     Parameters
     ----------
     model
-        Its name.
+        Name of the model.
     draws
-        Of each sampler.
+        Draws of each sampler.
     units
-        Of the parameters.
+        Units of the parameters.
     truth
-        True values, for the parameters for which they are known.
+        True values of the parameters; nan if not known.
     damping
-        The damping coefficients, which are never negative.
+        Names of the damping coefficients, which are never negative.
     """
     names = list(dict.fromkeys(name for own in draws.values() for name in own))
     rows = -(-len(names) // 4)
@@ -130,9 +132,9 @@ def marginals(
 def pairs(
     model: str, names: Sequence[str], draws: Draws, units: Mapping[str, str], truth: Mapping[str, float]
 ) -> Figure:
-    """Draw the damping coefficients in pairs: contours of 50 % and 90 % of the posterior's mass.
+    """Draw pairs of damping coefficients, with contours that enclose 50 % and 90 % of the posterior.
 
-    `names` contains the coefficients; the other arguments are those of `marginals`.
+    `names` lists the coefficients. For the other arguments see `marginals`.
     """
     count = len(names)
     figure = Figure(figsize=(2.5 * count + 0.4, 2.3 * count + 0.4))
@@ -168,7 +170,7 @@ def pairs(
 
 
 def _densities(ax: Axes, model: str, name: str, draws: Draws, reflected: bool) -> None:
-    """Draw the density of a parameter by each sampler that has it."""
+    """Draw the marginal density of a parameter by each sampler that drew it."""
     for i, own in enumerate(draws.values()):
         if name in own:
             grid, height = outline(own[name], reflected)
@@ -181,19 +183,23 @@ def _densities(ax: Axes, model: str, name: str, draws: Draws, reflected: bool) -
 
 
 def _mark(line: Callable[..., object], value: float | None) -> None:
-    """Draw a line at a true value if it is known."""
+    """Draw a line at a true value if it is known. `line` is `ax.axvline` or `ax.axhline`."""
     if value is not None and np.isfinite(value):
         line(value, **TRUE)
 
 
 def _strokes(model: str, place: int) -> tuple[dict, str | None]:
-    """Return the line and the fill of the sampler at this place: the first is filled, the others are lines over it."""
+    """Return the style of the line, and the colour of the fill, of the sampler with this index.
+
+    Only the first sampler is filled; the others are lines over it.
+    """
     if place == 0:
         return {"color": colour(model), "lw": 1.3, "ls": "-"}, colour(model)
     return {"color": INK, "lw": 1.0, "ls": ("--", ":", "-.")[(place - 1) % 3]}, None
 
 
 def _samplers(model: str, draws: Draws) -> list[Artist]:
+    """Return the legend entries of the samplers."""
     return [Line2D([], [], **_strokes(model, i)[0], label=words.method(s)) for i, s in enumerate(draws)]
 
 
@@ -212,16 +218,16 @@ def running(
     units: Mapping[str, str],
     truth: Mapping[str, float],
 ) -> Figure:
-    """Draw a filter's estimates of the damping coefficients against time.
+    """Draw a Kalman filter's estimates of the damping coefficients against time.
 
     Parameters
     ----------
     model, names
-        The model and its coefficients.
+        Name of the model, and of its damping coefficients.
     t
         Times in s, (n,).
     last, first
-        Coefficient to the mean and sd at each time, (n,) each, of the last and of the first pass.
+        Mean and sd of each coefficient at each time, (n,) each, in the last and in the first pass of the filter.
     units, truth
         As in `marginals`.
     """
@@ -248,18 +254,18 @@ def running(
 
 @dataclass(frozen=True)
 class Panel:
-    """One parameter of several records.
+    """The content of a panel: the intervals of one parameter from several records.
 
     Attributes
     ----------
     label
-        Of the axis.
+        Label of the axis.
     rows
-        An interval for each record.
+        The interval of each record.
     band
-        The interval of all records together.
+        The interval from all records together.
     others
-        A second interval for each record, drawn open below the first; or none.
+        A second interval of each record, which is drawn with an open mark below the first; or empty.
     """
 
     label: str
@@ -269,7 +275,7 @@ class Panel:
 
 
 def intervals(labels: Sequence[str], panels: Sequence[Panel], colour: str) -> Figure:
-    """Draw the parameters of several records side by side. `labels` contains the records' names."""
+    """Draw intervals of several records, with a panel for each parameter. `labels` lists the names of the records."""
     figure = Figure(figsize=(WIDTH, 0.27 * len(labels) + 0.85))
     axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
     places = np.arange(len(labels), dtype=float)
@@ -283,7 +289,7 @@ def intervals(labels: Sequence[str], panels: Sequence[Panel], colour: str) -> Fi
                 errors = np.stack([middle - low, high - middle])
                 look = {"fmt": "o", "ms": 4, "mfc": face, "color": colour, "lw": 1.0}
                 ax.errorbar(middle, places + shift, xerr=errors, **look)
-        # A band that is much wider than the intervals would make them invisible.
+        # The axis may cut off the band, because a wide band would make the intervals too small to see.
         edges = np.array([x for row in (*panel.rows, *panel.others) for x in row])
         room = 0.6 * max(float(np.ptp(edges)), 1e-12)
         ax.set_xlim(

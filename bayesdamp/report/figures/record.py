@@ -1,4 +1,4 @@
-"""Draw a record with the fits of models, its windows, and its oscillations."""
+"""Draw a record: with the fits of models, with the parts that are used, or with the amplitudes of its oscillations."""
 
 from __future__ import annotations
 
@@ -29,16 +29,19 @@ from bayesdamp.types import FreeDecay
 from bayesdamp.verdict.parts import Oscillation
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
-"""Colours of the free decay that is used, and of others."""
+"""Colours of the free decay that is used, and of other free decays."""
 _POINTS = 2000
+"""Default number of points to which a line is thinned."""
 _APART = 200
-"""Largest number of lines that a panel shows separately."""
+"""Largest number of lags that are drawn as separate lines."""
 HEIGHT = 2.7
 """Height of a panel of `motions`, in inches."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
+"""Number of time derivatives of the displacement in each recorded quantity."""
 LEAST = 2.0
 """Smallest ratio of the ends of an axis of amplitudes, so that a nearly constant amplitude looks constant."""
 _MOMENTS = 200
+"""Number of times at which an amplitude is drawn."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +51,13 @@ class ModelFit:
     Attributes
     ----------
     model
-        Its name.
+        Name of the model.
     fit, residual
-        At the record's times, (n,).
+        The fit and the residual at the record's times, (n,).
     autocorrelation
-        Of the whitened residual, from lag 0, (lags,); empty if it is not stored.
+        Autocorrelation of the whitened residual from lag 0 on, (lags,); empty if it is not stored.
     rms
-        Of the residual, with its unit.
+        Root mean square of the residual as text, with its unit.
     """
 
     model: str
@@ -78,9 +81,9 @@ def record(
     axis
         Label of y.
     unit
-        Of y, as it is written on an axis.
+        Unit of y, as it is written on an axis.
     period
-        Of the oscillation, in s.
+        Period of the oscillation in s.
     """
     heights = [1.9, 1.9, 1.05 * len(fits)]
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
@@ -98,7 +101,7 @@ def record(
     _zoom(last, t, y, fits, t[-1] - length, t[-1])
     _finish(first, axis, "The first cycles and their fits")
     _finish(last, "", "The last cycles and their fits")
-    # Each fit's residual and its autocorrelation side by side.
+    # A row for each fit: left its residual, right the autocorrelation of the residual.
     lags = max(len(fit.autocorrelation) for fit in fits)
     places = grid[2].subgridspec(len(fits), 2, width_ratios=[2, 1])
     for i, fit in enumerate(fits):
@@ -138,7 +141,7 @@ def raw(
     stop: float | None = None,
     decays: Sequence[FreeDecay] = (),
 ) -> Figure:
-    """Draw a record without fits, with the part that is used and other free decays.
+    """Draw a record without fits. Mark the part that is used, and other free decays in the record.
 
     Parameters
     ----------
@@ -147,9 +150,9 @@ def raw(
     axis
         Label of y.
     start, stop
-        The part that is used, in s of t.
+        Start and end of the part that is used, on the time axis of t.
     decays
-        All free decays of the record.
+        All free decays in the record.
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
@@ -170,7 +173,7 @@ def raw(
 
 
 def thinned(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Return about `points` points of a line with all its extremes, and a nan where the record has a hole."""
+    """Thin a line to about `points` points and keep its extremes. Insert a nan at each long gap of the record."""
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
         return broken(t, y, t)
@@ -215,9 +218,9 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
     t, y
         The record, (n,), in s and in the displayed unit.
     modes
-        The oscillations; their amplitudes are of the displacement, in that unit.
+        The oscillations. Their amplitudes are those of the displacement, in the displayed unit.
     quantity
-        The recorded quantity.
+        The recorded quantity: "angle", "velocity" or "acceleration".
     axis
         Label of y.
     """
@@ -246,7 +249,7 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
         label = f"{mode.frequency:.4g} Hz, {100 * mode.damping_ratio:.3g} %"
         each.plot(at, size, color=ink, ls=dash, label=label)
     if damped:
-        each.set_title("Amplitude of each, frequency and damping ratio")
+        each.set_title("Amplitude, frequency and damping ratio of each")
         each.legend(loc="best", labelcolor=INK)
     each.set_yscale("log")
     low, high = each.get_ylim()

@@ -1,1 +1,1 @@
-"""Read the contents of a run's folder, and put them in order and into words."""
+"""Read the results of a run, and prepare them for the sections of its report."""

@@ -22,7 +22,7 @@ from bayesdamp.report.results.run import (
     coefficients,
     damping_of,
     models_by_rank,
-    over_widths,
+    probability_by_width,
     ranking,
     rows_of,
     truth,
@@ -37,32 +37,33 @@ from bayesdamp.verdict.types import Verdict
 WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom changes by chance between parts of a record."""
 ANSWERS = "smc"
-"""The sampler that gives the answer its draws and evidence."""
+"""The sampler of the answer itself, which therefore cannot check the answer."""
 SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
-"""Outcomes that need no check here, because other sections give the reason."""
+"""Outcomes that are not listed as failed checks: other sections of the report give their reasons."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A sentence on one check of an answer. `fails` says whether it contradicts the answer or is unreliable."""
+    """A sentence on one check of an answer.
+
+    `fails`: whether the checked value contradicts the answer or is unreliable.
+    """
 
     text: str
     fails: bool = False
 
 
-def sampled_words(comparison: Agreement) -> str:
-    """Say how MCMC sampling compares with the answer from linear approximations."""
+def sampling_sentence(comparison: Agreement) -> str:
+    """Return the introduction to a verdict from MCMC sampling, which compares it with the first verdict."""
     if comparison.confirms:
-        return "MCMC sampling confirms this result. The report has the sampled one:"
+        return "MCMC sampling confirms this result. The report shows the result from sampling:"
     if comparison.same:
-        return (
-            f"MCMC sampling changes the damping ratio by {comparison.moved:.1f} of these standard deviations:"
-        )
+        return f"MCMC sampling changes the damping ratio by {comparison.moved:.1f} standard deviations:"
     return "MCMC sampling corrects this result:"
 
 
-def sampled(run: RunFolder, signal: str) -> list[Check]:
-    """Compare the answer with the one from linear approximations; empty if nothing was sampled."""
+def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
+    """Compare the answer from MCMC sampling with that from linear approximations; empty if nothing was sampled."""
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
         return []
@@ -81,21 +82,22 @@ def sampled(run: RunFolder, signal: str) -> list[Check]:
     return [Check(text)]
 
 
-class Checks:
-    """Compare the tables of a study with a record's answer.
+class RecordChecks:
+    """Checks of one record's answer against the study's chains, evidence, residuals and trajectory fits.
 
     Attributes
     ----------
     verdict
-        The answer; None if there is none.
+        The verdict on the record; None if there is none.
     model
-        The study's candidate with the answer's damping and law; without an answer the most probable candidate.
-    names
-        The damping coefficients of the candidate.
-    own
-        The answer's coefficients by their names.
+        The study's model with the damping and the restoring law of the answer; without an answer, the study's most
+        probable model.
+    coefficient_names
+        Names of the damping coefficients of `model`.
+    answer_coefficients
+        The coefficients in the answer, by name.
     exact_only
-        Whether laws may deviate in the answer but not in the tables that check it.
+        Whether the answer allows deviations from the laws, while the chains, evidence and fits assume exact laws.
     """
 
     def __init__(self, run: RunFolder, signal: str) -> None:
@@ -107,12 +109,12 @@ class Checks:
             parts = [(m, *candidate_parts(m)) for m in candidates]
             candidates = [m for m, d, law in parts if law in ("", v.restoring) and _same_sum([d], v.damping)]
         self.model = next(iter(candidates), None)
-        self.names = coefficients(run, self.model) if self.model else []
-        self.own = {c.name: c for c in v.coefficients} if v else {}
+        self.coefficient_names = coefficients(run, self.model) if self.model else []
+        self.answer_coefficients = {c.name: c for c in v.coefficients} if v else {}
         self.exact_only = v is not None and v.deviation is not None and not run.under_law
 
     def all(self) -> list[Check]:
-        """Return every check, those that fail first; an envelope's answer has none."""
+        """Return all checks, the failed ones first. There are none for an envelope."""
         v, evidence = self.verdict, ranking(self.run, self.signal, self.repeat)
         if v is not None and v.quantity == "envelope":
             return []
@@ -146,15 +148,18 @@ class Checks:
         return sorted(checks, key=lambda check: not check.fails)
 
     def table(self) -> Table | None:
-        """Return each damping coefficient by the answer, the chains and the trajectory fits, with the truth."""
-        samplers, fits = self._samplers(), {name: self._fits(name) for name in self.names}
+        """Return a table of the damping coefficients from the answer, the chains and the trajectory fits.
+
+        None if no damping law describes the record, or if there are neither chains nor trajectory fits.
+        """
+        samplers, fits = self._samplers(), {name: self._fits(name) for name in self.coefficient_names}
         law_free = self.verdict is not None and self.verdict.law_free
         if self.model is None or law_free or not (samplers or any(fits.values())):
             return None
         units = {r["parameter"]: r["unit"] for r in (*self.run.posteriors, *self.run.estimates)}
 
         def answered(name: str) -> str:
-            c = self.own.get(name)
+            c = self.answer_coefficients.get(name)
             return fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE
 
         def drawn(name: str, rows: Sequence[Row]) -> str:
@@ -165,7 +170,7 @@ class Checks:
             "coefficient": lambda name: words.symbol(name).text,
             "unit": lambda name: words.unit(units.get(name, "")),
         }
-        if self.own:
+        if self.answer_coefficients:
             columns["answer (95 %)"] = answered
         for sampler, rows in samplers.items():
             columns[f"{words.method(sampler)} (95 %)"] = lambda name, rows=rows: drawn(name, rows)
@@ -175,14 +180,16 @@ class Checks:
             )
         if self.run.simulated(self.signal):
             columns["truth"] = lambda name: fmt.given(truth(self.run, self.signal, name))
-        return Table.of(self.names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping")
+        return Table.of(
+            self.coefficient_names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping"
+        )
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
-        """Return the candidate's rows of a table."""
+        """Return the rows of a table that belong to `model` on this record."""
         return rows_of(table, signal=self.signal, repeat=self.repeat, model=self.model, **wanted)
 
     def _samplers(self) -> dict[str, list[Row]]:
-        """Return the candidate's rows with numbers, by sampler."""
+        """Return the rows of posteriors.csv for `model`, by sampler, without samplers that have no draws."""
         by_sampler: dict[str, list[Row]] = {}
         for row in self._rows(self.run.posteriors):
             if math.isfinite(row["mean"]) and row["sampler"] != ANSWERS:
@@ -190,12 +197,12 @@ class Checks:
         return by_sampler
 
     def _fits(self, parameter: str) -> list[float]:
-        """Return the trajectory fits of a coefficient under the candidate."""
+        """Return the values of a coefficient by the trajectory fits of `model`."""
         rows = self._rows(self.run.estimates, stage="refined", parameter=parameter, outcome=OK)
         return [r["value"] for r in rows if math.isfinite(r["value"])]
 
     def _convergence(self) -> Iterator[Check]:
-        """Say which samplers converged."""
+        """Yield a check of each sampler's convergence."""
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
             if status_of(outcome) not in SILENT:
@@ -214,7 +221,7 @@ class Checks:
                 )
 
     def _ratios(self) -> Iterator[Check]:
-        """Compare the damping ratios of the chains with the answer's."""
+        """Compare the damping ratios from the chains with those of the answer."""
         v = self.verdict
         drawn = self._drawn_ratios(v) if v is not None else None
         if v is None or drawn is None:
@@ -231,7 +238,7 @@ class Checks:
             return
 
         def ratio_at(i: int) -> str:
-            """Return a ratio of the chains with its amplitude."""
+            """Return the damping ratio from the chains at the i-th amplitude, as text."""
             place = v.damping_ratio[i]
             size = fmt.with_interval(*ratios[i], " %", 100)
             return f"{size} at {place.amplitude:.2g} {place.unit}"
@@ -255,10 +262,13 @@ class Checks:
             yield Check(text, fails=worst.moved >= MOVED or worst.wider > 1)
 
     def _drawn_ratios(self, v: Verdict) -> tuple[str, list[tuple[float, float, float]], bool] | None:
-        """Return a sampler, its damping ratios at the answer's amplitudes, and whether they are averaged.
+        """Return the damping ratios from the chains at the answer's amplitudes; None if there are none.
 
-        The ratios are (value, low, high), averaged over the damping models by their evidence, or else of the answer's
-        damping alone.
+        Returns
+        -------
+        tuple
+            The sampler; value, low and high of the ratio at each amplitude; whether the ratios are averaged over the
+            damping models by their evidence. Otherwise they are those of the answer's damping.
         """
         if not v.damping_ratio:
             return None
@@ -287,18 +297,23 @@ class Checks:
         return None
 
     def _coefficients(self) -> Iterator[Check]:
-        """Say which chains and trajectory fits contradict the answer's coefficients, and where the truth does."""
+        """Yield a failed check for each chain, trajectory fit and true value that contradicts a coefficient."""
         chains = self._samplers()
-        limits = {name: (c.low, c.high) for name, c in self.own.items()}
+        limits = {name: (c.low, c.high) for name, c in self.answer_coefficients.items()}
         if self.verdict is None:
             rows = next(iter(chains.values()), [])
             limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
-        for name in filter(limits.__contains__, self.names):
+        for name in filter(limits.__contains__, self.coefficient_names):
             symbol, (low, high) = words.symbol(name).text, limits[name]
-            comparable = name in self.own and not self.exact_only
+            comparable = name in self.answer_coefficients and not self.exact_only
             for sampler, rows in chains.items() if comparable else ():
                 for r in rows_of(rows, parameter=name, outcome=OK):
-                    moved = abs(r["median"] - self.own[name].value) * 2 * Z95 / max(high - low, 1e-300)
+                    moved = (
+                        abs(r["median"] - self.answer_coefficients[name].value)
+                        * 2
+                        * Z95
+                        / max(high - low, 1e-300)
+                    )
                     if moved >= MOVED:
                         text = (
                             f"{_name(sampler)} contradicts the answer: its {symbol} differs by {moved:.1f} of the "
@@ -318,7 +333,7 @@ class Checks:
                 yield Check(f"Truth: {symbol} = {fmt.given(true)}, outside the 95 % interval.", fails=True)
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
-        """Compare the probabilities by the evidence with the answer's."""
+        """Compare the probabilities from the study's evidence with those of the answer."""
         if ranked is None or ranked.method == ANSWERS:
             return
         run, signal, repeat, v = self.run, self.signal, self.repeat, self.verdict
@@ -355,11 +370,11 @@ class Checks:
             else:
                 text = f"{text}, which contradicts {'the answer' if v else words.method(ranked.method)}."
             yield Check(text, fails=not self.exact_only)
-        widths = over_widths(run, signal, repeat, ranked)
+        widths = probability_by_width(run, signal, repeat, ranked)
         factor = min(widths, key=lambda f: widths[f], default=1.0)
         if widths and widths[factor] < min(WIDTH_HOLDS, ranked.dampings[leading]):
             text = (
-                f"The width of the priors matters: with priors {fmt.number(factor, 2)} times as wide, the "
+                f"The width of the priors is important: with priors {fmt.number(factor, 2)} times as wide, the "
                 f"probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
             )
             yield Check(text, fails=True)
@@ -374,9 +389,9 @@ class Checks:
             )
 
     def _residuals(self) -> Iterator[Check]:
-        """Say whether the candidate fits.
+        """Yield checks of the residuals of `model`: whether it fits, and whether parts of the record agree.
 
-        Empty for a study whose laws may deviate, because its fits assume exact laws.
+        There are none for a study that allows deviations, because its fits assume exact laws.
         """
         for row in [] if self.run.under_law else self._rows(self.run.fits)[:1]:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
@@ -397,12 +412,12 @@ class Checks:
 
 
 def _name(method: str) -> str:
-    """Return a method's name for the beginning of a sentence; emcee keeps its own spelling."""
+    """Return a method's name in words for the beginning of a sentence. The name "emcee" is not capitalised."""
     name = words.method(method)
     return name if method == "emcee" else name[:1].upper() + name[1:]
 
 
 def _same_sum(dampings: Iterable[str], damping: str) -> str | None:
-    """Return the first of these sums that has the same terms; None if there is none."""
+    """Return the first damping sum in `dampings` with the same terms as `damping`; None if there is none."""
     terms = set(damping.split("+"))
     return next((d for d in dampings if set(d.split("+")) == terms), None)

@@ -1,4 +1,7 @@
-"""Compare the estimators with each other, the truth, the posterior and published figures, and along one factor."""
+"""Compare the estimators with each other, the truth, the posterior and published errors.
+
+Their errors are also compared along series of signals that differ in noise, sampling or length only.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,7 @@ from bayesdamp.report.results.run import (
 from bayesdamp.types import OK
 
 STAGES = ("initial", "refined")
+"""The stages of an estimator: its own estimate, and the trajectory fit that starts there."""
 CATEGORIES = {
     "classical": ("topological", "least_squares", "koopman"),
     "machine learning": ("sindy", "weak_sindy", "pinn", "neural_ode", "rnn", "symbolic_regression"),
@@ -34,31 +38,33 @@ FACTORS = {
     "sampling": "samples a period",
     "length": "periods",
 }
+"""Factors that a series of signals may vary, with the labels of their axes."""
 LEAST = 3
-"""Number of values of a factor that make a series, and of repeats that an interval needs."""
-SURE = 0.95
+"""Smallest number of values of a factor in a series, and smallest number of repeats for an interval."""
+CONFIDENCE = 0.95
+"""Probability of the intervals of errors (conventional)."""
 
 
 @dataclass(frozen=True)
 class EstimatorComparison:
-    """Errors of the estimators under the model of the truth.
+    """Errors of the estimators under the model with which each signal was simulated.
 
     Attributes
     ----------
     methods
-        In the order of their categories.
+        Names of the estimators, in the order of their categories.
     signals
-        The simulated ones that are compared.
+        Names of the simulated signals that are compared.
     errors
-        (method, signal, stage) to the root mean square error over repeats, in per cent of the truth.
+        By (method, signal, stage): root mean square error over repeats, in per cent of the truth.
     outcomes
-        (method, signal, stage) to the first outcome that is not `ok`, or `ok`.
+        By (method, signal, stage): the first outcome that is not `ok`, or `ok`.
     seconds
-        (method, stage) to the sum over signals.
+        By (method, stage): time in s, summed over signals and repeats.
     published
-        (method, signal) to the printed error.
+        By (method, signal): the published error, as it is printed.
     times
-        Method to the printed time.
+        By method: the published time, as it is printed.
     """
 
     methods: list[str]
@@ -79,23 +85,24 @@ class EstimatorComparison:
 
 
 def _mean(errors: Iterable[float]) -> float:
+    """Return the mean of the finite errors; nan if there are none."""
     finite = [e for e in errors if math.isfinite(e)]
     return sum(finite) / len(finite) if finite else math.nan
 
 
 def printed_error(printed: str) -> float:
-    """Return a printed error as a number: `~0` is 0, an empty text is nan."""
+    """Convert a printed error to a number: "~0" to 0, an empty text to nan."""
     match = re.search(r"\d+(\.\d+)?", printed)
     return float(match[0]) if match else math.nan
 
 
 def rms(errors: Collection[float]) -> float:
-    """Return the root mean square; nan for an empty collection."""
+    """Return the root mean square of errors; nan if there are none."""
     return math.sqrt(sum(e * e for e in errors) / len(errors)) if errors else math.nan
 
 
 def category_of(method: str) -> str:
-    """Return the paper's category of a method; "others" for a method that the paper does not contain."""
+    """Return the paper's category of a method, or "others" for a method that is not in the paper."""
     return next((name for name, members in CATEGORIES.items() if method in members), "others")
 
 
@@ -106,13 +113,13 @@ def sort_by_category(methods: Iterable[str]) -> list[str]:
 
 
 def true_models(run: RunFolder) -> dict[str, str]:
-    """Return the simulated signals, each with the damping that it was simulated with."""
+    """Return the damping with which each simulated signal was simulated, by the signal's name."""
     simulations = {signal: run.simulation(signal) for signal in run.signals}
     return {signal: "+".join(source["damping"]) for signal, source in simulations.items() if source}
 
 
 def compare_estimators(run: RunFolder) -> EstimatorComparison:
-    """Compare the estimators on the signals with published figures; without such figures on all simulated signals."""
+    """Compare the estimators on the signals with published errors, or else on all simulated signals."""
     printed = run.study.get("published") or []
     truths, with_figures = true_models(run), {p["signal"] for p in printed}
     signals = [s for s in run.signals if s in truths and (s in with_figures or not with_figures)]
@@ -123,7 +130,9 @@ def compare_estimators(run: RunFolder) -> EstimatorComparison:
         if signal not in signals or row["model"] != truths[signal] or stage not in STAGES:
             continue
         rows.setdefault((row["estimator"], signal, stage), []).append(row)
-        if math.isfinite(row["seconds"]):  # every parameter's row has the time of the whole estimate
+        if math.isfinite(
+            row["seconds"]
+        ):  # the row of every parameter contains the time of the whole estimate
             seconds.setdefault((row["estimator"], stage, signal, row["repeat"]), row["seconds"])
     totals: dict[tuple[str, str], float] = {}
     for (method, stage, *_), time in seconds.items():
@@ -151,17 +160,17 @@ class CoefficientEstimates:
     Attributes
     ----------
     signal, model, parameter, unit
-        What was estimated.
+        Names of the signal, the model and the coefficient, and the coefficient's unit.
     truth
-        nan if it is not known.
+        True value; nan if it is not known.
     own, refined
-        Method to its estimate at each stage, in the first repeat.
+        By method: its own estimate, and the result of the trajectory fit, in the first repeat.
     published
-        Method to the printed error in per cent, without a sign.
+        By method: the published error in per cent, without a sign.
     posterior
-        Its 95 % interval; None if there is no posterior.
+        95 % interval of the posterior; None if there is no posterior.
     source
-        The signal to which the posterior belongs.
+        Name of the signal to which the posterior belongs.
     """
 
     signal: str
@@ -182,9 +191,9 @@ class CoefficientEstimates:
 
 
 def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row | None:
-    """Return the row of a coefficient's posterior, or None.
+    """Return the row of posteriors.csv for a coefficient; None if there is none.
 
-    If the signal has none, it is that of the first signal that was simulated with the same damping and has one.
+    If the signal has no posterior, use the first other signal that was simulated with the same damping and has one.
     """
     models = true_models(run)
     others = [s for s in run.signals if s != signal and signal in models and models.get(s) == models[signal]]
@@ -200,7 +209,7 @@ def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row
 def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEstimates]:
     """Return the estimates of each damping coefficient of a model on a signal, with the published errors.
 
-    A signal without noise has no posterior; it gets that of a signal simulated with the same damping.
+    A signal without noise has no posterior. Use that of another signal, as `posterior_of` does.
     """
     comparison = compare_estimators(run)
     errors = {m: printed_error(text) for (m, s), text in comparison.published.items() if s == signal}
@@ -232,22 +241,22 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
 
 @dataclass(frozen=True)
 class ErrorSeries:
-    """Errors along one factor under one damping.
+    """Errors of the estimators on signals of one damping that differ in one factor only.
 
     Attributes
     ----------
     model, factor
-        The damping and the factor.
+        The damping, and the factor: a key of `FACTORS`.
     values
-        Of the factor, ascending.
+        Values of the factor, ascending.
     errors
-        (method, stage) to the root mean square error at each value, in per cent of the truth.
+        By (method, stage): the root mean square error at each value, in per cent of the truth.
     answers
-        (method, stage) to the number of repeats with an answer and of all repeats, at each value.
+        By (method, stage): at each value, the number of repeats with an estimate and the number of all repeats.
     bounds
-        The Cramér–Rao bound at each value in per cent, nan if there is none.
+        The Cramér–Rao bound at each value, in per cent of the truth; nan if there is none.
     each
-        (method, stage) to the errors of the repeats with an answer, by the repeat's number, at each value.
+        By (method, stage): at each value, the error in per cent of each repeat with an estimate, by its number.
     """
 
     model: str
@@ -260,7 +269,10 @@ class ErrorSeries:
 
 
 def series(run: RunFolder) -> list[ErrorSeries]:
-    """Return every series of at least three values in the run, by damping and factor."""
+    """Return all series of signals in the run that differ in one factor only and have at least three values of it.
+
+    The other factors have their most common values among the signals of the same damping.
+    """
     designs: dict[str, dict[str, list[float]]] = {}
     for signal, model in true_models(run).items():
         source, own = run.simulation(signal), designs.setdefault(model, {})
@@ -286,6 +298,7 @@ def series(run: RunFolder) -> list[ErrorSeries]:
 
 
 def _series(run: RunFolder, model: str, factor: str, signals: list[str], values: list[float]) -> ErrorSeries:
+    """Return the errors on the signals of a series, from the rows of estimates.csv."""
     damping = set(damping_parameters(run).values())
     each: dict[tuple[str, str], list[dict[int, float]]] = {}
     tried: Counter[tuple[str, str, str]] = Counter()
@@ -300,7 +313,7 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
             errors[signals.index(row["signal"])][int(row["repeat"])] = row["error_pct"]
 
     def bound(signal: str) -> float:
-        """Return the bound on the damping coefficient in per cent of its true value."""
+        """Return the Cramér–Rao bound on the damping coefficient in per cent of its true value."""
         bounds = run.about(signal).get("bound") or {}
         for row in run.estimates:
             if row["signal"] == signal and row["parameter"] in bounds and row["parameter"] in damping:
@@ -326,8 +339,8 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
 def interval(errors: Mapping[int, float]) -> tuple[float, float]:
     """Return the 95 % interval of the root mean square of errors by repeat; nan for fewer than three repeats.
 
-    Jackknife of the log of the mean square with Student's t (Tukey 1958). It is exact for no distribution of the
-    errors, and close for all that have a fourth moment.
+    It is the jackknife interval of the log of the mean square, with Student's t (Tukey 1958). This is approximate; the
+    errors need a finite fourth moment.
     """
     squares = np.array([e * e for e in errors.values()])
     if squares.size < LEAST or not squares.any():
@@ -336,11 +349,11 @@ def interval(errors: Mapping[int, float]) -> tuple[float, float]:
     return (float(np.exp((centre - half) / 2)), float(np.exp((centre + half) / 2)))
 
 
-def ahead(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
-    """Return whether a method's errors are significantly smaller than another's, on the repeats that both answered.
+def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
+    """Return whether a method's errors are significantly smaller than another's, on the repeats with both estimates.
 
-    Jackknife of the log ratio of the two mean squares. Both methods used the same records, so what is common to their
-    errors cancels. The false-alarm rate is 2.5 %.
+    The test is a jackknife of the log ratio of the two mean squares, with a false-alarm rate of 2.5 %. Both methods
+    used the same records, so the common part of their errors cancels.
     """
     common = sorted(set(own) & set(other))
     if len(common) < LEAST:
@@ -354,39 +367,39 @@ def ahead(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
     return float(np.log(a.mean() / b.mean())) + half < 0
 
 
-def places(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
-    """Return the best and the worst place of each method by its errors at one value of the factor.
+def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
+    """Return the best and the worst rank of each method that the repeats allow, at one value of the factor.
 
-    A method's best place is behind all methods that are significantly better, its worst is before all that are
-    significantly worse.
+    Rank 1 is the smallest error. The best rank counts the methods that are significantly better, the worst rank those
+    that are significantly worse.
 
     Parameters
     ----------
     along
         The series.
     stage
-        Of the estimates.
+        Stage of the estimates, of `STAGES`.
     level
         Index of the factor's value.
     """
     errors = {m: each[level] for (m, s), each in along.each.items() if s == stage and each[level]}
     return {
         m: (
-            1 + sum(ahead(other, own) for n, other in errors.items() if n != m),
-            len(errors) - sum(ahead(own, other) for n, other in errors.items() if n != m),
+            1 + sum(is_significantly_better(other, own) for n, other in errors.items() if n != m),
+            len(errors) - sum(is_significantly_better(own, other) for n, other in errors.items() if n != m),
         )
         for m, own in errors.items()
     }
 
 
 def _leave_out(squares: np.ndarray) -> np.ndarray:
-    """Return the mean squares, (n,), with each repeat left out in turn; at least a tiny positive number."""
+    """Return the mean of the squares with each repeat left out in turn, (n,); always positive, so that it has a log."""
     left = (squares.sum() - squares) / (squares.size - 1)
     return np.maximum(left, 1e-12 * squares.mean())
 
 
 def _half_width(left: np.ndarray) -> float:
-    """Return the half width of a statistic's interval, from its values with each of n repeats left out, (n,)."""
+    """Return the half width of a statistic's jackknife interval, from its values with each repeat left out, (n,)."""
     n = left.size
     sd = math.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))
-    return float(scipy.stats.t.ppf((1 + SURE) / 2, n - 1)) * sd
+    return float(scipy.stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * sd

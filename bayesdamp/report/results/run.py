@@ -1,4 +1,4 @@
-"""Read a run's folder once, for all sections of its report: its answers, ranked models, modes and true values."""
+"""Read the folder of a run for all sections of its report: tables, answers, ranked models, modes and true values."""
 
 from __future__ import annotations
 
@@ -32,18 +32,20 @@ if TYPE_CHECKING:
     from bayesdamp.report.drawing import Drawings
 
 Row = dict[str, Any]
+"""A row of a table of the run, by column; or a part of run.json."""
 _TRUSTED = ("combined", "nested", "bridge", "importance", "laplace")
 """Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+"""Coefficients of the three classical damping terms."""
 ANCHOR = "answer-"
-"""Beginning of the identifier of a record's answer on the page; its name follows."""
+"""Prefix of the anchor of a record's answer in the page; the name of the record follows."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Amplitude, damping ratio and the ends of its interval, each (points,)."""
+"""Amplitude, damping ratio and the ends of its 95 % interval, each (points,)."""
 
 
 @dataclass(frozen=True)
 class RecordAnswer:
-    """A record's verdict, the candidates behind it, and the arrays of its figure; lengths in the record's unit."""
+    """The answer on a record: verdict, compared models, and arrays of its figure, in the unit of the record."""
 
     signal: str
     verdict: Verdict
@@ -58,21 +60,21 @@ class RunFolder:
     Attributes
     ----------
     folder
-        Of the run.
+        The folder.
     info
         The contents of run.json.
     verdicts
-        Of records and specimens, in base units.
+        Verdicts on records and specimens, in base units.
     estimates, posteriors, evidence, fits
-        Rows of the tables. A row's `model` is the candidate's name: the damping sum, with the restoring law if the
-        signal is compared under several laws.
+        Rows of the tables. The column `model` contains the damping sum, and also the restoring law if the signal is
+        compared under several restoring laws.
     answered
-        Answers that were read, by the record's name and the kinds of tasks.
+        Cache of `answer_of`, by the record's name and the kinds of tasks.
 
     Raises
     ------
     InputError
-        If the folder, a table or verdict.json is not what a run writes.
+        If the folder does not contain a run, or a table or verdict.json is damaged.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -85,7 +87,8 @@ class RunFolder:
             missing = set(columns) - set(rows[0]) if rows else set()
             if missing:
                 raise InputError(
-                    f"{path}: column {', '.join(sorted(missing))} is missing; was this file written by a run?"
+                    f"{path}: column {', '.join(sorted(missing))} is missing; this file was changed, or not written by "
+                    "this version; run the study again"
                 )
             for row in rows:
                 if len(self.about(row["signal"]).get("restoring") or ()) > 1:
@@ -103,11 +106,11 @@ class RunFolder:
         except (OSError, ValueError):
             self.verdicts = []
         except (AttributeError, KeyError, TypeError):
-            raise InputError(f"{path}: not a file that a run wrote; run the study again") from None
+            raise InputError(f"{path}: this file is damaged; run the study again") from None
 
     @classmethod
     def of_cells(cls, info: Row, cells: Sequence[CellResult]) -> Self:
-        """Return a run of results in memory, without a folder."""
+        """Return a run without a folder, from run information and results in memory."""
         run = cls.__new__(cls)
         run.info, run.answered, run.verdicts, run._figures = info, {}, [], None
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
@@ -117,14 +120,14 @@ class RunFolder:
 
     @cached_property
     def drawings(self) -> Drawings:
-        """Where figures are saved."""
+        """The object that draws figures and saves them in the folder `figures`."""
         from bayesdamp.report.drawing import Drawings  # imports Matplotlib, which the terminal does not need
 
         return Drawings(self._figures)
 
     @property
     def study(self) -> Row:
-        """The resolved study, if run.json contains it."""
+        """The study with all its settings; empty if run.json does not contain it."""
         return self.info.get("study") or {}
 
     @property
@@ -161,7 +164,7 @@ class RunFolder:
         return str(self.about(signal).get("quantity") or "angle")
 
     def rms(self, row: Row) -> str:
-        """Return the residual of a row of fits.csv, which is in the unit of the record."""
+        """Return the root mean square residual of a row of fits.csv as text, in the unit of the record."""
         unit = self.unit(row["signal"]).of(self.quantity(row["signal"]))
         return f"{fmt.number(row['rms'], 3)} {unit}"
 
@@ -174,13 +177,13 @@ class RunFolder:
         return bool(self.about(signal).get("simulated"))
 
     def simulation(self, signal: str) -> Row:
-        """Return how the program simulated the signal, as in the study: damping, true values, duration and so on."""
+        """Return the study's settings of a simulated signal (damping, true values, duration, ...); else empty."""
         studied = (s for s in self.study.get("signals") or [] if isinstance(s, dict) and s["name"] == signal)
         source = next(studied, {}).get("source") or {}
         return source if "damping" in source else {}
 
     def repeats(self, signal: str) -> list[int]:
-        """Return the numbers of a signal's repeats, at least one."""
+        """Return the numbers of a signal's repeats, from 0; [0] if no result is stored."""
         tables = {row["repeat"] for row in self._rows if row["signal"] == signal}
         cells = {place.repeat for place in self._places.values() if place.record == signal}
         return sorted(r for r in tables | cells if r is not None) or [0]
@@ -200,15 +203,22 @@ class RunFolder:
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
-    """Return the rows whose columns have these values."""
+    """Return the rows in which the named columns have the given values."""
     return [row for row in rows if all(row[column] == value for column, value in wanted.items())]
 
 
 @dataclass(frozen=True)
 class EvidenceRanking:
-    """The models of one signal by one evidence method, best first.
+    """The models of one signal, ranked by their evidence.
 
-    `shares` contains the probability of each damping by every method.
+    Attributes
+    ----------
+    method
+        The evidence method of the ranking.
+    rows
+        Rows of evidence.csv by this method, the most probable model first.
+    shares
+        For every evidence method, the probability of each damping sum.
     """
 
     method: str
@@ -222,15 +232,15 @@ class EvidenceRanking:
 
 
 def damping_of(row: Row) -> str:
-    """Return the damping of a row's candidate, without its restoring law."""
+    """Return the damping sum of a row's model, without the restoring law."""
     return candidate_parts(row["model"])[0]
 
 
 def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
-    """Rank the models by the evidence method that covers most of them; None if no evidence was computed.
+    """Rank the models by the evidence method with values for most of them; None if no evidence was computed.
 
-    If several methods cover as many models, the most trusted one is used: a combination, nested sampling, bridge
-    sampling, importance sampling.
+    If several methods have values for equally many models, use the first of: combined evidence, nested sampling, bridge
+    sampling, importance sampling, Laplace.
     """
     by_method: dict[str, list[Row]] = {}
     for row in rows_of(run.evidence, signal=signal, repeat=repeat):
@@ -252,23 +262,25 @@ def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
     return EvidenceRanking(chosen, ordered, shares)
 
 
-def over_widths(run: RunFolder, signal: str, repeat: int, ranked: EvidenceRanking) -> dict[float, float]:
+def probability_by_width(
+    run: RunFolder, signal: str, repeat: int, ranked: EvidenceRanking
+) -> dict[float, float]:
     """Return the probability of the most probable damping under wider and narrower damping priors.
 
-    It is summed over the restoring laws, and given for the widths at which the evidence of all candidates is known.
-    Candidates that were pruned keep their share.
+    It is summed over the restoring laws. For models that were pruned, the evidence is assumed not to change.
 
     Parameters
     ----------
     run, signal, repeat
-        The record.
+        The run, and the name and repeat of the record.
     ranked
-        Its ranking.
+        The ranking of the models on this record.
 
     Returns
     -------
     dict
-        Factor on the priors' width to probability; empty if the evidence at other widths is not known.
+        The probability by the factor that multiplies the width of the priors, without factors at which the evidence of
+        a model is not known; empty if no such evidence was computed.
     """
     changes: dict[str, np.ndarray] = {}
     factors = np.empty(0)
@@ -292,10 +304,11 @@ def over_widths(run: RunFolder, signal: str, repeat: int, ranked: EvidenceRankin
     return {float(factor): float(s) for factor, s in zip(factors, share, strict=True) if np.isfinite(s)}
 
 
-def over_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
-    """Return each damping's probability under half, once and twice the prior factor of a further term, by that factor.
+def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
+    """Return the probability of each damping sum for other prior odds of a further term.
 
-    Empty if all dampings have the same number of terms.
+    The prior probability of a sum is multiplied by a factor for each term after the first. The keys are this factor:
+    half, once and twice its standard value. Empty if all sums have the same number of terms.
     """
     counts = {damping_of(row): damping_of(row).count("+") for row in ranked.rows}
     if len(set(counts.values())) < 2:
@@ -308,13 +321,13 @@ def over_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
 
 
 def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent | None:
-    """Return the stored mode of a candidate; None if it has none."""
+    """Return the stored posterior mode of a model; None if there is none."""
     cell = run.cell("mode", signal, repeat, model)
     return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
 
 
 def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
-    """Return all models of a signal: first the ranked ones, the most probable first, then in the study's order."""
+    """Return all models of a signal: the ranked models by their probability, then the others in the study's order."""
     ranked = ranking(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
     models = {r["model"] for r in rows if r["signal"] == signal}
@@ -332,7 +345,10 @@ def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[Row]:
-    """Return the rows of posteriors.csv of the sampler to quote: NUTS or the first that is `ok`, else the first."""
+    """Return the rows of posteriors.csv by the sampler to quote.
+
+    It is a sampler whose outcome is `ok`, NUTS if possible; if there is none, the first sampler.
+    """
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
 
@@ -355,19 +371,19 @@ def truth(run: RunFolder, signal: str, parameter: str) -> float:
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:
-    """Return the coefficient of each damping term: of the package's own terms, and of a user's terms in run.json."""
+    """Return the name of each damping term's coefficient, for the classical terms and those described in run.json."""
     added = run.info.get("damping") or {}
     return {**_SHIPPED, **{term: about["parameter"] for term, about in added.items()}}
 
 
 def coefficients(run: RunFolder, model: str) -> list[str]:
-    """Return the damping coefficients of a model, for the terms whose coefficient is known."""
+    """Return the names of the damping coefficients of a model."""
     parameters = damping_parameters(run)
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
 
 def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
-    """Return the stored answer on a record before sampling; None if the answer contains no law."""
+    """Return the stored answer on a record before MCMC sampling; None if it is missing or contains no damping law."""
     cell = run.cell("answer", signal, run.repeats(signal)[0])
     content = AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
     return None if content is None or content.verdict.get("law_free") else content
@@ -376,9 +392,9 @@ def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
 def answer_of(
     run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
 ) -> RecordAnswer | None:
-    """Return the answer on a record's first repeat, after sampling if it was sampled; None if there is none.
+    """Return the answer on the first repeat of a record, from MCMC sampling if it was sampled; None if there is none.
 
-    `kinds` contains the kinds of the tasks that have such an answer, the preferred one first.
+    `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first.
     """
     if (signal, kinds) not in run.answered:
         cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in kinds)
@@ -393,7 +409,7 @@ def answer_of(
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
-    """Return the answer on every record's first repeat, in the study's order."""
+    """Return the answers on the first repeats of all records, in the study's order."""
     return [answer for signal in run.signals if (answer := answer_of(run, signal)) is not None]
 
 
@@ -405,13 +421,13 @@ def specimens(run: RunFolder) -> list[Verdict]:
 
 
 def only_answered(run: RunFolder) -> bool:
-    """Return whether a run has answers only, without fits or samples under exact laws."""
+    """Return whether a run contains answers but no fits of a study's own models."""
     answered = any(answer_of(run, signal) for signal in run.signals)
     return answered and not any(run.cells("mode", signal) for signal in run.signals)
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Return each name without the words with which all names begin."""
+    """Return each name without the words at its beginning that all names have in common."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
     common = "".join(letters[0] for letters in alike)
     cut = max(common.rfind(mark) + 1 for mark in "_-")
@@ -419,7 +435,7 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def curve_of(answer: RecordAnswer) -> Curve | None:
-    """Return the finite part of an answer's damping curve; None if it has no such curve."""
+    """Return the finite points of an answer's damping curve; None if there are fewer than two."""
     names = ("amplitude", "ratio", "low", "high")
     if not answer.verdict.damping_ratio or not set(names) <= set(answer.arrays):
         return None
@@ -429,7 +445,7 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 
 
 def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
-    """Return the geometric mean of the range of amplitudes that all records have in common.
+    """Return the geometric middle of the range of amplitudes that all records have in common.
 
     None if there is no such range, or if the records have different units.
     """
@@ -442,9 +458,9 @@ def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
 
 
 def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | None:
-    """Return a record's damping ratio at an amplitude, from its curve.
+    """Interpolate a record's damping curve at an amplitude; None if the record has no damping ratio.
 
-    Without an amplitude or a curve it is the ratio in the middle of the record; None if the record has no ratio.
+    Without an amplitude or a curve, return the ratio in the middle of the record.
     """
     ratios = answer.verdict.damping_ratio
     if not ratios:
@@ -460,21 +476,21 @@ def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | No
 
 
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
-    """Return a table with a line for each record.
+    """Return a table with a row for each record.
 
-    Damping ratios are at one amplitude if all records pass it.
+    The damping ratios are at a common amplitude if there is one that all records contain.
 
     Parameters
     ----------
     records
-        The answers.
+        The answers on the records.
     brief
-        Whether to leave out the links, and the columns on how well the law holds, for the terminal.
+        Whether to leave out the links and the columns on how well the law holds (for the terminal).
 
     Returns
     -------
     Table
-        The records in their order.
+        The table, with the records in the given order.
     """
     envelopes = [a for a in records if a.verdict.quantity == "envelope"]
     quality = any(a.verdict.quality_factor for a in envelopes)

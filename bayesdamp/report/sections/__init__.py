@@ -1,4 +1,4 @@
-"""The sections of a report: their HTML from templates, and how they arrange several signals and models."""
+"""Define the sections of a report, fill their templates, and arrange the content of several signals and models."""
 
 from __future__ import annotations
 
@@ -39,30 +39,30 @@ SHIPPED = {
     "specimens": ("specimens",),
     "study": ("asked", "provenance"),
 }
-"""The sections of the package, by the file that contains them."""
+"""Names of the package's sections, by the module that contains them."""
 _OPEN = 4
-"""Number of signals that are shown without unfolding them."""
+"""Number of signals whose content is visible without unfolding it."""
 _MOST = 4
-"""Number of a signal's models that are drawn; the tables contain the less probable ones."""
+"""Largest number of models of a signal that are drawn; the tables also contain the less probable models."""
 
 
 def fill(template: str, **values: object) -> Markup:
-    """Fill a template with values; text is escaped."""
+    """Fill a template with values and return the HTML. Text is escaped."""
     return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
 def folded(summary: str, *content: object) -> Markup:
-    """Hide content behind a line that opens it."""
+    """Return content that is hidden behind a summary line until the reader clicks on it."""
     return fill("folded.html", summary=summary, content=content)
 
 
 def stack(*parts: object) -> Markup:
-    """Place parts below each other; empty ones are left out."""
+    """Return the parts below each other, without the empty ones."""
     return fill("stack.html", parts=parts)
 
 
 def paragraph(text: object, look: str = "") -> Markup:
-    """Return a text as a paragraph, escaped. `look` is its class in the style sheet."""
+    """Return a text as a paragraph, escaped. `look` is the name of its class in the style sheet."""
     return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)
 
 
@@ -72,13 +72,14 @@ def heading(text: str) -> Markup:
 
 
 class Section(ABC):
-    """One part of the report. It shows what the run contains, and says what is missing."""
+    """A section of the report."""
 
     order: int
-    """Sections are shown in the order of this number."""
+    """Number by which the sections are sorted."""
     name: str
-    """Anchor in the report."""
+    """Name of the section, which is also its anchor in the page."""
     title: str
+    """Heading of the section."""
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the report of this run has the section; by default every report has it."""
@@ -89,7 +90,7 @@ class Section(ABC):
         """Return the section's HTML, without its heading."""
 
     def place(self, run: RunFolder) -> int:
-        """Return the number that orders the sections of this run's report."""
+        """Return the number by which the section is sorted in the report of this run."""
         return self.order
 
 
@@ -97,9 +98,9 @@ class SignalSection(Section):
     """A section with a part for each signal that it applies to."""
 
     lead: str | Markup = ""
-    """Introduction before the signals."""
+    """Introduction, before the content of the signals."""
     nothing = ""
-    """Sentence for a study that went beyond answers but has no content here; empty to leave the section out."""
+    """Sentence that a study with fits shows if the section has no content; empty to leave the section out."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -110,7 +111,7 @@ class SignalSection(Section):
         """Return the content on a signal."""
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the section has content on any signal, or has to say that it has none."""
+        """Return whether the section has content on any signal, or shows the sentence `nothing`."""
         has_content = any(self.shows(run, signal) for signal in run.signals)
         return has_content or bool(self.nothing and run.signals and not only_answered(run))
 
@@ -123,7 +124,7 @@ class SignalSection(Section):
 
 
 class SectionRegistry(Registry[Section]):
-    """The sections by name: those of the package, which are in the `PLUGINS` of its files, and those of a user."""
+    """The sections by name: those in the `PLUGINS` of the package's modules, and those of a user."""
 
     @cached_property
     def _modules(self) -> dict[str, str]:
@@ -141,9 +142,9 @@ SECTIONS = SectionRegistry("bayesdamp.report.sections", "section")
 
 
 def is_drawn(run: RunFolder, place: int) -> bool:
-    """Return whether the model at this place of a ranking is drawn.
+    """Return whether the figures show the model at this place of the ranking (0: the most probable).
 
-    For a few signals the most probable models are drawn, for many signals only the best.
+    For up to four signals they show the four most probable models, for more signals only the most probable one.
     """
     return place == 0 or (place < _MOST and len(run.signals) <= _OPEN)
 
@@ -151,18 +152,18 @@ def is_drawn(run: RunFolder, place: int) -> bool:
 def by_signal(
     run: RunFolder, part: Callable[[RunFolder, str], Markup], signals: Sequence[str], anchor: str = ""
 ) -> Markup:
-    """Return the content of each signal under its name; from the fifth on it has to be unfolded.
+    """Return the content of each signal under its name. From the fifth signal on, the content is folded.
 
     Parameters
     ----------
     run
         The run.
     part
-        Returns the content of a signal.
+        Function that returns the content of a signal.
     signals
         The signals to show.
     anchor
-        Beginning of the identifiers to which other sections link; empty if none does.
+        Prefix of the anchors to which other sections link; empty for no anchors.
     """
     parts: list[Markup] = []
     for i, signal in enumerate(signals):
@@ -177,9 +178,9 @@ def by_signal(
 
 
 def by_model(models: Sequence[tuple[str, Sequence[object]]], lead: str = "", behind: str = "") -> Markup:
-    """Return the content of each model: the first open under its name, the others have to be unfolded.
+    """Return the content of each model under its name. Only the content of the first model is visible.
 
-    `lead` contains words before each name, `behind` words after the first name.
+    `lead` is a text before each name, `behind` a text after the first name.
     """
     parts: list[Markup] = []
     for model, content in models:

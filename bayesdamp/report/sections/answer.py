@@ -1,4 +1,4 @@
-"""The answer on each record, at the top of the page, and the overview of many records."""
+"""Show the answer on each record, and the overview of many records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.answer import exponent, overview
 from bayesdamp.report.figures.record import motions
-from bayesdamp.report.results.checks import Check, Checks, sampled
+from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
     ANCHOR,
     RecordAnswer,
@@ -46,26 +46,27 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_sentences, extrapolated, given, power_in_words
 
 SHAPES = (
-    "a level curve means viscous damping, a rise towards small amplitudes friction, a rise towards large amplitudes "
-    "drag"
+    "a level curve means viscous damping, a rise towards small amplitudes means friction, and a rise towards large "
+    "amplitudes means drag"
 )
 CAPTION = (
     f"Equivalent damping ratio: {SHAPES}. A law whose line leaves both bands does not describe this record. The "
     "residual should look like noise; a wave in it is not explained by any of these laws. Energy lost in a cycle: the "
-    "highest line is the term that dissipates most at that amplitude."
+    "highest line belongs to the term that dissipates most at that amplitude."
 )
 MEASURED = (
     f"Equivalent damping ratio, measured without a law: {SHAPES}. The law that fits best contradicts this measurement "
     "and is not drawn. The energy lost in a cycle is computed from this ratio."
 )
 LEVELS = (
-    "Left: the level as recorded, the ends of the decay, and the fit of the best damping sum with its deviation from "
-    "the law, ± 2 sd. Right: the residual, and the power of the velocity with which the damping force grows."
+    "Left: the level as recorded, the start and end of the decay, and the fit of the best damping sum (± 2 sd), "
+    "including its deviation from the law. Right: the residual, and the power of the velocity with which the damping "
+    "force grows."
 )
 MOTIONS = (
-    "Each oscillation has its own line. On the right, a straight falling line decays as with viscous damping, a level "
-    "line is driven, and a rising line gains energy. A single free decay would have one line, along the edge of the "
-    "record."
+    "Each oscillation has its own line. On the right, a straight falling line means viscous damping, a level line a "
+    "driven oscillation, and a rising line an oscillation that gains energy. A single free decay would have one line, "
+    "along the edge of the record."
 )
 EXCITED = (
     "Without excitation the amplitude would only decrease. Here it rises and falls randomly, so the rate of its "
@@ -76,39 +77,37 @@ EXPONENT = (
     "below. A peak on a dashed line means that damping; a peak between two lines means a sum, or none of the three."
 )
 EMBEDDED = 24
-"""Number of envelopes up to which the page contains their figures; for more it links to those in `figures/`."""
+"""Largest number of envelopes whose figures are embedded in the page; with more, it links to files in `figures/`."""
 SHOWN = 0.005
-"""Probability from which a damping sum is listed."""
+"""Smallest probability of a damping sum that is listed."""
 FEWEST = 3
-"""Number of records from which the report has an overview."""
-SORTS = (
-    "One line for each record; click on a header to sort. The damping ratio is the equivalent viscous one."
-)
+"""Smallest number of records for which the report has an overview."""
+SORTS = "One line for each record; click on a header to sort. Damping ratios are equivalent viscous damping ratios."
 
 
 class AnswerSection(Section):
-    """The verdict on each record: a sentence, three numbers, a figure, and its checks."""
+    """The section with the verdict on each record: a sentence, up to four numbers, a figure, and checks."""
 
     order = 5
     name = "answer"
     title = "Which damping, and how large"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the run is not a calibration, which has a verdict of its own."""
+        """Return whether the run is a study or a comparison; other kinds of runs have a verdict of their own."""
         return run.info.get("kind") is None
 
     def render(self, run: RunFolder) -> str:
-        """Return a block for each record."""
+        """Return the verdict on each record."""
         if not run.signals:
-            return paragraph("This folder does not contain a signal yet: run the study.")
+            return paragraph("This folder does not contain any results yet. Run the study.")
         return by_signal(run, self.part, run.signals, ANCHOR)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return the verdict on a record, with its numbers, figures, tables and checks."""
-        answer, own = answer_of(run, signal), Checks(run, signal)
+        answer, comparison = answer_of(run, signal), RecordChecks(run, signal)
         warnings = run.provenance(signal).warnings
         checks = [Check(f"Warning from reading the record: {text}", fails=True) for text in warnings]
-        checks += sorted([*sampled(run, signal), *own.all()], key=lambda c: not c.fails)
+        checks += sorted([*sampling_checks(run, signal), *comparison.all()], key=lambda c: not c.fails)
         numbers, energy, remarks, parts = [], (), (), list[object]()
         if answer is None:
             claim = _why_none(run, signal)
@@ -129,7 +128,7 @@ class AnswerSection(Section):
                         )
                         for each in (v.probabilities, {share.term: share.probability for share in v.energy})
                     )
-                    text = f"Probability of each damping sum: {sums}. Of each term in any sum: {terms}."
+                    text = f"Probability of each damping sum: {sums}. Probability of each term in any sum: {terms}."
                     parts.append(paragraph(text))
             elif v.grade is Grade.NO_FREE_DECAY:
                 cell = run.cell("signal", signal, run.repeats(signal)[0])
@@ -150,13 +149,13 @@ class AnswerSection(Section):
             energy=energy,
             remarks=remarks,
             checks=checks,
-            table=own.table() or "",
+            table=comparison.table() or "",
             parts=parts,
         )
 
 
 def _why_none(run: RunFolder, signal: str) -> str:
-    """Say why a record has no answer, and what there is."""
+    """Return a sentence that says why a record has no verdict."""
     repeat = run.repeats(signal)[0]
     cell = run.cell("answer", signal, repeat)
     outcomes = [str(run.about(signal).get("outcome", OK)), cell.outcome if cell is not None else OK]
@@ -172,7 +171,11 @@ def _why_none(run: RunFolder, signal: str) -> str:
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
-    """Return the numbers in large type: the frequency, and damping ratio and Q in the middle of the record."""
+    """Return the numbers in large type, with their names.
+
+    They are the frequency, and the damping ratio and Q in the middle of the record; for an envelope the frequency, and
+    Q or the decay rate.
+    """
     numbers: list[tuple[str, str]] = []
     if v.quantity == "envelope":
         name, size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
@@ -240,19 +243,19 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
 
 
 class OverviewSection(Section):
-    """The specimens' verdicts, the damping curves, and a line for each record with a link to it."""
+    """The section with the verdicts on specimens, all damping curves, and a table of the records with links."""
 
     order = 4
     name = "overview"
     title = "All records"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether many records have an answer, or several are of one specimen."""
+        """Return whether at least three records have an answer, or several records are of one specimen."""
         several = len(answers(run)) >= FEWEST or bool(specimens(run))
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdicts of specimens, a figure of all damping curves, and a line for each record."""
+        """Return the verdicts on specimens, a figure of all damping curves, and a table of the records."""
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []
         for v in verdicts:

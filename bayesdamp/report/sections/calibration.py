@@ -1,4 +1,4 @@
-"""The calibration of the intervals and of the models' probabilities."""
+"""Show whether intervals and model probabilities are calibrated, from runs of `bayesdamp calibrate`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from bayesdamp.report.sections import Section, folded, heading, paragraph, stack
 from bayesdamp.types import OK
 
 FEWEST = 15
+"""Number of the smallest p values that are listed."""
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
     "posterior is sampled from starting points that are computed from the record alone. If the posteriors are "
@@ -28,25 +29,26 @@ EXPLAINED = (
     "A record is left out only for a reason in the record itself, before anything is sampled: it shows no oscillation, "
     "or no starting point leads to a finite posterior. This decision uses the data alone, and a posterior is "
     "conditional on its data, so the ranks of the other records are still uniform. Draws that a sampler's own "
-    "diagnostics call unreliable are not left out, because that would be a selection among draws.",
+    "diagnostics call unreliable are included, because leaving them out would be a selection by the result.",
 )
 Counts = Mapping[str, Mapping[str, np.ndarray]]
-"""Sampler to parameter to the number of times that each rank occurred, (draws + 1,)."""
+"""For each sampler and parameter, the number of records in which the true value had each rank, (draws + 1,)."""
 SERIES = {
     "recovery": "All models, over noise and length",
-    "single": "Single dampings that lose a good part of their amplitude",
+    "single": "Single damping terms, in records that lose a large part of their amplitude",
 }
+"""Headings of the series of a model recovery, by their names in run.json."""
 MODELS_EXPLAINED = (
     "A model is drawn from the uniform prior, its parameters are drawn from their priors, and a record is simulated. "
     "The noise level and the length are part of a design that the inference knows. The evidence of every model gives "
-    "probabilities. If they are correct, the most probable model is the true one as often as its probability says.",
+    "probabilities. If these are correct, a model with probability p is the true one in a fraction p of the records.",
     "Records that show no oscillation are left out. This decision uses the record alone, so the probabilities remain "
     "valid.",
 )
 
 
 class CalibratedSection(Section):
-    """The result, the ranks of each model, the coverage of all intervals, and which records count."""
+    """The section on intervals: the result of the checks, ranks, coverage, and which records were usable."""
 
     order = 11
     name = "calibrated"
@@ -89,10 +91,10 @@ class CalibratedSection(Section):
         of_model: dict[str, Callable[[str], str]] = {
             "model": words.model,
             "records tried": lambda model: str(counts[model]["tried"]),
-            "records that count": lambda model: str(counts[model]["counted"]),
-            "of these unreliable by the sampler's diagnostics": doubted,
+            "usable records": lambda model: str(counts[model]["counted"]),
+            "of these flagged as unreliable by the sampler": doubted,
             "time each": time,
-            "not counted": refused,
+            "left out": refused,
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
         parts += [Table.of(counts, of_model, (0, 5))]
@@ -135,9 +137,9 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         counts.setdefault(row["sampler"], {})[row["parameter"]] = own
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (
-        f"{words.model(model)}: ranks of the true value among {result['draws']} draws. Below: their distribution "
-        "function minus the uniform one. If the posteriors are calibrated, the grey band contains the whole curve with "
-        "99 % probability; in the upper row it is the band of a single bin."
+        f"{words.model(model)}. Upper row: ranks of the true value among {result['draws']} draws. Lower row: their "
+        "distribution function minus that of the uniform distribution. Grey: 99 % band if the posteriors are "
+        "calibrated; in the lower row it holds for the whole curve, in the upper row for each bin separately."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     covered = rows_of(rows, check="coverage")
@@ -152,7 +154,7 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
             shares.get((name, *own), fmt.NONE)
         )
-    caption = "Share of intervals that contain the true value, in per cent; * where the check failed"
+    caption = "Percentage of intervals that contain the true value; *: the check failed"
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
 
 
@@ -162,13 +164,13 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
     Parameters
     ----------
     names
-        The parameters.
+        Names of the parameters.
     counts
-        Of the ranks.
+        Number of records with each rank, for each sampler and parameter.
     result
-        `bins` of the histograms and `points` of the distribution function, numbers that divide draws + 1; `bands`:
-        number of records to `low` and `high` of their cumulative counts at the inner points, and `bin_low` and
-        `bin_high` of one bin.
+        `bins`: number of bins of the histograms; `points`: number of intervals of the distribution function (both
+        divide draws + 1); `bands`: for each number of records, the limits `low` and `high` of the cumulative counts at
+        the inner points, and the limits `bin_low` and `bin_high` of the count in one bin.
     """
     figure = Figure(figsize=(WIDTH, 3.1))
     grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
@@ -200,7 +202,7 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
 
 
 class RecoveredSection(Section):
-    """Hits against the expected number by the probabilities, for all models and for single dampings."""
+    """The section on model probabilities: how often the most probable model is the true one, and how often expected."""
 
     order = 12
     name = "recovered"
@@ -234,17 +236,17 @@ class RecoveredSection(Section):
             )
             reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
             scores = (
-                f"Mean log score {score} nats; {expected} is expected from the probabilities, and a uniform guess "
-                f"gives {ignorant}. {own['doubtful']} of {own['evidences']} evidences were unreliable by their own "
-                f"diagnostic; they are included. {own['counted']} of {own['tried']} simulated records are included"
-                f"{f' ({reasons})' if reasons else ''}."
+                f"Mean log probability of the true model: {score} nats (expected from the probabilities: {expected}; "
+                f"uniform guess: {ignorant}). {own['doubtful']} of {own['evidences']} evidence values are flagged as "
+                f"unreliable, but counted. {own['counted']} of {own['tried']} simulated records were usable"
+                f"{f'; left out: {reasons}' if reasons else ''}."
             )
             parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]
         return stack(*parts)
 
 
 def _tables(result: Mapping[str, Any]) -> list[Table]:
-    """Return the confusion of models, and the reliability by probability, by model and by design."""
+    """Return the confusion matrix of the models, and tables of the reliability by probability, model and design."""
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
     caption = "Number of records, by true model (rows) and most probable model (columns)"
@@ -261,13 +263,13 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
         "probability of the best": lambda b: f"{b['from']:g} to {b['to']:g}",
         "records": lambda b: str(b["records"]),
         "mean": fixed("probability"),
-        "share correct": fixed("share"),
+        "fraction correct": fixed("share"),
         **{name: fixed(name) for name in ("low", "high")},
         **p_values,
     }
     caption = (
-        "Share of correct models against the probability of the most probable model. If the probabilities are correct, "
-        "all shares are between low and high with 99 % probability."
+        "How often the most probable model is correct, by its probability. If the probabilities are correct, all "
+        "fractions are between low and high with 99 % probability."
     )
 
     def kind(b: Mapping[str, Any]) -> str:
@@ -276,15 +278,15 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     bins = Table.of(result["bins"], by_probability, (0,), caption, kind)
     by_model: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "model": lambda m: words.model(m["model"]),
-        "records": lambda m: str(m["true"]),
-        "sum of its probabilities": fixed("expected", 1),
+        "records with this model": lambda m: str(m["true"]),
+        "expected from the probabilities": fixed("expected", 1),
         **p_values,
     }
     by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "noise": lambda d: f"{100 * d['noise']:g} %",
         "cycles": lambda d: fmt.given(d["cycles"]),
         "records": lambda d: str(d["records"]),
-        "share correct": fixed("share"),
+        "fraction correct": fixed("share"),
         "mean probability of the best": fixed("probability"),
     }
     designs = [Table.of(result["by_design"], by_design)] if len(result["by_design"]) > 1 else []

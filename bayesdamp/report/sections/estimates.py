@@ -1,4 +1,4 @@
-"""The result of each estimator, the comparison of all, and their errors along one factor."""
+"""Show the result of each estimator, the comparison of all, and their errors against noise, sampling and length."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import against, eigenvalues, force, sweep, traces
+from bayesdamp.report.figures.estimators import eigenvalues, estimate_panels, force, sweep, traces
 from bayesdamp.report.results.estimators import (
     FACTORS,
     STAGES,
@@ -52,17 +52,18 @@ from bayesdamp.store.contents import EstimateContent
 from bayesdamp.types import OK
 
 Details = Mapping[str, Any]
+"""Further results of an estimator by name, as it stores them."""
 TABULATED = {
     "selected", "coefficients", "chosen", "pareto_chosen", "pareto_length", "pareto_error", "pareto_expression",
     "path_threshold", "path_terms", "path_score",
 }  # fmt: skip
-"""Details that other tables show, or that are intermediate steps."""
+"""Names of details that have a table of their own, or that are intermediate steps."""
 FIRST = 3
-"""Order of the section in the report of a study with published figures, which was made for this comparison."""
+"""Value of `order` that puts the comparison first, in the report of a study with published errors."""
 
 
 class EstimatesSection(SignalSection):
-    """Tables and figures of estimates.csv, the best model open, the others folded."""
+    """The section with tables and figures of estimates.csv. Only the content of the best model is unfolded."""
 
     order = 40
     name = "estimates"
@@ -70,7 +71,7 @@ class EstimatesSection(SignalSection):
     lead = Markup(
         "Each estimator first works by itself: its <em>own estimate</em> uses the record alone. A <em>trajectory "
         "fit</em> (output-error fit) then starts from this estimate. The fitted values should agree, because there is "
-        "one optimum. The error of the own estimate shows how well the method works on this record."
+        "one optimum. The error of its own estimate shows how well a method works on this record."
     )
     nothing = "No estimator ran in this study."
 
@@ -118,7 +119,7 @@ class EstimatesSection(SignalSection):
 
 
 def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return the figure of the estimates against the posterior, and how many of them are in its interval."""
+    """Return the figure of the estimates against the posterior, and a sentence on how many are in its interval."""
     estimates = [
         e for e in estimates_of(run, signal, model) if len(e.methods) > 1 or (e.methods and e.posterior)
     ]
@@ -131,25 +132,25 @@ def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
     ]
     if any(e.posterior for e in estimates):
         caption.append(
-            "An estimate inside the shaded interval is as good as the record allows. Outside it, the method adds an "
-            "error of its own."
+            "An estimate inside the shaded interval is as good as the record allows. Outside it, the error is due to "
+            "the method."
         )
     if any(e.posterior and e.source != signal for e in estimates):
         caption.append(
-            f"A record without noise has no posterior; the figure shows that of {estimates[0].source}."
+            f"A record without noise has no posterior; the figure shows the posterior of {estimates[0].source}."
         )
     if any(e.published for e in estimates):
         caption.append("Published errors have no sign, so there is a tick on each side of the truth.")
     if any(math.isfinite(value) for e in estimates for value in e.own.values()):
         caption.append("Arrows mark estimates that are off the axis.")
-    draw = partial(against, estimates)
+    draw = partial(estimate_panels, estimates)
     picture = run.drawings.add(f"estimates-{signal}-{model}", " ".join(caption), draw)
-    sentence = inside(estimates)
+    sentence = coverage_sentence(estimates)
     return [picture, sentence and paragraph(sentence)]
 
 
-def inside(estimates: Sequence[CoefficientEstimates]) -> str:
-    """Say how many of the estimates are in the interval of their own record's posterior."""
+def coverage_sentence(estimates: Sequence[CoefficientEstimates]) -> str:
+    """Return a sentence on how many estimates are in the 95 % interval of their own record's posterior."""
     counts = []
     for name, stage in (("own estimates", "own"), ("trajectory fits", "refined")):
         values = [
@@ -163,7 +164,7 @@ def inside(estimates: Sequence[CoefficientEstimates]) -> str:
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats: Sequence[int]) -> Table:
-    """Return the damping coefficients by each estimator at each stage."""
+    """Return a table of the damping coefficients by each estimator at each stage."""
     names = [n for n in coefficients(run, model) if any(r["parameter"] == n for r in rows)]
     known = {n: truth(run, signal, n) for n in names}
     units = {r["parameter"]: words.unit(r["unit"]) for r in rows}
@@ -197,8 +198,8 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
         symbol = words.symbol(name).text
         columns[f"{symbol} / ({units.get(name, '')})"] = partial(value, name=name)
         if known[name] and math.isfinite(known[name]):
-            of_which = f"error of {symbol} / %" if len(names) > 1 else "error / %"
-            columns[of_which] = partial(error, name=name)
+            header = f"error of {symbol} / %" if len(names) > 1 else "error / %"
+            columns[header] = partial(error, name=name)
     columns |= {
         "evaluations": evaluations,
         "time": lambda rows: fmt.duration(max(r["seconds"] for r in rows)),
@@ -224,7 +225,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return the terms, expressions, eigenvalues and forces that some methods give besides the coefficients."""
+    """Return what some methods compute besides the coefficients: terms, expressions, eigenvalues, forces, settings."""
     by_method: dict[str, Details] = {}
     for cell in run.cells("estimate", signal, run.repeats(signal)[0], model):
         for stage in EstimateContent.of(cell).stages:
@@ -240,7 +241,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     damping += [[words.method(m), str(d["chosen"])] for m, d in by_method.items() if "chosen" in d]
     if damping:
         caption = (
-            "The structure of the damping that each method chose: the terms of a sparse regression, or the expression "
+            "The form of the damping force that each method chose: the terms of a sparse regression, or the expression "
             "of a symbolic regression."
         )
         parts.append(Table(["method", "damping"], damping, (0, 1), caption))
@@ -277,30 +278,31 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
 
 
 def _plain(value: object) -> str:
+    """Return a setting as text: a number, a word, or a list of these."""
     if isinstance(value, list):
         return fmt.listing(map(_plain, value))
     return fmt.number(value, 4) if isinstance(value, float) else str(value)
 
 
 class ComparisonSection(Section):
-    """Errors and times of all methods under the model with which each record was simulated."""
+    """The section with errors and times of all methods under the model with which each record was simulated."""
 
     order = 35
     name = "comparison"
     title = "Comparison of the estimators"
 
     def place(self, run: RunFolder) -> int:
-        """Return the first place if the study contains published figures."""
+        """Return the number by which the section is sorted: it comes first in a study with published errors."""
         return FIRST if run.study.get("published") else self.order
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether several methods have an error, or the study contains published figures."""
+        """Return whether several methods have errors on several signals, or the study contains published errors."""
         comparison = compare_estimators(run)
         several = len(comparison.methods) > 1 and len(comparison.signals) > 1 and bool(comparison.errors)
         return several or bool(run.study.get("published"))
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of errors and times."""
+        """Return sentences on the largest errors, and tables of errors and times."""
         comparison = compare_estimators(run)
         if not comparison.errors:
             return paragraph("No estimator has an error to compare in this study.")
@@ -333,7 +335,7 @@ class ComparisonSection(Section):
 
 
 def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
-    """Return errors in per cent by method and signal, with the published ones and the posteriors' intervals."""
+    """Return a table of errors by method and signal, with published errors and the posteriors' intervals."""
     published = bool(comparison.published)
     headers = ["own", "fit", *["published"] * published]
     groups = [(name, len(headers)) for name in (*comparison.signals, "mean")]
@@ -392,18 +394,18 @@ def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
 
 
 class SweepsSection(Section):
-    """A figure and two tables for each series."""
+    """The section with the errors against noise, sampling and length: a figure and two tables for each series."""
 
     order = 37
     name = "sweeps"
     title = "Errors against noise, sampling and length"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether at least three signals make a series."""
+        """Return whether the run has a series of at least three signals."""
         return len(run.signals) >= 3 and bool(series(run))
 
     def render(self, run: RunFolder) -> str:
-        """Return the errors along each series."""
+        """Return a figure and tables of the errors along each series."""
         parts: list[object] = []
         for along in series(run):
             model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
@@ -411,16 +413,22 @@ class SweepsSection(Section):
             repeats = fmt.listing(map(str, counts), "or") if counts else "no"
             caption = (
                 f"{model}: root mean square error over {repeats} repeats; the other two factors are constant. An error "
-                "below the bound means that the method is biased, or that it uses more information than the record."
+                "below the Cramér–Rao bound means that the method is biased, or that it uses information from outside "
+                "the record."
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
             tables = [_error_table(along, methods, stage) for stage in STAGES]
-            parts += [heading(f"{model}, {along.factor}"), figure, folded("These numbers", *tables)]
+            parts += [
+                heading(f"{model}, {along.factor}"),
+                figure,
+                folded("The numbers of this figure", *tables),
+            ]
         return stack(*parts)
 
 
 def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
+    """Return a table of the errors of one stage by method, at each value of the factor, with the Cramér–Rao bound."""
     headers = [words.stage(stage), *(fmt.given(v) for v in along.values)]
     lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
     for method in methods:
@@ -437,7 +445,7 @@ def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
         lines.append(TableLine([words.method(method), *cells]))
     caption = (
         f"Root mean square error in per cent of the truth, by {FACTORS[along.factor]}. In brackets: its 95 % interval "
-        "from the repeats; then the number of repeats with an answer if it is not all of them."
+        "from the repeats. Then the number of repeats with an estimate, if some have none."
     )
     return Table(headers, lines, (0,), caption)
 

@@ -1,4 +1,4 @@
-"""The evidence of each damping model, what it depends on, and the priors."""
+"""Show the evidence of each damping model, how it depends on the assumptions, and the priors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bayesdamp.report.results.run import (
     mode_of,
     models_by_rank,
     only_answered,
-    over_odds,
+    probabilities_by_odds,
     ranking,
     rows_of,
 )
@@ -30,19 +30,20 @@ from bayesdamp.types import OK
 
 ADOPTED = (
     "The adopted evidence is that of nested sampling if it was computed as a check, otherwise the mean of the other "
-    "methods, weighted by inverse variance. Unless the study always requires it, nested sampling runs if the others "
-    "are unreliable or differ by more than three standard errors."
+    "methods, weighted by inverse variance. Nested sampling is computed if the study requires it, or if the other "
+    "methods are unreliable or differ by more than three standard errors."
 )
 ANSWER = (
-    "Sequential Monte Carlo gives the answer its evidence. It takes the estimated size of the noise, and where there "
-    "are many samples it averages them in short blocks. Its log evidence therefore has another level, and with blocks "
-    "a model that does not fit loses fewer nats. Compare log Bayes factors within one method only."
+    "The answer uses the evidence from sequential Monte Carlo. This method takes the noise variance as known, and "
+    "averages a long record in short blocks. Its log evidence therefore differs from that of the other methods by a "
+    "constant, and with blocks a model that does not fit loses fewer nats. Compare log Bayes factors within one method "
+    "only."
 )
 _ONE_NOISE = (
-    'Other noise models are not computed under deviation = "law". There the deviations, and a larger variance of the '
-    "noise near the oscillation, explain coloured residuals."
+    'With deviation = "law" the evidence is computed for one noise model only. Deviations, and a larger noise variance '
+    "near the oscillation frequency, then account for coloured residuals."
 )
-_NO_WIDTH = "No damping prior has a width that can be varied, because the scale of the default prior is averaged over."
+_NO_WIDTH = "No damping prior has a width that can be varied: the scale of default priors is unknown and averaged out."
 COMPARED = (
     "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "
     f"by {FURTHER_TERM:g}. All restoring laws have the same prior probability."
@@ -54,13 +55,13 @@ SHARED = (
     "how small the damping is."
 )
 WIDER = (
-    "A parameter has the same prior in every model that contains it. If you specify a wider prior for a coefficient, "
-    "the log evidence of the models that contain it decreases by about the logarithm of the factor."
+    "A parameter has the same prior in every model that contains it. If you specify a prior that is wider by a factor, "
+    "the log evidence of the models with this coefficient decreases by about the logarithm of the factor."
 )
 
 
 class EvidenceSection(SignalSection):
-    """A table with the numbers of every method."""
+    """The section with the evidence of each model by every method."""
 
     order = 60
     name = "evidence"
@@ -77,7 +78,7 @@ class EvidenceSection(SignalSection):
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return log Bayes factors by method, with probabilities and diagnostics."""
+        """Return a table of log Bayes factors by method, with probabilities and diagnostics."""
         repeats = run.repeats(signal)
         parts: list[object] = [_table(run, signal, repeats[:1])]
         rows = rows_of(run.evidence, signal=signal, repeat=repeats[0])
@@ -93,9 +94,9 @@ class EvidenceSection(SignalSection):
                 "model": words.model,
                 "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
                 "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
-                "why": lambda model: reason_of(why[model]),
+                "reason": lambda model: reason_of(why[model]),
             }
-            caption = "Laplace's approximation, for models whose mode was found before they were pruned."
+            caption = "Evidence by Laplace's approximation, for models whose mode was found before they were pruned."
             pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
             count = f"{len(why)} model{'s' * (len(why) > 1)}"
             parts.append(folded(f"{count} pruned by Laplace's evidence, and why", pruned))
@@ -105,7 +106,7 @@ class EvidenceSection(SignalSection):
 
 
 def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
-    """Return every method's numbers of the models that were not pruned."""
+    """Return a table of the evidence of the models that were not pruned, by every method."""
     lines: list[Row] = []
     best = []
     for repeat in repeats:
@@ -140,32 +141,32 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
 
 
 class SensitivitySection(SignalSection):
-    """Bayes factors of a signal's first repeat under other assumptions."""
+    """The section with the Bayes factors of a signal's first repeat under other assumptions."""
 
     order = 62
     name = "sensitivity"
     title = "What the evidence depends on"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether evidence was computed under other assumptions too."""
+        """Return whether the evidence was also computed under other assumptions."""
         return any(cell.outcome == OK for cell in run.cells("sensitivity", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return Bayes factors by the priors' width, the part of the record, the noise and the prior odds."""
+        """Return Bayes factors for other prior widths, parts of the record, noise models and prior odds."""
         models, ranked = models_by_rank(run, signal, 0), ranking(run, signal, 0)
         parts: list[object] = [
             _widths(run, signal, models),
             _parts_and_noises(run, signal, models),
             _halves(run, signal, models, ranked),
         ]
-        shares = over_odds(ranked) if ranked else {}
+        shares = probabilities_by_odds(ranked) if ranked else {}
         if ranked and shares:
             columns: dict[str, Callable[[str], str]] = {"damping": words.model}
             for factor, own in shares.items():
                 columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
             caption = (
-                "Probability of each damping if each further term multiplies the prior probability of a sum by this "
-                f"factor; elsewhere in the report the factor is {fmt.number(FURTHER_TERM, 3)}."
+                "Probability of each damping sum if each term after the first multiplies its prior probability by the "
+                f"factor in the column's header. The rest of the report uses {fmt.number(FURTHER_TERM, 3)}."
             )
             parts.append(Table.of(ranked.dampings, columns, caption=caption))
         if ranked:
@@ -174,12 +175,13 @@ class SensitivitySection(SignalSection):
 
 
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+    """Return the stored results of one kind of sensitivity task, for the models that have one."""
     cells = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in cells.items() if c is not None and c.outcome == OK}
 
 
 def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
-    """Return log Bayes factors under priors of other widths."""
+    """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models."""
     cells = _cells(run, signal, models, "widths")
     if len(cells) < 2:
         return None
@@ -198,15 +200,16 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
         columns[f"× {fmt.number(float(width), 2)}"] = lambda model, i=i: factor(model, i)
     effective = [c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in cells.values()]
     caption = (
-        f"Log Bayes factor (nats) to {words.model(best)} if the scales of all specified damping priors are multiplied "
-        f"by this factor. The importance draws are reweighted, with at least {fmt.number(float(min(effective)), 2)} "
-        "effective draws, or sampled again if these are too few. ?: the diagnostics are poor."
+        f"Log Bayes factor (nats) relative to {words.model(best)} if the scales of all specified damping priors are "
+        "multiplied by the factor in the column's header. The importance draws are reweighted, with an effective "
+        f"sample size of at least {fmt.number(float(min(effective)), 2)}; if that is too small, new draws are made. "
+        "?: the diagnostics are poor."
     )
     return Table.of(cells, columns, caption=caption)
 
 
 def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
-    """Return log Bayes factors from parts of the record, and under each noise model."""
+    """Return a table of log Bayes factors from parts of the record, and under each noise model."""
     noises = _cells(run, signal, models, "noises")
     if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
         return None
@@ -231,14 +234,14 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
         if math.isfinite(log_evidence)
     }
     caption = (
-        "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: from parts of the record, "
-        "and from the whole record under each noise model (only for the more probable models)."
+        "Log Bayes factors (nats) relative to the best model of each column, by Laplace's approximation: from parts of "
+        "the record, and from the whole record under each noise model (only for the more probable models)."
     )
     return Table.of(rows, {"model": words.model, **columns}, caption=caption) if columns else None
 
 
 def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
-    """Return the evidence from the first half of the record, as far as it was sampled, and its prediction."""
+    """Return a table of the evidence from the first half of the record, and of how well it predicts the second half."""
     halves = {m: HalfContent.of(cell) for m, cell in _cells(run, signal, models, "half").items()}
     if not halves:
         return None
@@ -247,7 +250,7 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
         m: math.nan if h.evidence.log_evidence is None else h.evidence.log_evidence for m, h in halves.items()
     }
     best = max(logs.values())
-    # A density that is not reliable is not stored.
+    # Only reliable predictive densities are stored.
     densities = [h.log_predictive for h in halves.values() if math.isfinite(h.log_predictive)]
     highest = max(densities, default=math.nan)
     columns: dict[str, Callable[[str], str]] = {
@@ -263,8 +266,8 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
     }
     caption = (
         "Results from the first half of the record alone: the log Bayes factors, and how well each model predicts the "
-        "second half: its rms error over the expected error, the share of samples inside their 95 % interval, and the "
-        "log density of the second half given the first, relative to the best (nats)."
+        "second half: the rms error divided by the expected error, the percentage of samples inside their 95 % "
+        "interval, and the log density of the second half given the first, relative to the best model (nats)."
     )
 
     def kind(model: str) -> str:
@@ -274,7 +277,7 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
 
 
 def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
-    """Return the Savage–Dickey ratios of nested pairs."""
+    """Return a table of Savage–Dickey density ratios of nested models; None if there are none."""
     rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
     cells = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
     lines = []
@@ -293,27 +296,27 @@ def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | Non
             ]
             lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
     caption = (
-        "A third check of nested pairs: the log Bayes factor by the Savage–Dickey ratio, which is the posterior "
-        "density of the larger model where the term is zero over its prior density, and the difference of the log "
-        "evidences."
+        "A third check, for pairs of nested models. Left: the log Bayes factor by the Savage–Dickey ratio, which is "
+        "the posterior density of the larger model at zero coefficient, divided by its prior density there. Right: the "
+        "difference of the log evidences."
     )
     headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
     return Table(headers, lines, (0, 3), caption) if lines else None
 
 
 class PriorsSection(SignalSection):
-    """The priors of each signal; a parameter with one prior in all models is listed once."""
+    """The section with the priors of each signal. A prior that all models share is listed once."""
 
     order = 80
     name = "priors"
     title = "Assumptions: the priors"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether parameters of a signal were inferred."""
+        """Return whether run.json lists priors of a signal."""
         return bool((run.info.get("priors") or {}).get(signal))
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether anything was inferred."""
+        """Return whether run.json lists priors, or assumptions on envelopes."""
         return super().applies(run) or bool(run.info.get("assumed"))
 
     def render(self, run: RunFolder) -> Markup:

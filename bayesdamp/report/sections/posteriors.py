@@ -1,4 +1,4 @@
-"""The posteriors, running estimates of the damping, and the starting points of searches and chains."""
+"""Show the posteriors, the running estimates of the damping, and the starting points of searches and chains."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
     "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
 }
+"""Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
 SHOWN = 4
-"""Number of candidates that are shown without unfolding them."""
+"""Number of models whose starting points are visible without unfolding them."""
 ALIKE = 0.1
-"""Posterior sds within which the means of chains agree; R̂ decides in the table of the posterior."""
+"""Largest difference of a chain's mean from the mean of all chains that is not marked, in posterior sds (conventional).
+It only marks rows of a table; convergence is judged by R̂."""
 
 
 class PosteriorsSection(SignalSection):
-    """Every model's posterior, the best model open, with the diagnostics of the samplers."""
+    """The section with every model's posterior and the samplers' diagnostics. Only the best model is unfolded."""
 
     order = 50
     name = "posteriors"
@@ -44,7 +46,7 @@ class PosteriorsSection(SignalSection):
         return any(r["signal"] == signal for r in run.posteriors) or bool(run.cells("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return marginals, pairs and derived quantities of each model."""
+        """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model."""
         repeats = run.repeats(signal)
 
         def inside(r: Row) -> str:
@@ -74,7 +76,10 @@ class PosteriorsSection(SignalSection):
 
 
 def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Markup]:
-    """Return the marginals and the pairs of damping coefficients, of samplers whose draws are all finite."""
+    """Return figures of the marginal posteriors and of pairs of damping coefficients.
+
+    Samplers with draws that are not finite are left out.
+    """
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
     for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.place.method != "nuts"):
@@ -102,7 +107,7 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
 
 
 def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table | Markup]:
-    """Return the parameters by each sampler, and why others have none."""
+    """Return a table of the parameters by each sampler, and sentences on what is missing or unreliable."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     if not rows:
         return []
@@ -125,13 +130,13 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
-            "Reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. Equivalent damping ratio, "
-            "decrement and capacity are at the reference amplitude. The decrement is the decrease of ln A in a cycle, "
-            "which is 2π times the ratio if both are small."
+            "Reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio, "
+            "the decrement and the damping capacity are at the reference amplitude. The decrement is the decrease of "
+            "ln A in a cycle; if it is small, it is 2π times the damping ratio."
         )
         if any(math.isnan(r["rhat"]) for r in sampled):
             caption += (
-                " Without R̂: independent draws from an approximation, with the ESS of importance weights."
+                " Without R̂: independent draws from an approximation; the ESS is that of importance weights."
             )
         sampled.sort(key=lambda r: order.index(r["parameter"]))
         parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
@@ -140,7 +145,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         without = PosteriorContent.of(cell).without
         if without:
             names = fmt.listing(words.symbol(n).text for n in without)
-            why = f"{max(without.values())} draws have no such motion (no stable equilibrium, or an escape)"
+            why = f"they do not exist for {max(without.values())} draws (no stable equilibrium, or the motion escapes)"
             sentences.add((cell.place.method, f"{names} not shown: {why}"))
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
@@ -148,7 +153,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
 
 
 class RunningSection(SignalSection):
-    """Estimate and band of each coefficient against time, if a sampler filtered the record."""
+    """The section with a Kalman filter's running estimate of each damping coefficient against time."""
 
     order = 55
     name = "running"
@@ -159,11 +164,11 @@ class RunningSection(SignalSection):
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether a sampler filtered a record."""
+        """Return whether a Kalman filter ran on the record."""
         return any("running/t" in cell.arrays for cell in run.cells("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the coefficients against time, with their bands."""
+        """Return figures of the coefficients against time, with their bands."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
@@ -196,15 +201,15 @@ class RunningSection(SignalSection):
 
 
 class SeedsSection(SignalSection):
-    """The search from each starting point, the modes, and the chains from each start."""
+    """The section with the searches for the mode and the chains, by their starting points."""
 
     order = 57
     name = "seeds"
     title = "Starting points of the searches and chains"
     lead = (
         "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
-        "from the prior. Chains start there too, with a scatter that is larger than the posterior's width. A starting "
-        "point that is too far away for a chain is moved towards the mode."
+        "from the prior. The chains start from the same points, with a scatter that is larger than the posterior's "
+        "width. A starting point that is too far away for a chain is moved towards the mode."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -212,7 +217,7 @@ class SeedsSection(SignalSection):
         return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.cells("mode", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return searches and chains of each candidate, the most probable open."""
+        """Return tables of the searches and chains of each model, the most probable models first."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
 
@@ -246,6 +251,7 @@ class SeedsSection(SignalSection):
 
 
 def _sentences(mode: ModeContent) -> list[str]:
+    """Return sentences on how many searches reached the mode, where the others ended, and what touches zero."""
     climbs, modes = mode.climbs, mode.modes
     ended = [c for c in climbs if c.mode == 0]
     reached = sum(1 + len(c.same) for c in ended)
@@ -290,6 +296,8 @@ def _starting_points(climbs: Sequence[Climb]) -> str:
 
 
 def _searches(mode: ModeContent) -> Table:
+    """Return a table of the searches: where each started, what it cost and where it ended."""
+
     def below(value: float | None) -> str:
         """Return by how many nats a log posterior is below the mode's."""
         if value is None or not math.isfinite(value):

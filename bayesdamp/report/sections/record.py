@@ -1,4 +1,4 @@
-"""The record with its fits, the noise model, and the quality of the fits."""
+"""Show each record with its fits, the choice of the noise model, and the quality of the fits."""
 
 from __future__ import annotations
 
@@ -29,25 +29,26 @@ from bayesdamp.store.contents import RecordContent, WeighedNoise
 from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
 
 USED = "used for the answer"
+NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 _EXACT = (
-    "All these fits assume that the laws hold exactly. Chains and evidence in this study do not assume this: their "
-    "deviations explain what an exact law leaves."
+    "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
+    "the laws, which account for systematic residuals of these fits."
 )
 
 
 class RecordSection(SignalSection):
-    """Each signal as it was read, as it is used, and with the fit of every model."""
+    """The section with each signal as it was read, as it is used, and with the fits of the most probable models."""
 
     order = 30
     name = "record"
     title = "The record and the fits"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether a record is not an envelope, which the answer shows."""
+        """Return whether the signal is an oscillation; the section on the answer shows envelopes."""
         return run.quantity(signal) != "envelope"
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the record as it was read, as it is used, and with the most probable fits."""
+        """Return notes on the record, and figures of the record and of the most probable fits."""
         repeats = run.repeats(signal)
         cell, about, own = run.cell("signal", signal, repeats[0]), run.about(signal), run.provenance(signal)
         notes = list(own.sentences)
@@ -58,7 +59,7 @@ class RecordSection(SignalSection):
         if about.get("outcome", OK) != OK:
             notes.append(str(about["outcome"]))
         if cell is None or "t" not in cell.arrays:
-            why = cell.outcome if cell else "The record is not in this folder."
+            why = cell.outcome if cell else NOT_STORED
             return fill("record.html", notes=notes, figures=[], missing=[why], repeats=len(repeats))
         content = RecordContent.of(cell)
         unit, quantity = run.unit(signal), run.quantity(signal)
@@ -97,27 +98,27 @@ class RecordSection(SignalSection):
             period = content.features.period if content.features is not None else 0.04 * float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, ratio, period)
             figures.append(run.drawings.add(f"record-{signal}", caption, draw))
-        elif not figures:  # the record as read also shows which part is used
+        elif not figures:
             draw = partial(raw, t, y, axis)
             figures.append(run.drawings.add(f"record-{signal}", f"{signal}: the record as used.", draw))
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
 
 
 class NoiseSection(SignalSection):
-    """The probabilities of the noise models and of the widths of friction, and which are used."""
+    """The section with the evidence of the noise models and of the widths of friction, and which are used."""
 
     order = 45
     name = "noise"
     title = "Noise model, and width of friction"
     lead = (
         "The noise models are compared once for each record, on the residual of the fit of all damping terms, and all "
-        "damping models use the result. The evidence is Laplace's approximation. Densities of rounded values are "
-        "probabilities divided by the recording step, so that all models are on one scale. If correlated noise is the "
-        "most probable, the answer uses Gaussian noise with the variance of the residual near the oscillation. "
-        "Friction changes its sign within a velocity ε, which affects a precise record near rest and at each turning "
-        "point. If ε was not given, several widths are compared once for each record, with all damping terms, and all "
-        "damping models use one width. The table shows how the coefficients of the fit of all terms change with it. "
-        "Estimators use 2 % of the peak velocity."
+        "damping models use the chosen noise model. The evidence is Laplace's approximation. For the noise model of "
+        "rounded values, probabilities are divided by the recording step, so that all noise models are on one scale. "
+        "If correlated noise is the most probable, the answer uses Gaussian noise with the variance of the residual "
+        "near the oscillation frequency. Friction changes its sign within a velocity ε, which affects a precise record "
+        "at small amplitudes and at each turning point. If ε was not given, several values are compared once for each "
+        "record, with all damping terms, and all damping models use the chosen value. The table shows how the "
+        "coefficients of the fit of all terms depend on ε. Estimators use 2 % of the peak velocity."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -133,7 +134,7 @@ class NoiseSection(SignalSection):
         of_noise: dict[str, Callable[[WeighedNoise], str]] = {
             "noise": lambda n: words.method(n.name),
             "log evidence below the best": lambda n: fmt.fixed(noises[0].log_evidence - n.log_evidence, 1),
-            "its parameters": lambda n: ", ".join(
+            "fitted parameters": lambda n: ", ".join(
                 f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
             ),
             "": lambda n: USED if n.name == content.noise else "",
@@ -159,7 +160,7 @@ class NoiseSection(SignalSection):
 
 
 class FitQualitySection(SignalSection):
-    """fits.csv, and the fits to parts of the record."""
+    """The section with the checks of each fit, as in fits.csv, and with fits to parts of the record."""
 
     order = 70
     name = "fit_quality"
@@ -168,8 +169,8 @@ class FitQualitySection(SignalSection):
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
         "white noise. The stability over sub-records is the change of a coefficient when only half of the record is "
         "used, in units of the standard deviation that is expected by chance. Up to about three it can be chance; "
-        "above that, this change limits the accuracy, not the width of the posterior. The predictive p is the share of "
-        "records, simulated from the model, that fit worse than this one."
+        "above that, the accuracy is limited by this change and not by the width of the posterior. The predictive p is "
+        "the fraction of records, simulated from the model, that fit worse than this one."
     )
     nothing = "No model was fitted in this study."
 
@@ -200,8 +201,8 @@ class FitQualitySection(SignalSection):
             for n in names:
                 of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n))
             caption = (
-                f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by more than "
-                "their standard deviations, the model is not complete and the posterior is too narrow."
+                f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by much more "
+                "than their standard deviations, the model is incomplete and the posterior is too narrow."
             )
             table = Table.of(windows, of_part, caption=caption)
             parts.append(folded(f"Parts of the record: {words.model(model)}", table) if place else table)
@@ -218,7 +219,7 @@ class FitQualitySection(SignalSection):
 
 
 def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
-    """Return the checks of each model's fit."""
+    """Return a table with the checks of each model's fit."""
     rows = []
     for repeat in repeats:
         ranked = models_by_rank(run, signal, repeat)

@@ -1,4 +1,4 @@
-"""Specimens with several records, and the population of several specimens."""
+"""Show the joint fit of each specimen with several records, and the population of several specimens."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
 
 WORTH = 0.01
-"""Probability from which a form of damping is named that the study does not compare."""
+"""Smallest probability for which a form of damping outside the study's own models is named."""
 HOW = (
     "The records share one damping model with one set of coefficients for the specimen. In each record a common factor "
-    "multiplies all coefficients; its spread from record to record is inferred. Each record has its own start, "
-    "parameters of the restoring law, angle at rest (an encoder may have an offset) and noise."
+    "multiplies all coefficients; its spread from record to record is inferred. Each record has its own initial "
+    "conditions, parameters of the restoring law, equilibrium (an encoder may have an offset) and noise."
 )
 LAWS = {
-    "none": "Every law is assumed to hold exactly. The interval of a coefficient therefore includes the noise and the "
-    "spread between records, but no deviation from the laws.",
+    "none": "Every law is assumed to hold exactly. The interval of a coefficient therefore includes the uncertainty "
+    "from the noise and the spread between records, but not from deviations from the laws.",
     "law": "Each record has its own deviations of the damping and the restoring force from their laws, which are "
     "integrated out. The sizes of these deviations are common to all records.",
 }
+"""Explanation of a joint fit, by the study's setting `deviation`."""
 ASSUMED = {
     "none": "if every law held exactly",
     "law": "with laws that hold approximately and deviations of each record",
 }
-"""Assumption of a joint fit or a population."""
+"""Assumption of a joint fit or a population in words, by the study's setting `deviation`."""
 
 
 class SpecimensSection(Section):
-    """The joint fit of each specimen with several records, and the population of several specimens."""
+    """The section with the joint fit of each specimen with several records, and the population of the specimens."""
 
     order = 13
     name = "specimens"
@@ -52,7 +53,7 @@ class SpecimensSection(Section):
         return bool(run.cells("joint") or run.cells("population"))
 
     def render(self, run: RunFolder) -> str:
-        """Return joint fits with each record alone, and the population."""
+        """Return each joint fit, compared with the fits of its single records, and the population."""
         parts: list[object] = []
         for cell in run.cells("joint"):
             parts += [] if parts else [paragraph(HOW)]
@@ -72,7 +73,7 @@ class SpecimensSection(Section):
                 for n in row.summary
             ]
             caption = (
-                f"{name}, {words.model(best)}: median and 95 % interval of each record alone; grey: the specimen, from "
+                f"{name}, {words.model(best)}: median and 95 % interval of each record alone. Grey: the specimen, from "
                 "the joint fit."
             )
             draw = partial(intervals, list(joint.alone), panels, colour(best))
@@ -83,7 +84,7 @@ class SpecimensSection(Section):
 
 
 def joint_sentence(run: RunFolder, cell: CellResult) -> str:
-    """Say how much the records of a specimen differ, and whether one damping fits all of them."""
+    """Return sentences on how much the records of a specimen differ, and whether one damping fits all of them."""
     joint = JointContent.maybe(cell)
     if joint is None:
         return f"No joint fit: {cell.outcome}."
@@ -112,7 +113,7 @@ def joint_sentence(run: RunFolder, cell: CellResult) -> str:
 
 
 def population_sentence(cell: CellResult) -> str:
-    """State the mean and the spread of each coefficient over the specimens, and a warning if there is one."""
+    """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning."""
     content = PopulationContent.maybe(cell)
     if content is None:
         return f"All specimens: {cell.outcome}."
@@ -131,7 +132,7 @@ def population_sentence(cell: CellResult) -> str:
 
 
 def _capped(probability: float) -> str:
-    """Return a probability in words, not closer to certainty than in the answers."""
+    """Return a probability as text, capped like the probabilities of the answers."""
     return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
 
 
@@ -140,7 +141,7 @@ def _interval(quantiles: Mapping[str, float]) -> Interval:
 
 
 def _candidates(joint: JointContent) -> Table:
-    """Return the damping models of a joint fit, the most probable first."""
+    """Return a table of the damping models of a joint fit, the most probable first."""
     rows = joint.candidates
     logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in rows.items()}
     ranked = sorted(rows, key=lambda model: -logs[model])
@@ -167,14 +168,14 @@ def _candidates(joint: JointContent) -> Table:
         columns[words.symbol(name).text] = partial(size, name=name)
     columns["outcome"] = lambda model: rows[model].outcome
     caption = (
-        "All records together. The probabilities are those of the answer on the specimen; the coefficients are the "
-        "specimen's (mean ± sd)."
+        "Joint fit of all records of the specimen. Probabilities: as in the verdict on the specimen. Coefficients: "
+        "mean ± sd for the specimen."
     )
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
 
 def _population(run: RunFolder, cell: CellResult) -> list[object]:
-    """Return the population of the specimens."""
+    """Return sentences, a table and a figure on the population of the specimens."""
     parts: list[object] = [paragraph(population_sentence(cell))]
     content = PopulationContent.maybe(cell)
     if content is None:

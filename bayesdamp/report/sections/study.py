@@ -1,4 +1,4 @@
-"""The settings of the study, and how the report was made."""
+"""Show the settings of the study, and how the report was made."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from bayesdamp.types import OK, candidate_parts
 
 
 class AskedSection(Section):
-    """Signals, known and unknown parameters, and the methods."""
+    """The section with the signals, the known and unknown parameters, and the methods."""
 
     order = 20
     name = "asked"
     title = "Settings of the study"
 
     def render(self, run: RunFolder) -> str:
-        """Return sentences and a table on the resolved study, and its text to unfold."""
+        """Return sentences and a table on the study, and all its settings as folded text."""
         sentences: list[str] = []
         dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
         if dampings:
@@ -46,7 +46,7 @@ class AskedSection(Section):
         noise = posterior.get("noise")
         suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
         if run.under_law:
-            suffix = ", with white noise, whose size is what the deviations do not explain"
+            suffix = ", with white noise of the variance that the deviations do not account for"
         used = {
             "Estimators": (run.study.get("estimators") or {}).get("use"),
             "Posteriors": posterior.get("samplers"),
@@ -62,18 +62,19 @@ class AskedSection(Section):
         elif any(a.candidates for a in answers(run)):
             sampled = any(run.cells("sampled", signal) for signal in run.signals)
             more = "; the most probable ones were also sampled" if sampled else ""
-            sentences.append(
-                f"The models were compared by closed-form approximations about each best fit{more}."
-            )
+            sentences.append(f"The models were compared by linear approximations about each best fit{more}.")
         if run.info.get("seed") is not None:
             sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
-        details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))
+        details = folded("All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text)))
         return fill("asked.html", sentences=sentences, table=_signals(run), details=details)
 
 
 def _systems(run: RunFolder) -> list[str]:
-    """Return what is known of each signal's oscillator; signals with the same knowledge share a sentence."""
+    """Return sentences on the restoring law and the known and unknown parameters of each signal.
+
+    Signals with the same parameters share a sentence.
+    """
     named: dict[str, list[str]] = {}
     for signal in run.study.get("signals") or []:
         system, name = signal.get("system") or {}, str(signal.get("name", ""))
@@ -90,7 +91,7 @@ def _systems(run: RunFolder) -> list[str]:
             at = fmt.number(own.scale * derived["equilibrium"], 4)
             rate = fmt.number(derived["natural_frequency"], 4)
             parts.append(
-                f"This gives the rest position {at} {own.name} and the natural frequency {rate} rad/s."
+                f"This gives the equilibrium {at} {own.name} and the natural frequency {rate} rad/s."
             )
         if parts:
             named.setdefault(" ".join(parts), []).append(name)
@@ -100,10 +101,10 @@ def _systems(run: RunFolder) -> list[str]:
 
 
 def _signals(run: RunFolder) -> Table | str:
-    """Return what was recorded of each signal, and how much of it is used."""
+    """Return a table of the recorded quantity and the used samples of each signal; empty without signals."""
 
     def samples(signal: str) -> tuple[str, str]:
-        """Return the number of samples and the duration."""
+        """Return the number of samples that are used, and their duration."""
         answer, cell = answer_of(run, signal), run.cell("signal", signal, run.repeats(signal)[0])
         if answer is not None and answer.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
@@ -128,14 +129,14 @@ def _signals(run: RunFolder) -> Table | str:
 
 
 class ProvenanceSection(Section):
-    """Versions, revision, machine, inputs, failed tasks, and the time of each kind of task."""
+    """The section with versions, revision, machine, inputs, failed tasks, and the time of each kind of task."""
 
     order = 90
     name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return what made the numbers, and from what."""
+        """Return tables of the inputs, the software, the machine, the failed tasks and the times."""
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),
@@ -152,7 +153,7 @@ class ProvenanceSection(Section):
             parts.append(folded(f"Versions of {len(versions)} packages", table))
         tasks: dict[str, list[str]] = {}
         for cell in run.cells():
-            # The section on the evidence shows the tasks that were pruned.
+            # The section on the evidence shows pruned tasks.
             if cell.outcome != OK and status_of(cell.outcome) is not Status.PRUNED:
                 tasks.setdefault(cell.outcome, []).append(cell.name)
         if tasks:
@@ -185,9 +186,7 @@ class ProvenanceSection(Section):
             columns: dict[str, Callable[[str], str]] = {"task": str}
             for name in dict.fromkeys(key for own in rows.values() for key in own):
                 columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
-            caption = (
-                "Error budget of the solver: changes by finer integration steps, within three sds of the mode"
-            )
+            caption = "Error budget of the solver: changes with finer integration steps, within three sds of the mode"
             parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
 

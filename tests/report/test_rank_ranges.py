@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.estimators import ErrorSeries, ahead, interval, places
+from bayesdamp.report.results.estimators import ErrorSeries, interval, is_significantly_better, rank_ranges
 
 RNG = np.random.default_rng(5)
 
@@ -30,12 +30,14 @@ def test_intervals_hold_the_true_size(count: int):
 def test_the_same_method_is_seldom_ahead_of_itself(count: int):
     """Negative control: errors of one size, 1,000 times; 2.5 % would be said to be smaller."""
     rng = np.random.default_rng(count)
-    share = np.mean([ahead(errors(1.0, count, rng), errors(1.0, count, rng)) for _ in range(1000)])
+    share = np.mean(
+        [is_significantly_better(errors(1.0, count, rng), errors(1.0, count, rng)) for _ in range(1000)]
+    )
     assert share < 0.05
 
 
 def test_places_are_ranges():
-    """As many ahead of a method as repeats tell, and no more: the second and third are of one size."""
+    """Methods whose errors the repeats cannot tell apart share their ranks: the second and the third."""
     some = (1.0, 1.1, 0.9, 1.05, 0.95)
     errors = {
         "best": {i: 0.1 * some[i % 5] for i in range(50)},
@@ -45,4 +47,9 @@ def test_places_are_ranges():
     }
     each = {(m, "initial"): [own] for m, own in errors.items()}
     series = ErrorSeries("viscous", "noise", [1.0], {}, {}, [math.nan], each)
-    assert places(series, "initial", 0) == {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}
+    assert rank_ranges(series, "initial", 0) == {
+        "best": (1, 1),
+        "few": (2, 3),
+        "many": (2, 3),
+        "worst": (4, 4),
+    }
