@@ -1,4 +1,4 @@
-"""Judge the answer for one record: simulated records with a known truth, repeats of measured records, and scores.
+"""Judge the answers of bayesdamp: simulated records with a known truth, repeats of measured records, and scores.
 
-Nothing here imports the physics or the inference that it judges: the truth comes from SciPy's solver and closed forms.
+The truth does not come from the package: it is computed by SciPy's solver and from closed forms.
 """

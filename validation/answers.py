@@ -1,4 +1,4 @@
-"""Rows that compare the answer for a simulated record with its truth."""
+"""Compare the answer on a simulated record with its truth, as a row of a table."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ Row = dict[str, Any]
 
 
 def row_of(case: Case, answering: Answering, mode: str) -> Row:
-    """Return the row of a case: its truth and the answer.
+    """Answer a record, and return a row with the answer and the truth.
 
     Parameters
     ----------
     case : Case
         The record and its truth.
     answering : callable
-        Returns the verdict on the record.
+        Function that returns the verdict on the record.
     mode : str
         How the answer was requested, such as "none" or "auto". The row uses it as a label.
 
@@ -79,7 +79,7 @@ def row_of(case: Case, answering: Answering, mode: str) -> Row:
             raise ValueError(
                 f"{case.name}: the damping ratio is at {at.amplitude:g} rad, but {requested:g} rad was requested"
             )
-        # A ratio measured without a law may be at a slightly different amplitude, within the record's range.
+        # A ratio that is measured without a law may be at a slightly different amplitude.
         row |= {f"amplitude_{i}": at.amplitude, f"ratio_{i}": case.ratio(at.amplitude)}
         row |= {f"value_{i}": at.value, f"low_{i}": at.low, f"high_{i}": at.high}
     if answer.deviation is not None:

@@ -1,8 +1,8 @@
-"""Do the tests notice a wrong operator, number or condition? Try a sample of such changes.
+"""Test the tests: do they fail if an operator, a number or a condition in the code is changed?
 
-`make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. Changes are
-those of Cosmic Ray, without those of annotations, which nothing runs. A change that leaves the meaning as it was counts
-as not noticed.
+`make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. The changes
+are those of Cosmic Ray, except changes of annotations, which are not executed. A change that does not alter the result
+counts as not noticed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from validation.scoring import hits_of
 ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / ".mutation"
 PATIENCE = 10
-"""Tests that take this many times as long as without a change have noticed it."""
+"""A change counts as noticed if the tests take this many times as long as without it."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def _lines(operator: Any, node: Any) -> list[int]:
 
 
 def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
-    """Return whether the tests of a part pass in the changed tree within so many seconds."""
+    """Return whether the tests of a part pass in the changed tree, within `patience` seconds."""
     options = ["-B", "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m"]
     command = [sys.executable, *options, "not slow", *tests]
     try:
@@ -124,13 +124,13 @@ def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
         return False
 
 
-def tried(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
-    """Try changes of a part: whether its tests notice each, and the changed line.
+def try_changes(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
+    """Make changes to a part one after the other, and yield whether its tests fail, and the changed line.
 
     Raises SystemExit if the tests fail without a change.
     """
     part = PARTS[name]
-    passes(part.tests)  # compiles
+    passes(part.tests)  # compiles the kernels, so that the next run is timed without this
     began = time.perf_counter()
     if not passes(part.tests):
         raise SystemExit(f"the tests of {name} fail without any change")
@@ -145,7 +145,7 @@ def tried(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
 
 
 def main() -> None:
-    """Try the changes; print each, and for each part the share that was noticed with its 95 % interval (Wilson)."""
+    """Run the command line: print each change, and for each part the fraction that is noticed, with its 95 % interval."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40, help="changes of each part")
     parser.add_argument("--seed", type=int, default=1)
@@ -155,7 +155,7 @@ def main() -> None:
     shutil.copytree(ROOT, TREE, ignore=shutil.ignore_patterns(".*", "reports", "__pycache__", "_build"))
     for part in options.parts:
         hits, tries = 0, 0
-        for noticed, change in tried(part, options.count, options.seed):
+        for noticed, change in try_changes(part, options.count, options.seed):
             hits, tries = hits + noticed, tries + 1
             print("noticed    " if noticed else "NOT NOTICED", change, flush=True)
         print(f"{part}: {hits_of(hits, tries)} are noticed", flush=True)

@@ -71,6 +71,7 @@ def amplitude_range(signal: Signal) -> tuple[float, float]:
 
 
 def _size(t: np.ndarray, y: np.ndarray, begin: float, period: float) -> float:
+    """Return the amplitude of a sinusoid with a constant, fitted to the period that starts at `begin`."""
     inside = (t >= begin) & (t <= begin + period)
     phase = 2 * np.pi * (t[inside] - begin) / period
     columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])

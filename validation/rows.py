@@ -1,4 +1,4 @@
-"""Tables of many records: read them, compute their rows in several processes, and write them row by row."""
+"""Read tables of many records, and compute their missing rows in several processes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def write_frame(table: Path, rows: pd.DataFrame) -> None:
     rows.to_csv(table, index=False, float_format="%.6g")
 
 
-def gathered(
+def complete_rows(
     table: Path,
     columns: Sequence[str],
     todo: Mapping[str, tuple[Any, ...]],
@@ -63,7 +63,7 @@ def gathered(
     todo : mapping
         The requested rows: the name of each, and its arguments of `work`.
     work : callable
-        Returns a row. It must be importable, because other processes call it.
+        Function that returns a row. It must be importable, because other processes call it.
     workers : int
         Number of processes.
     key : sequence of str
@@ -137,21 +137,22 @@ def make_page(
     Parameters
     ----------
     options : Namespace
-        Those of `page_options`.
+        The parsed options of `page_options`.
     shipped : str
         Name of the file with the rows in the folder.
     columns, todo, work
         As in `gathered`.
     page : callable
-        Returns the page of the rows, in Markdown.
+        Function that returns the page in Markdown, from the rows.
     """
-    rows = gathered(options.table, columns, todo, work, options.workers)
+    rows = complete_rows(options.table, columns, todo, work, options.workers)
     options.folder.mkdir(parents=True, exist_ok=True)
     write_table(options.folder / shipped, columns, rows)
     (options.folder / "README.md").write_text(page(rows), encoding="utf-8")
 
 
 def _require(table: Path, present: Sequence[str], columns: Sequence[str]) -> None:
+    """Raise InputError if the columns of a file differ from the required ones."""
     if list(present) != list(columns):
         raise InputError(f"{table}: the columns differ from those of this table; please give another file")
 
@@ -159,6 +160,7 @@ def _require(table: Path, present: Sequence[str], columns: Sequence[str]) -> Non
 def _computed(
     todo: Sequence[tuple[Any, ...]], work: Callable[..., Mapping[str, object]], workers: int
 ) -> Iterator[Mapping[str, object]]:
+    """Yield the rows in the order in which the processes finish them."""
     if min(workers, len(todo)) <= 1:
         yield from (work(*given) for given in todo)
         return

@@ -15,7 +15,7 @@ import pandas as pd
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.types import InputError
 from validation.answers import COLUMNS, Row, row_of
-from validation.rows import gathered, read_frame
+from validation.rows import complete_rows, read_frame
 from validation.scoring import markdown, scores
 from validation.truth.records import FAMILY, KINDS, case
 
@@ -25,7 +25,7 @@ DISCREPANT = "discrepant"
 
 @dataclass(frozen=True)
 class Job:
-    """The arguments from which one record is drawn."""
+    """The arguments that determine one simulated record."""
 
     kind: str
     seed: int
@@ -79,8 +79,8 @@ def answering_of(path: str) -> Callable:
         ) from None
 
 
-def answered(job: Job, path: str, mode: str) -> Row:
-    """Return the row of a record. An exception becomes the outcome, so that the other records are still answered."""
+def answer_job(job: Job, path: str, mode: str) -> Row:
+    """Answer a record and return its row. An exception becomes its outcome, so that the run continues."""
     record = case(job.kind, job.seed, job.number, job.oversample)
     answering = partial(answering_of(path), deviation=mode)
     try:
@@ -113,7 +113,7 @@ def run(todo: Sequence[Job], path: str, mode: str, out: Path, workers: int = 2) 
     """
     answering_of(path)
     wanted = {f"{job.name}/{mode}": (job, path, mode) for job in todo}
-    gathered(out, COLUMNS, wanted, answered, workers, key=("case", "mode"))
+    complete_rows(out, COLUMNS, wanted, answer_job, workers, key=("case", "mode"))
     return read_frame(out, COLUMNS)
 
 

@@ -102,6 +102,7 @@ def markdown(scores: pd.DataFrame) -> str:
 
 
 def _cell(line: Mapping[Hashable, Any], name: str) -> str:
+    """Format one score of a group."""
     value = line[name]
     if name in SHARES:
         return with_interval(value, line[f"{name}_low"], line[f"{name}_high"])
@@ -113,6 +114,7 @@ def _cell(line: Mapping[Hashable, Any], name: str) -> str:
 
 
 def _groups(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the name and the rows of each combination of kind, mode and oversampling."""
     for mode in sorted(set(rows["mode"]), key=lambda mode: (mode != "none", mode)):
         for oversample in sorted(set(rows["oversample"])):
             part = where(rows, mode=mode, oversample=oversample)
@@ -124,6 +126,7 @@ def _groups(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Compute the scores of a group. `exact`: widths of the intervals in mode "none", by the name of the record."""
     answered = where(part, outcome=OK)
     decided = where(answered, decided=True)
     right = len(where(decided, relation="right"))
@@ -171,6 +174,7 @@ def share_covered(rows: pd.DataFrame) -> np.ndarray:
 
 
 def _widths(rows: pd.DataFrame) -> np.ndarray:
+    """Return the widths of the intervals at the three amplitudes of each row, shape (n, 3)."""
     return three(rows, "high") - three(rows, "low")
 
 

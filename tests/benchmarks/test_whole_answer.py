@@ -20,7 +20,7 @@ from bayesdamp.physics.trajectories import simulate
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import in_turns, table
 from validation.contest.peers import ours, script
-from validation.contest.records import simulated
+from validation.contest.records import simulate_record
 
 SAMPLES, CYCLES = 5_000, 70
 """The largest record for which the times below are promised."""
@@ -141,7 +141,7 @@ def test_beside_a_script() -> None:
     """`compare` without sampling and the script of 130 lines that an engineer would write, in one process."""
     rows, ratios = [], []
     for number in range(CONTEST_RECORDS):
-        record = simulated(CONTEST_SEED, number)
+        record = simulate_record(CONTEST_SEED, number)
         arguments = (record.t, record.y, record.amplitudes)
         answers = (partial(answer, *arguments) for answer in (script.answer, ours.answer))
         its, own = in_turns(*answers, rounds=2)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.physics.independent import viscous
 from validation.misfit import records as rec
-from validation.misfit.cases import INSIDE, SAMPLES, drawn
+from validation.misfit.cases import INSIDE, SAMPLES, draw_case
 
 T = np.linspace(0.0, 40.0, 401)
 
@@ -43,7 +43,7 @@ def test_coupled_oscillators_hand_their_energy_over() -> None:
 
 @pytest.mark.parametrize("kind", ["gaps", "two_modes", "clipped"])
 def test_cases_come_from_their_seed(kind: str) -> None:
-    case, again, other = drawn(kind, 0, 5), drawn(kind, 0, 5), drawn(kind, 1, 5)
+    case, again, other = draw_case(kind, 0, 5), draw_case(kind, 0, 5), draw_case(kind, 1, 5)
     assert np.array_equal(case.y, again.y)
     assert not np.array_equal(case.y, other.y)
     assert case.t.size == (SAMPLES - 48 if kind == "gaps" else SAMPLES)

@@ -26,12 +26,12 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import made_record
 from bayesdamp.types import Signal
-from validation.experiments.envelopes import drawn as drawn_ringdown
+from validation.experiments.envelopes import draw_ringdown
 from validation.experiments.laws import case
 from validation.measured.run import signals
 from validation.truth import discrepancies, records
-from validation.truth.drawing import Draw, drawn
-from validation.truth.motion import NoMotionError, solved
+from validation.truth.drawing import Draw, draw_oscillator
+from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import LAWS, SUMS
 from validation.truth.ratio import RatioCurve, ratio_curve
 from validation.truth.ringdowns import simulate
@@ -68,9 +68,11 @@ def sum_of_terms(number: int) -> Record:
     damping, law = SUMS[number % len(SUMS)], list(LAWS)[number % len(LAWS)]
     quantity, noise = QUANTITIES[number % len(QUANTITIES)], NOISES[number % len(NOISES)]
     while True:
-        draw = drawn(rng, damping, law)
+        draw = draw_oscillator(rng, damping, law)
         try:
-            motion = solved(draw.oscillator, draw.displacement, draw.frequency, draw.begin + draw.duration)
+            motion = solve_motion(
+                draw.oscillator, draw.displacement, draw.frequency, draw.begin + draw.duration
+            )
         except NoMotionError:
             continue
         break
@@ -199,7 +201,7 @@ def simulated_row(name: str) -> dict[str, Any]:
 def envelope_row(name: str) -> dict[str, Any]:
     """Return what is frozen of a ring-down."""
     rng = np.random.default_rng([SEED, int(name.split("-")[1])])
-    made = drawn_ringdown("harsh", rng)
+    made = draw_ringdown("harsh", rng)
     truth = simulate(made, rng)
     result = analyse(made_record(name, truth.t, truth.level, "dBm", 1e6)).verdict
     row: dict[str, Any] = {"grade": str(result.grade), "damping": result.damping}

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from validation.truth.motion import NoMotionError, solved
+from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
 from validation.truth.ratio import RatioCurve, ratio_curve
 
@@ -22,7 +22,7 @@ SPRINGS = {
 
 
 def curve_of(oscillator: Oscillator, cycles: float, amplitude: float = A) -> RatioCurve:
-    motion = solved(oscillator, amplitude, W, 2 * np.pi * cycles / W)
+    motion = solve_motion(oscillator, amplitude, W, 2 * np.pi * cycles / W)
     return ratio_curve(motion, oscillator.potential())
 
 
@@ -111,15 +111,15 @@ def test_a_motion_is_that_of_another_solver(law: str, epsilon: float) -> None:
 
     times = np.linspace(0.0, 8.0, 200)
     other = solve_ivp(slope, (0.0, 8.0), [zero + A, 0.0], t_eval=times, rtol=1e-8, atol=1e-9, max_step=0.02)
-    theta, v = solved(oscillator, A, W, 8.0).at(times)
+    theta, v = solve_motion(oscillator, A, W, 8.0).at(times)
     assert theta == pytest.approx(other.y[0], abs=2e-5)
     assert v == pytest.approx(other.y[1], abs=1e-4)
 
 
 def test_a_motion_that_sticks_or_escapes_is_refused() -> None:
     with pytest.raises(NoMotionError, match="sticks"):
-        solved(Oscillator("linear", LINEAR, {"coulomb": 0.3}), A, W, 40.0)
+        solve_motion(Oscillator("linear", LINEAR, {"coulomb": 0.3}), A, W, 40.0)
     with pytest.raises(NoMotionError, match="creeps or escapes"):
-        solved(Oscillator("duffing", LINEAR | {"cubic": -100.0}, {"viscous": 0.01}), A, W, 40.0)
+        solve_motion(Oscillator("duffing", LINEAR | {"cubic": -100.0}, {"viscous": 0.01}), A, W, 40.0)
     with pytest.raises(ValueError, match="outside"):
         curve_of(Oscillator("linear", LINEAR, {"viscous": 0.03}), 20)(A)

@@ -10,9 +10,9 @@ from pathlib import Path
 from bayesdamp.types import InputError, Refusal
 from validation.contest import rows
 from validation.contest.environments import Child
-from validation.contest.measured import measured
+from validation.contest.measured import measured_records
 from validation.contest.page import write
-from validation.contest.records import Record, closed_form, simulated
+from validation.contest.records import Record, closed_form, simulate_record
 from validation.contest.roster import ROSTER
 from validation.rows import rounded, write_frame, write_row
 
@@ -84,11 +84,11 @@ def _run(options: argparse.Namespace, table: Path, missing: dict[str, str]) -> N
 def _records(options: argparse.Namespace) -> Iterator[Record]:
     """Yield the measured records, then the simulated ones."""
     try:
-        yield from measured(MEASURED)
+        yield from measured_records(MEASURED)
     except Refusal as refusal:
         print(f"measured records are omitted: {refusal}", file=sys.stderr)
     for number in range(options.count):
-        yield simulated(options.seed, number)
+        yield simulate_record(options.seed, number)
 
 
 if __name__ == "__main__":

@@ -58,7 +58,10 @@ class Environment:
 
 @dataclass
 class Child:
-    """A program in `apart`, which runs in an environment. It starts with the first record, and again after it ends."""
+    """A peer that runs as a program of `apart` in its own environment.
+
+    The program is started with the first record, and started again if it has ended.
+    """
 
     environment: Environment
     program: str
@@ -95,6 +98,7 @@ class Child:
         self._process = None
 
     def _start(self) -> subprocess.Popen[str]:
+        """Return the running program; start it if necessary."""
         if self._process is None:
             command = [str(self.environment.python), str(APART / self.program), *self.arguments]
             hidden = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}

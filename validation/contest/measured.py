@@ -1,4 +1,4 @@
-"""Measured records whose repeats give the truth: ten runs of a rotating disc, which are not shipped."""
+"""Read measured records for which repeats provide the truth: ten runs of a rotating disc, which are not shipped."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ NEAR = 0.35
 LEAST = 6
 
 
-def measured(folder: Path) -> list[Record]:
+def measured_records(folder: Path) -> list[Record]:
     """Return a record for each run. Raises Refusal if the file is missing.
 
-    The truth at an amplitude comes from the half cycles of all other runs near this amplitude. The loss of a half cycle
-    is ln of the ratio of two successive distances between turning points, over π. The truth is a straight line, in
-    logarithms, through the nearby losses. It requires no law, no rest position and no method of this contest.
+    The truth at an amplitude comes from the half cycles of all other runs near this amplitude. For each two successive
+    half cycles, the logarithmic decrement is ln(D1/D2), where D1 and D2 are the distances between their turning points;
+    divided by π it gives the damping ratio. The truth is the value of a straight line through these ratios, in
+    logarithms. It does not assume a law or an equilibrium, and uses no method of this contest.
     """
     import bayesdamp as bd
 
@@ -74,7 +75,7 @@ def _turns(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
 
 
 def _line_near(lost: np.ndarray, amplitude: float) -> float:
-    """Return the ratio at an amplitude. Raises Refusal if too few half cycles are near."""
+    """Interpolate damping ratios at an amplitude. Raises Refusal if too few half cycles are near it."""
     away = np.log(lost[:, 0] / amplitude)
     near = np.abs(away) <= NEAR
     if near.sum() < LEAST:

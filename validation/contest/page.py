@@ -154,7 +154,7 @@ def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
 
 
 def _given(rows: pd.DataFrame) -> Iterator[str]:
-    """Name the peers with one number for all amplitudes, and those that got fewer records than others."""
+    """Yield sentences on the peers with one number for all amplitudes, and on those with fewer records than others."""
     counts = {name: len(where(rows, peer=name)) for name in peers_of(rows)}
     values = {name: three(where(rows, peer=name, outcome=OK), "value") for name in counts}
     constant = [ROSTER[n].label for n, v in values.items() if len(v) and not np.ptp(v, axis=1).any()]
@@ -167,7 +167,7 @@ def _given(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    """Compare the script with bayesdamp on the records that both got."""
+    """Yield the section that compares the script with bayesdamp, on the records that both received."""
     theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
     rows = rows.iloc[[i for i, record in enumerate(rows["record"]) if record in theirs & own]]
     if rows.empty:
@@ -210,6 +210,7 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
 
 
 def _scores(rows: pd.DataFrame) -> str:
+    """Return the table of scores of all peers on these records."""
     lines = []
     for name in peers_of(rows):
         part = where(rows, peer=name)
@@ -275,6 +276,7 @@ def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
 
 
 def _refusals(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each peer with its reasons for refusing records."""
     for name in peers_of(rows):
         reasons = Counter(_without_numbers(str(x)) for x in where(rows, peer=name)["outcome"] if x != OK)
         if reasons:
@@ -289,6 +291,7 @@ def _without_numbers(text: str) -> str:
 
 
 def _percent(error: Interval, ends: bool = True) -> str:
+    """Format an error in per cent, with its interval if `ends`."""
     if math.isnan(error.value):
         return "–"
     has_ends = ends and not math.isnan(error.low)
@@ -298,12 +301,14 @@ def _percent(error: Interval, ends: bool = True) -> str:
 
 
 def _share(share: Interval, ends: bool = True) -> str:
+    """Format a fraction, with its interval if `ends`."""
     if math.isnan(share.value):
         return "–"
     return with_interval(share.value, share.low, share.high) if ends else f"{share.value:.2f}"
 
 
 def _factor(factor: Interval, count: int) -> str:
+    """Format a ratio of errors with its interval, in bold if the interval is below 1."""
     if not count:
         return "–"
     ends = "" if math.isnan(factor.low) else f" ({_digits(factor.low)}–{_digits(factor.high)})"

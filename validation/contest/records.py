@@ -1,4 +1,4 @@
-"""Simulate the records of the contest: five groups in turn, so that the first records include all groups."""
+"""Simulate the records of the contest. Their groups alternate, so that the first five records are of all groups."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Record:
     restoring: str = ""
 
 
-def simulated(seed: int, number: int) -> Record:
+def simulate_record(seed: int, number: int) -> Record:
     """Return record `number` of a seed, with the truth by SciPy's DOP853, as in `validation.truth.records`.
 
     Its group is `GROUPS[number % 5]`.

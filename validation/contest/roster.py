@@ -1,4 +1,4 @@
-"""The peers that take part in the contest."""
+"""List the peers that take part in the contest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of the contest, one for each record and peer."""
+"""Compute, read and combine the rows of the contest, one for each record and peer."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ COLUMNS = (
 
 
 def row_of(record: Record, name: str, peer: Peer) -> dict[str, Any]:
-    """Return the reply of a peer for a record, with the truth and the CPU seconds.
+    """Let a peer answer a record, and return a row with its reply, the truth and the CPU seconds.
 
-    After a refusal or an exception, its text is the outcome.
+    If the peer refuses the record or raises an exception, the outcome is the message.
     """
     row: dict[str, Any] = {
         "record": record.name, "group": record.group, "kind": record.kind, "damping": record.damping,

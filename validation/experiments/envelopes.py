@@ -2,8 +2,9 @@
 
     python -m validation.experiments.envelopes RECORDS SEED [KIND]
 
-prints a line for each record and counts. KIND: `plain`, one law and one floor, or `harsh` (by default): a law that
-deviates, a gain that drifts, a floor that wanders and is partly slow, a drive that drops or stays on, few readings.
+prints a line for each record, and counts. KIND `plain`: one law and a constant noise floor. KIND `harsh` (the default):
+deviations from the law, a drifting gain, a noise floor that varies and is partly slow, and a drive whose own signal
+vanishes at the release.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from validation.truth.ringdowns import NEPER, Ringdown, Simulated, decay_rate, s
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
 
 
-def drawn(kind: str, rng: np.random.Generator) -> Ringdown:
+def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
     """Draw a ring-down that lasts 20 to 60 s, falls by 20 to 50 dB to its floor, and has 100 to 4,000 readings."""
     duration, fall = float(rng.uniform(20, 60)), float(rng.uniform(20, 50))
     terms = CASES[rng.integers(len(CASES))].split("+")
@@ -65,8 +66,9 @@ def errors(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> tupl
     Returns
     -------
     z, inside : (4,) array
-        Standardised errors, and whether intervals contain the truth: of the rate over the first half of the fall, from
-        which Q follows (by the law), and of the rates at three amplitudes (over a tenth of the fall, with deviations).
+        Standardised errors, and whether intervals contain the truth. The first element is for the mean rate over the
+        first half of the fall (by the law), from which Q follows. The others are for the rates at three amplitudes
+        (over a tenth of the fall, with deviations).
     """
     assert answer.curve is not None
     assert answer.verdict.rate is not None
@@ -88,11 +90,11 @@ def errors(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> tupl
 
 
 def main(records: int, seed: int, kind: str = "harsh") -> None:
-    """Answer several ring-downs, and print the counts."""
+    """Run the experiment: answer several ring-downs, and print the counts."""
     rows, refused = [], 0
     for i in range(records):
         rng = np.random.default_rng([seed, i])
-        r = drawn(kind, rng)
+        r = draw_ringdown(kind, rng)
         truth = simulate(r, rng)
         answer = analyse(made_record(str(i), truth.t, truth.level, "dBm", 1e6))
         result = answer.verdict
@@ -110,7 +112,7 @@ def main(records: int, seed: int, kind: str = "harsh") -> None:
         )  # fmt: skip
     z, inside = (np.array([row[i] for row in rows]) for i in range(2))
     print(
-        kind, f"seed {seed}: {len(rows)} answered, {refused} refused; intervals that hold the rate, and that at the",
+        kind, f"seed {seed}: {len(rows)} answered, {refused} refused; intervals with the true rate, and with those at",
         "amplitudes", inside.sum(axis=0), f"{inside.mean():.3f}; median z2", np.round(np.nanmedian(z**2, axis=0), 2),
         flush=True,
     )  # fmt: skip

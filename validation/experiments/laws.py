@@ -1,8 +1,7 @@
-"""Answer simulated records of the damping terms that the paper does not have, and write the page on them.
+"""Answer simulated records with damping terms that are not in the paper, and write the page on the results.
 
-`python -m validation.experiments.laws TABLE FOLDER [--seed 86000 --exponents 60 --each 6 --terms cubic power ...]`. A
-damping can be named if its true sum can be distinguished from the best sum that lacks one of its terms. `exponent` in
-place of a term draws power laws for the coverage of the exponent.
+`python -m validation.experiments.laws TABLE FOLDER [--seed 86000 --exponents 60 --each 6 --terms cubic power ...]`. The
+term `exponent` means power laws with random exponents, for the coverage of the exponent's interval.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from bayesdamp.physics.damping import all_sums
 from bayesdamp.types import Signal
 from validation.rows import make_page, page_options
 from validation.scoring import hits_of
-from validation.truth.motion import NoMotionError, solved
+from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
 
 EXPONENT = "exponent"
@@ -33,19 +32,19 @@ COLUMNS = (
     "probability", "decided", "intervals", "held", "missed",
 )  # fmt: skip
 HEADS = (
-    "term", "first", "with the right sum first", "named without reservation, rightly", "wrongly",
-    "rightly, where anybody could tell", "intervals that hold",
+    "term", "most probable", "true sum most probable", "named outright, correctly", "named outright, wrongly",
+    "named correctly, of the distinguishable", "intervals with the truth",
 )  # fmt: skip
 Rows = Sequence[Mapping[str, str]]
 Force = Callable[[float, float, float], float]
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
 LEAST_NATS = 12.0
-"""Least lead over the best rival with which a damping can be named."""
+"""A true sum counts as distinguishable if its best fit is at least this many nats better than that of every rival."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A damping term.
+    """A damping term with its true parameters.
 
     Attributes
     ----------
@@ -143,7 +142,7 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
     share = 1.0 if alone else float(rng.uniform(0.3, 0.9))
 
     def ratio(a: float) -> float:
-        """Return the damping ratio per unit of the coefficient at an amplitude."""
+        """Return the equivalent damping ratio at an amplitude, per unit of the coefficient."""
 
         def power(phase: float) -> float:
             v = a * frequency * math.sin(phase)
@@ -168,7 +167,7 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
     )  # fmt: skip
     times = np.linspace(0, cycles * 2 * np.pi / frequency, int(cycles * rng.uniform(30, 60)))
     try:
-        motion = solved(oscillator, size, frequency, float(times[-1]) + 1e-9)
+        motion = solve_motion(oscillator, size, frequency, float(times[-1]) + 1e-9)
     except NoMotionError:
         return None
     y, v = motion.at(times)
@@ -186,9 +185,10 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
 
 
 def nats_ahead(comparison: ModelComparison, c: Case) -> float:
-    """Return the lead of the true sum's best fit over that of every sum that lacks one of its terms, in nats.
+    """Return by how many nats the best fit of the true sum exceeds those of all sums that lack one of its terms.
 
-    The laws are exact, and the noise is the true one. Infinite where all such sums were expected to be far behind.
+    The laws are assumed to hold exactly, with the true noise. Infinite if no such sum was fitted, because all of them
+    were expected to be hopeless.
     """
     true = set(c.damping.split("+"))
     squares = {frozenset(r.candidate.damping): r.fit.squares for r in comparison.results}
@@ -199,10 +199,10 @@ def nats_ahead(comparison: ModelComparison, c: Case) -> float:
 
 
 def row(term: str, seed: int) -> dict[str, object]:
-    """Return the row of a record: the exponent of a power law, or the most probable sum and its intervals.
+    """Answer a record, and return its row: the exponent of a power law, or the most probable sum and its intervals.
 
-    The sums that are weighed are the paper's, and the term alone and with viscous damping. The row also has the
-    probability of the true sum under exact laws, and the parameters whose intervals do not contain the truth.
+    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping. The row also
+    contains the probability of the true sum under exact laws, and the parameters whose intervals miss the truth.
     """
     c = case(term, seed)
     head = {"case": f"{term}-{seed}", "term": term, "share": c.share}
@@ -243,19 +243,19 @@ def page(rows: Rows) -> str:
     named = [r for r in others if r["decided"] == "1"]
     right = [r for r in named if r["first"] == r["truth"]]
     lines = [
-        "# The exponent, and damping terms beside the paper's",
+        "# The exponent, and damping terms that are not in the paper",
         "",
-        f"The exponent's 95 % interval holds the truth in {hits_of(_inside(exponents), len(exponents))} power laws; "
-        f"of {len(others)} records of six further terms {len(named)} are named outright, {len(right)} of these "
-        f"rightly; of the {len(distinct)} of which anybody could tell the true sum, "
-        f"{sum(r in right for r in distinct)}.",
+        f"The exponent's 95 % interval contains the truth in {hits_of(_inside(exponents), len(exponents))} power laws. "
+        f"Of {len(others)} records of six further terms, {len(named)} are named outright, {len(right)} of these "
+        f"correctly. Of the {len(distinct)} records whose true sum is distinguishable, "
+        f"{sum(r in right for r in distinct)} are named outright and correctly.",
         "",
-        "Records of the validation's own solver whose amplitude falls by 60 % or more with 0.5 to 2 % of noise; a "
-        "term has at least 30 % of the loss, alone or beside viscous damping, and is weighed beside the paper's seven "
-        "sums; its motions are sampled. Exponents are between 0.2 and 2.5. Anybody could tell where the true sum's "
-        f"best fit is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. In brackets: 95 % "
-        f"intervals of the shares. {len(exponents)} exponents tell a coverage of 0.95 from one below "
-        f"{_least(len(exponents)):.2f} (5 %) with a probability of 0.8.",
+        "The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of "
+        "noise. The term dissipates at least 30 % of the energy, alone or together with viscous damping. It is "
+        "compared with the paper's seven sums, with MCMC sampling. Exponents are between 0.2 and 2.5. The true sum is "
+        f"distinguishable if its best fit is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its "
+        f"terms. The brackets contain 95 % intervals of the fractions. {len(exponents)} exponents distinguish a "
+        f"coverage of 0.95 from one below {_least(len(exponents)):.2f} (5 %) with a probability of 0.8.",
         "",
     ]  # fmt: skip
     cells = []
@@ -274,7 +274,7 @@ def page(rows: Rows) -> str:
     lines += [
         table(HEADS, cells),
         "",
-        "laws.csv has every record. `make reports` makes it again, with `ARGS=--full` from three times as many.",
+        "laws.csv has every record. `make reports` makes this report again; `ARGS=--full` uses more records.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -284,7 +284,7 @@ def _inside(rows: Rows) -> int:
 
 
 def _least(count: int) -> float:
-    """Return the coverage that differs significantly from 0.95 with a probability of 0.8, in normal approximation."""
+    """Return the largest coverage below 0.95 that a test of size 5 % detects with a probability of 0.8."""
     for share in np.arange(0.94, 0.3, -0.01) if count else ():
         if 0.95 - share > 1.96 * np.sqrt(0.95 * 0.05 / count) + 0.84 * np.sqrt(share * (1 - share) / count):
             return float(share)
@@ -292,10 +292,10 @@ def _least(count: int) -> float:
 
 
 def main() -> None:
-    """Write the page, and answer the records that the table lacks."""
+    """Run the command line: answer the records that the table lacks, and write the page."""
     parser = page_options(__doc__)
     parser.add_argument(
-        "--seed", type=int, default=86000, help="of the first term; 1000 more for each next one"
+        "--seed", type=int, default=86000, help="seed of the first term; each next term adds 1000"
     )
     parser.add_argument("--exponents", type=int, default=60, help="number of power laws")
     parser.add_argument("--each", type=int, default=6, help="number of records of each other term")

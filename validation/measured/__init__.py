@@ -1,1 +1,1 @@
-"""Answers on decays that others measured; no truth is known."""
+"""Compute answers on published measurements of decays, for which no truth is known."""

@@ -3,10 +3,10 @@
 `python -m validation.measured.agreement FILE.csv [PART ...]`.
 
 Parts: `halves` of measured records, `runs` of one rig, and halves of `simulated` records with a discrepancy. The file
-has a row for each pair. The output has for each part the mean square of the standardised differences of the damping
-ratio at common amplitudes (1 if intervals are right), how often a named sum has a probability of at least 0.05 in the
-other answer, and the records that could not be compared. Answers are those of the linear models; with `sampled` among
-the parts, they are sampled.
+has a row for each pair. For each part, the output contains the mean square of the standardised differences of the
+damping ratio at common amplitudes (1 if the intervals are correct), how often the sum of one answer has a probability
+of at least 0.05 in the other answer, and the records that could not be compared. The answers are from linear
+approximations; with `sampled` among the parts, they are from MCMC sampling.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ SPECIMENS = {"ten-runs": ("ten-runs",), "stiff discs": ("stiff-disc-2", "stiff-d
 SINGLE = ("rotary", "video", "disc", "rig-80P", "rig-60", "rig-100", "stiff-disc-2", "stiff-disc-3", "ship")
 
 
-def answered(sample: bool, signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-    """Return the verdict at amplitudes; raise Refusal if it has no damping ratio."""
+def verdict_at(sample: bool, signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
+    """Return the verdict on a record, with damping ratios at amplitudes. Raises Refusal if it has none."""
     verdict = answer(signal, amplitudes, sample=sample).verdict
     if not verdict.damping_ratio:
         raise Refusal(verdict.sentence)
@@ -62,7 +62,7 @@ def measured_runs(answering: Answering) -> Iterator[tuple[str, Callable[[], list
 
 
 def simulated_halves(answering: Answering) -> Iterator[tuple[str, Callable[[], list[Agreement]]]]:
-    """Compare the halves of simulated records, with the ten discrepancies in turn."""
+    """Compare the halves of simulated records, of which each has one of the ten discrepancies."""
     for i in range(COUNT):
         c = case(KINDS[1 + i % 10], SEED, i // 10)
         yield c.name, lambda c=c: [halves(c.signal, answering)]
@@ -72,8 +72,8 @@ PARTS = {"halves": measured_halves, "runs": measured_runs, "simulated": simulate
 
 
 def main(file: Path, wanted: list[str]) -> None:
-    """Compare the answers of some parts or all, and write the table."""
-    answering = partial(answered, "sampled" in wanted)
+    """Run the command line: compare the answers of the wanted parts (or all), and write the table."""
+    answering = partial(verdict_at, "sampled" in wanted)
     chosen = [name for name in PARTS if name in wanted] or list(PARTS)
     rows = []
     for part in chosen:
@@ -91,7 +91,7 @@ def main(file: Path, wanted: list[str]) -> None:
         if agreements:
             print(
                 f"{part}: {len(agreements)} pairs, mean square {mean_square(agreements):.2f}, "
-                f"likeliest sums possible in the other answer {share_possible(agreements):.2f}, "
+                f"most probable sums that the other answer allows {share_possible(agreements):.2f}, "
                 "of those named outright {} of {}".format(*named_possible(agreements)),
                 flush=True,
             )

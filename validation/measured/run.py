@@ -1,7 +1,8 @@
 """Answer measured decays: `python -m validation.measured.run FOLDER [NAME ...]`.
 
-Each record is read with its columns and unit as the only options, and answered as `bayesdamp compare` does. The runs in
-a file are also answered together as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each.
+Each record is read with its columns and unit as the only options, and answered as `bayesdamp compare` does. Several
+runs in a file are also answered together as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each
+answer.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SPRING = ReadingOptions(time="1", angle="2", unit="m")
 
 @dataclass(frozen=True)
 class Measured:
-    """A record: its name, its file in the data folder, and the options that select its columns and unit."""
+    """A measured record: its name, its file in the data folder, and the options with which it is read."""
 
     name: str
     file: str
@@ -33,7 +34,7 @@ class Measured:
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the file."""
         return DATA / self.file
 
 
@@ -62,7 +63,7 @@ RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", ReadingOptions())
 
 
 def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
-    """Yield the name of each file and its free decays; of a single record only the first."""
+    """Yield the name of each wanted record and its free decays. Only the file of ten runs has several."""
     for record in (*RECORDS, RUNS):
         if not wanted or record.name in wanted:
             results = records_in(record.path, record.options)
@@ -71,7 +72,7 @@ def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
 
 
 def verdicts(wanted: list[str]) -> Iterator[Verdict]:
-    """Yield the verdict on each record, and on the runs of a file together."""
+    """Yield the verdict on each record, and the verdict on all runs of a file together."""
     for name, records in signals(wanted):
         answers: list[Answer] = []
         for number, signal in enumerate(records, start=1):
@@ -85,14 +86,14 @@ def verdicts(wanted: list[str]) -> Iterator[Verdict]:
 
 
 def main(folder: Path, wanted: list[str]) -> None:
-    """Answer the records, and write README.md and verdicts.csv into a folder."""
+    """Run the command line: answer the records, and write README.md and verdicts.csv into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     results = list(verdicts(wanted))
     write_table(folder / "verdicts.csv", columns(), [v.row() for v in results])
     lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in results]
     named = sum(v.decided for v in results)
-    page = f"# Measured decays\n\nOf {len(results)} answers {named} name one damping outright; no truth is known.\n\n"
-    page += "What `bayesdamp compare` says of records that others measured.\n\n"
+    page = f"# Measured decays\n\nOf {len(results)} answers, {named} name one damping outright; no truth is known.\n\n"
+    page += "The table contains the answers of `bayesdamp compare` on published measurements.\n\n"
     page += "| record | grade | answer |\n|---|---|---|\n" + "\n".join(lines) + "\n"
     (folder / "README.md").write_text(page, encoding="utf-8")
 

@@ -1,1 +1,1 @@
-"""Simulated records that no law fits, or of bad quality: does the answer warn?"""
+"""Test whether answers are right, or give a warning, on records that no law fits and on records of poor quality."""

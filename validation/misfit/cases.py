@@ -1,4 +1,4 @@
-"""Draw simulated cases from a seed: records that no law of the family fits, and records of it of bad quality."""
+"""Draw random test cases: records that no law of the family fits, and records of the family with poor data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ OUTSIDE = (
     "beats", "two_modes", "driven", "clipped", "stiction", "drift", "wander", "cubic", "root", "damping_changes",
     "stiffness_changes",
 )  # fmt: skip
+"""Kinds of records that no law of the family fits."""
 INSIDE = ("clean", "two_cycles", "coarse", "quantised", "outliers", "gaps", "slight_drift")
+"""Kinds of records of the family, most of them with poor data."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class Case:
     name : str
         Name of the record.
     kind : str
-        One of OUTSIDE or INSIDE.
+        A kind in OUTSIDE or INSIDE.
     damping : str
-        The true sum, or the name of what the record has instead.
+        The true damping sum; or the true damping, if it is not in the family.
     noise : float
         Standard deviation of the noise relative to the amplitude.
     t, y : (n,) array
@@ -56,8 +58,8 @@ class Case:
         return self.kind in INSIDE
 
 
-def drawn(kind: str, number: int, seed: int) -> Case:
-    """Draw case `number` of a kind under a seed."""
+def draw_case(kind: str, number: int, seed: int) -> Case:
+    """Simulate a random record of a kind. The record is determined by its kind, its number and the seed."""
     rng = np.random.default_rng([seed, (*OUTSIDE, *INSIDE).index(kind), number])
     cycles = float(rng.uniform(6, 12))
     if kind == "two_cycles":
@@ -110,7 +112,7 @@ def drawn(kind: str, number: int, seed: int) -> Case:
         at = rng.choice(SAMPLES, round(SAMPLES * rng.uniform(0.01, 0.05)), replace=False)
         y[at] += rng.choice([-1.0, 1.0], at.size) * rng.uniform(0.3, 1.0, at.size)
     keep = np.ones(SAMPLES, bool)
-    if kind == "gaps":  # of the same total length, so that all such records share a compiled program
+    if kind == "gaps":  # their total length is constant, so that all these records have equally many samples
         for begin in rng.choice(7, 3, replace=False):
             first = 10 + 30 * int(begin) + int(rng.integers(0, 12))
             keep[first : first + 16] = False

@@ -1,7 +1,7 @@
 """Simulate oscillators inside and outside the family of models with SciPy.
 
-Units are those of the motion: it starts from rest at 1, and its frequency at small amplitudes is 1 rad per unit of
-time. A damping is a function of the velocity, a restoring force is a function of the position.
+Units are normalised: the motion starts at 1 with zero velocity, and its frequency at small amplitudes is 1 rad per unit
+of time. A damping is a function of the velocity; a restoring force is a function of the position.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ TERMS: Mapping[str, Callable[[float], Force]] = {
     "cubic": lambda eps: lambda v: v**3,
     "root": lambda eps: lambda v: v / (v * v + eps * eps) ** 0.25,
 }
-"""Damping terms with coefficient 1, from the velocity eps within which a discontinuous term changes its sign."""
+"""Damping terms with coefficient 1, as functions of the velocity eps within which a discontinuous term changes sign."""
 
 
 def fall(damping: Force, amplitude: float) -> float:
-    """Return the fall of an amplitude per radian, from the energy loss of a harmonic cycle."""
+    """Return the decrease of an amplitude per radian, from the energy that a harmonic motion loses in a cycle."""
     phase = (np.arange(720) + 0.5) * 2 * np.pi / 720
     return float(np.mean(np.asarray(damping(amplitude * np.cos(phase))) * np.cos(phase)))
 
@@ -37,13 +37,13 @@ def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: flo
     Parameters
     ----------
     shares
-        Share of each term in the loss at an amplitude of 0.6.
+        Fraction of the energy loss that is due to each term, at an amplitude of 0.6.
     cycles
-        Number of cycles.
+        Number of cycles in which the amplitude falls from 1 to `left`.
     left
-        Amplitude after them.
+        Amplitude after these cycles.
     eps
-        Velocity within which a discontinuous term changes its sign.
+        Velocity within which a discontinuous term changes sign.
     """
     units = {n: TERMS[n](eps) for n in shares}
     weights = {n: share / fall(units[n], 0.6) for n, share in shares.items()}
@@ -58,14 +58,14 @@ def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: flo
 
 
 def free(damping: Force, restoring: Restoring, times: np.ndarray) -> np.ndarray:
-    """Return positions (n,) of an oscillator."""
+    """Return the positions, (n,), of a freely decaying oscillator."""
     return _solved(lambda t, s: [s[1], -damping(s[1]) - restoring(s[0])], [1.0, 0.0], times)
 
 
 def driven(
     damping: Force, restoring: Restoring, times: np.ndarray, frequency: float, amplitude: float, phase: float
 ) -> np.ndarray:
-    """Add a harmonic force, whose steady motion alone would have the given amplitude."""
+    """Return the positions of an oscillator with a harmonic force, whose undamped steady motion has `amplitude`."""
     force = amplitude * max(abs(1 - frequency**2), 0.02)
 
     def slope(t, s):
@@ -77,7 +77,10 @@ def driven(
 def changing(
     damping: Force, times: np.ndarray, damping_grows: float = 0.0, stiffness_grows: float = 0.0
 ) -> np.ndarray:
-    """Let the damping grow exponentially over the record by `damping_grows`, and the stiffness linearly."""
+    """Return the positions of an oscillator whose damping increases exponentially and whose stiffness linearly.
+
+    Over the record the damping increases by exp(damping_grows), and the stiffness by `stiffness_grows`.
+    """
     end = float(times[-1])
 
     def slope(t, s):
@@ -88,7 +91,7 @@ def changing(
 
 
 def coupled(damping: Force, times: np.ndarray, coupling: float, detuning: float) -> np.ndarray:
-    """Return positions (n,) of one of two coupled oscillators; the other starts at rest at 0."""
+    """Return the positions, (n,), of one of two coupled oscillators. The other starts at 0 with zero velocity."""
 
     def slope(t, s):
         pull = coupling * (s[0] - s[2])
@@ -101,7 +104,10 @@ def coupled(damping: Force, times: np.ndarray, coupling: float, detuning: float)
 
 
 def sticking(kinetic: float, static: float, speed: float, times: np.ndarray) -> np.ndarray:
-    """Apply friction of exact sign that falls from static to kinetic within `speed` (Stribeck) and may stick."""
+    """Return the positions of an oscillator with Stribeck friction, which may stick.
+
+    The friction falls from `static` to `kinetic` within the velocity `speed`; its sign is not smoothed.
+    """
     out = np.empty(times.size)
     t, x, done = 0.0, 1.0, 0
     while True:
@@ -136,5 +142,6 @@ def second_mode(
 
 
 def _solved(slope: Slope, start: list[float], times: np.ndarray) -> np.ndarray:
+    """Solve an equation of motion and return the positions, (n,)."""
     end = float(times[-1])
     return solve_ivp(slope, (0.0, end), start, "DOP853", times, rtol=1e-9, atol=1e-11, max_step=0.5).y[0]

@@ -1,4 +1,4 @@
-"""Score the quick answers on simulated cases, each read as a user's file, and write the page.
+"""Score the answers of `bayesdamp compare --quick` on simulated records, and write the page.
 
 `python -m validation.misfit.scoring TABLE FOLDER --seed 21 [--count 4 --kinds clean,beats]`.
 """
@@ -17,7 +17,7 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
-from validation.misfit.cases import INSIDE, OUTSIDE, Case, drawn
+from validation.misfit.cases import INSIDE, OUTSIDE, Case, draw_case
 from validation.rows import make_page, page_options
 from validation.scoring import hits_of
 
@@ -26,24 +26,24 @@ COLUMNS = (
     "seconds", "sentence",
 )  # fmt: skip
 REFUSED, OPEN, RIGHT, WRONG = "refused", "open", "right", "wrong"
-"""Outcomes: no damping is given; none is named without reservation; the true one is, or another."""
+"""Outcomes: the answer names no damping; it names none outright; it names the true damping outright, or another one."""
 NO_ANSWER = (Grade.NO_FREE_DECAY, Grade.NOT_WEIGHED)
 
 HEADS = (
-    "kind", "cases", "said to be no free decay, or nothing weighed", "left open", "named outright, right",
-    "named outright, wrong and unwarned",
+    "kind", "cases", "refused (not a free decay, or no fit)", "left open", "named outright, correctly",
+    "named outright, wrongly",
 )  # fmt: skip
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, object]:
-    """Return the row of case `number` of a kind under a seed."""
-    return score(drawn(kind, number, seed))
+    """Simulate a case, answer it, and return its row."""
+    return score(draw_case(kind, number, seed))
 
 
 def score(case: Case) -> dict[str, object]:
-    """Return the row of a case, read from a CSV file and answered as `bayesdamp compare --quick` does.
+    """Write a case to a CSV file, answer it as `bayesdamp compare --quick` does, and return its row.
 
-    Its seconds are processor time.
+    The column `seconds` is CPU time.
     """
     began = time.process_time()
     head: dict[str, object] = {
@@ -67,7 +67,7 @@ def score(case: Case) -> dict[str, object]:
 
 
 def outcome(verdict: Verdict, truth: str) -> str:
-    """Return the outcome of a verdict, given the true damping."""
+    """Return the outcome of a verdict: REFUSED, OPEN, RIGHT or WRONG."""
     if verdict.grade in NO_ANSWER:
         return REFUSED
     if not verdict.decided:
@@ -76,7 +76,7 @@ def outcome(verdict: Verdict, truth: str) -> str:
 
 
 def _verdict(case: Case, file: Path) -> Verdict | str:
-    """Return the verdict, or why the file is refused."""
+    """Return the verdict, or the reason why the file is refused."""
     lines = [f"{t!r},{y!r}" for t, y in zip(case.t.tolist(), case.y.tolist(), strict=True)]
     file.write_text("\n".join(["t,angle", *lines]) + "\n", encoding="utf-8")
     try:
@@ -89,7 +89,7 @@ def _verdict(case: Case, file: Path) -> Verdict | str:
 
 
 def page(rows: Sequence[Mapping[str, str]]) -> str:
-    """Return the page: the answer, the table, and how it is made."""
+    """Return the page in Markdown: the result, how it was computed, and the table."""
     inside, outside = ([r for r in rows if r["kind"] in kinds] for kinds in (INSIDE, OUTSIDE))
     own, other = (Counter(r["outcome"] for r in part) for part in (inside, outside))
     lines = []
@@ -104,29 +104,29 @@ def page(rows: Sequence[Mapping[str, str]]) -> str:
         [
             "# Simulated misfits",
             "",
-            "Records that no law fits are named a wrong damping outright, without a warning, in "
-            f"{hits_of(other[WRONG], len(outside))}; records of the family under bad conditions in "
-            f"{hits_of(own[WRONG], len(inside))}, and are named rightly in {hits_of(own[RIGHT], len(inside))}. In "
-            "brackets: 95 % intervals of the shares.",
+            "On records that no law fits, a wrong damping is named outright, without a warning, in "
+            f"{hits_of(other[WRONG], len(outside))}. On records of the family with poor data this is so in "
+            f"{hits_of(own[WRONG], len(inside))}, and the true damping is named outright in "
+            f"{hits_of(own[RIGHT], len(inside))}. The brackets contain 95 % intervals of the fractions.",
             "",
-            "Records of SciPy's solver (`validation/misfit/records.py`), drawn broadly from a seed (`cases.py`: 240 "
-            "samples, 6 to 12 cycles, 0.3 to 5 % noise, 20 to 85 % of the amplitude lost), written to a file and "
-            "answered as `bayesdamp compare --quick` does: under all dampings and restoring laws, which may hold "
-            "approximately. *Right*: the damping that is named without reservation is the true sum; friction that is "
-            "larger near rest (stiction), cubic and square-root damping have none among those that are weighed, so "
-            "that whatever is named is wrong. No threshold was chosen on this seed.",
+            "The records are simulated by SciPy's solver (`validation/misfit/records.py`) with random parameters "
+            "(`cases.py`: 240 samples, 6 to 12 cycles, 0.3 to 5 % noise, 20 to 85 % of the amplitude lost). Each is "
+            "written to a file and answered as `bayesdamp compare --quick` does: under all dampings and restoring "
+            "laws, which may hold approximately. *Correctly* means that the damping that is named outright is the "
+            "true sum. Stiction, cubic and square-root damping are not among the sums that are compared, so any "
+            "damping that is named there is wrong. No threshold was chosen on this seed.",
             "",
             table(HEADS, lines),
             "",
-            "scored.csv has every case with its sentence. `make reports` makes it again, with `ARGS=--full` from "
-            "three times as many.",
+            "scored.csv has every case with its sentence. `make reports` makes this report again; `ARGS=--full` uses "
+            "three times as many records.",
             "",
         ]
     )
 
 
 def main() -> None:
-    """Write the page, and score the cases that the table lacks."""
+    """Run the command line: score the cases that the table lacks, and write the page."""
     parser = page_options(__doc__)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Make the shipped reports: how each is made, which code made it, and which reports are stale."""
+"""Make the shipped reports, record which code made each of them, and find out which ones are stale."""
 
 from validation.reports.recipes import RECIPES, Recipe
 from validation.reports.stamps import Stamp, digest, stale, stamps

@@ -13,15 +13,21 @@ from pathlib import Path
 
 from validation.reports.contradictions import contradictions
 from validation.reports.recipes import RECIPES, Recipe
-from validation.reports.stamps import Stamp, digest, stale, stamped, stamps
+from validation.reports.stamps import Stamp, digest, stale, stamps, write_stamp
 
 ROOT = Path(__file__).parents[2]
+"""Folder of the project."""
 WORK = ".reports"
+"""Folder for intermediate files of unfinished reports."""
 STALE = 1
+"""Exit status if a report is stale or failed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return 0, or 1 if a report is stale or failed, or 2 after a wrong option or a changed tree."""
+    """Run the command line and return the exit status.
+
+    0: success; 1: a report is stale, or making it failed; 2: an option is wrong, or the tree has uncommitted changes.
+    """
     parser = argparse.ArgumentParser(prog="python -m validation.reports", description=__doc__)
     parser.add_argument(
         "names", nargs="*", help="reports to make; by default all stale ones, the fastest first"
@@ -52,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check() -> int:
+    """Print which reports are stale. Return 1 if there are any, else 0."""
     stamp_of, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
     lines = []
     for recipe in RECIPES:
@@ -91,7 +98,7 @@ def _make(recipe: Recipe) -> bool:
         print("\n  ".join([head, *wrong]), file=sys.stderr)
         return False
     day = datetime.datetime.now(datetime.UTC).date().isoformat()
-    stamped(ROOT / "reports", recipe, Stamp(now, _git("rev-parse", "HEAD"), day))
+    write_stamp(ROOT / "reports", recipe, Stamp(now, _git("rev-parse", "HEAD"), day))
     return True
 
 

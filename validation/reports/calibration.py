@@ -25,18 +25,25 @@ POWER = 0.8
 
 @lru_cache
 def rejected(n: int, level: float, alarm: float) -> np.ndarray:
-    """Return which numbers of covering intervals, 0 to n, a two-sided exact binomial test rejects, shape (n + 1,)."""
+    """Return which numbers k of n intervals that contain the truth a binomial test rejects, for k = 0 to n, (n + 1,).
+
+    The test is exact and two-sided; its null hypothesis is that an interval contains the truth with probability
+    `level`.
+    """
     return np.array([binomtest(k, n, level).pvalue < alarm for k in range(n + 1)])
 
 
 def power(n: int, level: float, alarm: float, width: float) -> float:
-    """Return the probability that a test at `alarm` rejects n normal intervals with `width` times the correct width."""
+    """Return the probability that the binomial test detects intervals with `width` times the correct width.
+
+    The posterior is normal, and `n` records are tested with the false-alarm rate `alarm`.
+    """
     inside = 2 * norm.cdf(width * norm.ppf(0.5 + 0.5 * level)) - 1
     return float(binom.pmf(np.arange(n + 1), n, inside)[rejected(n, level, alarm)].sum())
 
 
 def narrowest_passed(n: int, level: float, alarm: float) -> float:
-    """Return the largest relative width below 1 that a test detects with probability `POWER`; 0 if there is none."""
+    """Return the largest relative width below 1 that the test detects with probability `POWER`; 0 if there is none."""
     percents = (percent / 100 for percent in range(99, 0, -1))
     return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
 

@@ -1,6 +1,6 @@
 """Compare the statements of shipped pages on simulated records with the truth of these records.
 
-Every public comparison returns a list with a sentence for each contradiction.
+Every comparison returns a list with a sentence for each contradiction.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 EXCLUDED = 0.05
 """A record that is not decided excludes the true damping if its probability is below this value."""
 MISSED = 0.05
-"""Share of 95 % intervals that may miss the truth."""
+"""Fraction of 95 % intervals that may miss the truth."""
 ALARM = 1e-3
 """False-alarm probability of each test on many records (conventional)."""
 FAR = 1.0
@@ -45,7 +45,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated record of a study: its name, its true damping and the values of its parameters."""
+    """A simulated record of a study: its name, its true damping terms, the values of its parameters, its oscillator."""
 
     name: str
     damping: frozenset[str]
@@ -80,7 +80,7 @@ class Quoted:
 
     @property
     def outside(self) -> float:
-        """The distance of the truth from the interval, in its widths; 0 inside."""
+        """Distance of the truth from the interval, in widths of the interval; 0 if it is inside."""
         off = max(self.low - self.truth, self.truth - self.high, 0.0)
         return off / max(self.high - self.low, 1e-300)
 
@@ -94,7 +94,7 @@ def terms_of(damping: str) -> frozenset[str]:
 
 
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
-    """Return the equivalent damping ratio at an amplitude (rad).
+    """Return the equivalent damping ratio at an amplitude in rad.
 
     It is the energy lost in a cycle over 4π times the energy.
     """
@@ -143,10 +143,10 @@ def named_wrongly(
     return [f"{record}: the true damping, {'+'.join(sorted(truth))}, has a probability of {own:.2g}"]
 
 
-def missed(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
-    """Compare 95 % intervals with the truth: none may be far from it, and not more may miss it than by chance.
+def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
+    """Compare 95 % intervals with the truth: none may be far off, and not more may miss it than by chance.
 
-    Of the intervals of a record only the middle one is counted, because they are not independent.
+    Only the middle interval of each record is counted, because the intervals of a record are not independent.
 
     Parameters
     ----------
@@ -185,20 +185,21 @@ def of_study(folder: Path) -> list[str]:
             damping: verdict["probability"]
         }
         wrong += named_wrongly(verdict["record"], truth.damping, verdict["decided"], damping, probabilities)
-    wrong += missed(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
-    wrong += missed(_posteriors(folder, truths))
+    wrong += misses(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
+    wrong += misses(_posteriors(folder, truths))
     wrong += _other_truths(folder, truths)
     wrong += _other_leaders(folder, verdicts)
     return wrong + _not_on_the_page(folder, verdicts)
 
 
 def _signal(record: str, truths: Mapping[str, Simulated]) -> str | None:
-    """Return the signal of a record; repeats have a number after its name."""
+    """Return the name of a record's signal. Records that are repeats have a number after this name."""
     names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
     return max(names, key=len, default=None)
 
 
 def _ratios(verdict: Mapping[str, Any], truth: Simulated) -> list[Quoted]:
+    """Return the intervals of the damping ratios in a verdict, with their true values."""
     scale = {"rad": 1.0, "deg": math.pi / 180}
     if truth.oscillator is None:
         return []
@@ -232,7 +233,7 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
 
 
 def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
-    """Compare the truth in the table of estimates with that of the study."""
+    """Compare the true values in estimates.csv with those in the study."""
     wrong = set()
     for row in read_rows(folder / "estimates.csv"):
         truth = truths.get(row["signal"])
@@ -247,7 +248,7 @@ def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
 
 
 def _other_leaders(folder: Path, verdicts: Rows) -> list[str]:
-    """Compare the leading damping of each verdict with that of each method in the table of evidence."""
+    """Compare the most probable damping of each verdict with that of each method in evidence.csv."""
     logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in read_rows(folder / "evidence.csv"):
         if row["outcome"] == OK and row["log_evidence"]:
@@ -277,10 +278,9 @@ def _not_on_the_page(folder: Path, verdicts: Rows) -> list[str]:
 
 
 def of_many(records: Iterable[tuple[frozenset[str], bool, str, float, float | None]], what: str) -> list[str]:
-    """Test the number of wrong names among many records.
+    """Test how many records of a table have a wrong damping named outright, or exclude the true damping.
 
-    The number of wrong names is compared with the sum of 1 − probability, and the number of records that exclude the
-    truth with one in twenty.
+    The first number is compared with the sum of 1 − probability, the second with 5 % of the records.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ def of_many(records: Iterable[tuple[frozenset[str], bool, str, float, float | No
 
 
 def of_rows(table: Path, kind: str) -> list[str]:
-    """Compare the rows of a kind that `validation.run` wrote with their truth."""
+    """Compare the rows of one kind in a table of `validation.run` with their truth."""
     rows = [r for r in read_rows(table) if r["kind"] == kind and r["outcome"] == OK]
     records = [
         (
@@ -326,11 +326,11 @@ def of_rows(table: Path, kind: str) -> list[str]:
         for r in rows
         if r["low_2"]
     ]
-    return of_many(records, table.parent.name) + missed(intervals)
+    return of_many(records, table.parent.name) + misses(intervals)
 
 
 def of_laws(table: Path) -> list[str]:
-    """Compare the rows of the page on further damping terms with their truth."""
+    """Compare the rows of the report on further damping terms with their truth."""
     rows = read_rows(table)
     answered = [r for r in rows if r["first"]]
     records = [
@@ -342,11 +342,11 @@ def of_laws(table: Path) -> list[str]:
         Quoted(r["case"], "exponent", float(r["exponent_low"]), float(r["exponent_high"]), float(r["truth"]))
         for r in exponents
     ]
-    return of_many(records, table.parent.name) + missed(intervals)
+    return of_many(records, table.parent.name) + misses(intervals)
 
 
 def of_misfit(table: Path) -> list[str]:
-    """Compare the rows of the misfits with their truth: those called right, and the records without a misfit."""
+    """Compare the rows of the report on misfits with their truth: those called right, and those of clean records."""
     rows = read_rows(table)
     wrong = [r for r in rows if r["outcome"] == "right" and terms_of(r["damping"]) != terms_of(r["truth"])]
     sentences = [f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}" for r in wrong]
@@ -377,7 +377,7 @@ def of_recovery(table: Path) -> list[str]:
 
 
 def of_light(table: Path) -> list[str]:
-    """Compare the rows of the page on light damping with their truth."""
+    """Compare the rows of the report on light damping with their truth."""
     rows = [r for r in read_rows(table) if r["outcome"] == OK]
     records = [
         (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["p_first"]), float(r["p_truth"]))
@@ -386,7 +386,7 @@ def of_light(table: Path) -> list[str]:
     intervals = [
         Quoted(r["record"], "ratio", float(r["low"]), float(r["high"]), float(r["true_ratio"])) for r in rows
     ]
-    return of_many(records, table.parent.name) + missed(intervals)
+    return of_many(records, table.parent.name) + misses(intervals)
 
 
 SENTENCE = re.compile(
@@ -401,13 +401,13 @@ NAMES = {"viscous": "viscous", "coulomb (dry friction)": "coulomb", "quadratic (
 
 
 def _values(pairs: str) -> dict[str, float]:
-    """Parse name=value,name=value."""
+    """Parse a text such as name=value,name=value to numbers by name."""
     split = (pair.partition("=") for pair in pairs.split(",") if pair)
     return {name: float(value) for name, _, value in split}
 
 
 def of_document(page: Path) -> list[str]:
-    """Compare the verdicts that a page quotes with the record that its command simulates.
+    """Compare the verdicts that a page of the documentation quotes with the record that its command simulates.
 
     A page without such a command is skipped. So is a page with several, because it is not clear which record a sentence
     describes.
@@ -434,7 +434,7 @@ def of_document(page: Path) -> list[str]:
             what = f"damping ratio at {r['amplitude']} {r['unit']} in %"
             low, high = float(r["low"]), float(r["high"])
             intervals.append(Quoted(page.name, what, low, high, 100 * true_ratio(oscillator, amplitude)))
-    return wrong + missed(intervals)
+    return wrong + misses(intervals)
 
 
 TABLES: Mapping[str, Callable[[Path], list[str]]] = {
@@ -444,7 +444,7 @@ TABLES: Mapping[str, Callable[[Path], list[str]]] = {
     "misfit/scored.csv": of_misfit,
     "model_recovery/recovery.csv": of_recovery,
 }
-"""Tables with many records, and the functions that compare them."""
+"""Tables with many records, by folder and file, and the functions that compare them with the truth."""
 
 
 def contradictions(page: Path) -> list[str]:

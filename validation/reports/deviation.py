@@ -16,8 +16,8 @@ INTRODUCTION = """The records are simulated, with a truth from an independent so
 SciPy's DOP853). They are answered under all dampings and restoring laws with linear models, without sampling. No
 threshold and no prior was chosen on these seeds. Records of the family are drawn until the true sum is 12 nats or more
 ahead of every sum that lacks one of its terms; among arbitrary records, fewer dampings could be named. *none* assumes
-that laws hold exactly; *auto* weighs exact and approximate laws. The brackets contain 95 % intervals of the shares for
-this number of records. Widths are relative to those of exact laws on the same record.
+that laws hold exactly; *auto* averages over exact and approximate laws. The brackets contain 95 % intervals of the
+fractions for this number of records. Widths are relative to those of exact laws on the same record.
 """
 BARS = """Targets. Family, *none*: named outright at least 0.90, right at least 0.97, coverage 0.92 to 0.98.
 Family, *auto*: named outright at least 0.75, right at least 0.95, coverage at least 0.95, intervals at most twice as
@@ -36,7 +36,7 @@ def page(rows: pd.DataFrame) -> str:
 
 
 def answer(table: pd.DataFrame) -> str:
-    """Return a sentence on the scores of each of the two groups."""
+    """Return the result of the page: a sentence on records of exact laws, and one on those with discrepancies."""
     sentences = []
     for group, condition in (
         ("family/auto", "a law holds exactly"),

@@ -1,8 +1,9 @@
 """Write the page on light damping: `python -m validation.reports.light ROWS.csv FOLDER [--records N] [--few N]`.
 
-Damping ratios are 1e-2 to 1e-4 for oscillations, 1e-5 and 1e-6 for envelopes. The quality of the answer must not
-depend on how small the damping is. So the records of all decades come from the same distribution, and the noise grows
-with the number of samples. Each row is saved as soon as it is computed, so that an interrupted run resumes.
+Damping ratios are 1e-2 to 1e-4 for oscillations, 1e-5 and 1e-6 for envelopes. The report tests whether the quality of
+the answer depends on how small the damping is. Therefore the records of all decades come from the same distribution,
+and the noise grows with the number of samples. Each row is saved as soon as it is computed, so that an interrupted run
+resumes.
 """
 
 from __future__ import annotations
@@ -24,32 +25,34 @@ from bayesdamp.types import OK, InputError, Signal
 from validation.rows import make_page, page_options, rounded
 from validation.scoring import share_of
 from validation.truth.drawing import log_uniform
-from validation.truth.motion import solved
+from validation.truth.motion import solve_motion
 from validation.truth.oscillator import Oscillator
 from validation.truth.rivals import loss_rate
 
 MOTIONS, ENVELOPES = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
 """Damping ratios for records of oscillations and of envelopes."""
 LONG = 1e-4
-"""The damping ratio of oscillations whose records take half a minute each."""
+"""The damping ratio of the oscillations with the longest records, of which each takes half a minute."""
 SEED = 3141
-"""Used only for this page: no prior and no threshold was chosen on these records."""
+"""Seed of the records. It is used only for this page: no prior and no threshold was chosen on these records."""
 DAMPINGS = ("viscous", "viscous+coulomb", "viscous+quadratic")
 SPREAD = 0.25
 """Largest difference, in decades, between the ratio of a record and the nominal ratio."""
 SHARES, FALLS = (0.2, 0.5), (5.0, 11.0)
-"""Share of the second term at the middle amplitude; first amplitude over the last."""
+"""Ranges of the second term's fraction of the loss at the middle amplitude, and of first over last amplitude."""
 NOISES = (0.003, 0.06)
-"""Standard deviation of the noise over the first amplitude, for a record of 40 cycles.
+"""Range of the standard deviation of the noise over the first amplitude, for a record of 40 cycles.
 
-It grows with the square root of the number of samples, so that the information does not depend on the damping ratio.
+The noise grows with the square root of the number of samples, so that the information does not depend on the damping
+ratio.
 """
 CYCLES, A_CYCLE, READINGS = 40.0, 30.0, 600
-"""These readings determine the amplitude as well as samples of 40 cycles, half of whose information is the phase."""
+"""Reference number of cycles, samples in a cycle, and number of readings of an envelope. The readings contain as much
+information on the amplitude as the samples of 40 cycles, of which half is information on the phase."""
 SIZES, RATES = (1e-3, 0.1), (0.5, 20.0)
 """Ranges of the first amplitude in m and the frequency in Hz."""
 LEAST_LOG = -15.0
-"""Log probability relative to the best below which a damping is omitted from a row."""
+"""Dampings whose log probability relative to the best is smaller are omitted from a row."""
 OTHER_FACTORS = (0.5, 0.25, 0.0625)
 """Other prior odds of a further term, instead of `FURTHER_TERM`."""
 DECIDED = 0.95
@@ -70,13 +73,13 @@ class Drawn:
     damping : str
         The true sum.
     ratio : float
-        Its damping ratio at the middle amplitude.
+        Damping ratio at the middle amplitude.
     share : float
-        Share of the second term there; 0 for a single term.
+        Fraction of the loss at the middle amplitude that is due to the second term; 0 for a single term.
     size, fall : float
         First amplitude in m, and its ratio to the last amplitude.
     frequency : float
-        In rad/s.
+        Frequency in rad/s.
     noise : float
         Standard deviation of the noise over the first amplitude.
     """
@@ -115,7 +118,7 @@ class Drawn:
         return t, amplitude
 
 
-def drawn(decade: float, number: int) -> tuple[Drawn, np.random.Generator]:
+def draw_record(decade: float, number: int) -> tuple[Drawn, np.random.Generator]:
     """Draw the parameters of a record; return them and the generator of its noise."""
     rng = np.random.default_rng([SEED, round(-math.log10(decade)), number])
     damping = DAMPINGS[number % len(DAMPINGS)]
@@ -133,13 +136,13 @@ def oscillation(draw: Drawn, rng: np.random.Generator) -> tuple[Signal, float]:
     stop = float(draw.decay()[0][-1])
     t = np.arange(0.0, stop, 2 * math.pi / draw.frequency / A_CYCLE)
     noise = draw.noise * math.sqrt(t.size / (CYCLES * A_CYCLE))
-    y = solved(oscillator, draw.size, draw.frequency, stop).at(t)[0]
+    y = solve_motion(oscillator, draw.size, draw.frequency, stop).at(t)[0]
     return Signal(t, y + noise * draw.size * rng.standard_normal(t.size), unit="m"), noise
 
 
 def row_of(decade: float, number: int) -> dict[str, object]:
     """Draw a record, answer it and compare the answer with the truth."""
-    draw, rng = drawn(decade, number)
+    draw, rng = draw_record(decade, number)
     kind = "oscillation" if decade in MOTIONS else "envelope"
     head = {
         "record": f"{decade:g}-{number}", "kind": kind, "decade": f"{decade:g}", "ratio": draw.ratio,
@@ -182,7 +185,7 @@ def row_of(decade: float, number: int) -> dict[str, object]:
 
 
 def log_weights(result: Answer) -> dict[str, float]:
-    """Return log evidence plus log odds of every damping under exact laws, relative to the best."""
+    """Return log evidence plus log prior odds of every damping under exact laws, relative to the best damping."""
     others = len({r.damping for r in result.content.rivals})
     logs: dict[str, float] = {}
     for rows, count in ((result.content.candidates, 0), (result.content.rivals, others)):
@@ -215,7 +218,7 @@ def probabilities(logs: Mapping[str, float], factor: float = FURTHER_TERM) -> di
 
 
 def page(rows: Sequence[Row]) -> str:
-    """Write the page, in Markdown."""
+    """Return the page in Markdown."""
     answered = [r for r in rows if r["outcome"] == OK]
     named, right, coverage = _shares(answered)
     by_decade = {d: [r for r in rows if float(r["decade"]) == d] for d in (*MOTIONS, *ENVELOPES)}
@@ -260,6 +263,7 @@ this report again.
 
 
 def _line(decade: float, rows: Sequence[Row]) -> list[str]:
+    """Return the row of the first table for one decade of the damping ratio."""
     answered = [r for r in rows if r["outcome"] == OK]
     p = np.array([float(r["p_truth"]) for r in answered])
     mean = f"{p.mean():.3f} ± {p.std(ddof=1) / math.sqrt(p.size):.3f}" if p.size > 1 else "–"
@@ -282,7 +286,7 @@ def _shares(answered: Sequence[Row]) -> tuple[str, str, str]:
 
 
 def _sensitivity(rows: Sequence[Row]) -> str:
-    """Write the table of how many names change under other prior odds of a further term."""
+    """Return the table of how many named dampings change under other prior odds of a further term."""
     logs = [
         {name: float(value) for name, _, value in (pair.rpartition(":") for pair in row["logs"].split())}
         for row in rows
@@ -313,6 +317,7 @@ def _leader(by_damping: Mapping[str, float]) -> tuple[str, bool]:
 
 
 def _count(rows: Sequence[Row], column: str) -> int:
+    """Return the number of rows with a 1 in a column."""
     return sum(r[column] == "1" for r in rows)
 
 
@@ -331,7 +336,7 @@ def jobs(records: int, few: int) -> dict[str, tuple[float, int]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the page, and answer the records that the table lacks."""
+    """Run the command line: answer the records that the table lacks, and write the page."""
     parser = page_options(__doc__)
     parser.add_argument("--records", type=int, default=100, help="number of records of each decade")
     parser.add_argument("--few", type=int, default=100, help=f"largest number of records of {LONG:g}")

@@ -1,4 +1,4 @@
-"""Write the page on errors in noise: `python -m validation.reports.noise FOLDER`, the folder of the run."""
+"""Write the page on the estimators' errors in noise: `python -m validation.reports.noise FOLDER` (the run's folder)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import markdown_table as table
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import FACTORS, ErrorSeries, interval, places, series
+from bayesdamp.report.results.estimators import FACTORS, ErrorSeries, interval, rank_ranges, series
 from bayesdamp.report.results.run import RunFolder
 
 INITIAL, REFINED = "initial", "refined"
@@ -21,7 +21,7 @@ def page(run: RunFolder) -> str:
     along = next(s for s in every if s.factor == "noise")
     repeats = max(tried for own in along.answers.values() for _, tried in own)
     at = along.values.index(1.0)
-    order = sorted(places(along, INITIAL, at).items(), key=lambda item: item[1])
+    order = sorted(rank_ranges(along, INITIAL, at).items(), key=lambda item: item[1])
     first = [words.method(m) for m, (best, _) in order if best == 1]
     refined = [e[at] / along.bounds[at] for (_, s), e in along.errors.items() if s == REFINED]
     lines = [
@@ -44,7 +44,8 @@ def page(run: RunFolder) -> str:
 
 
 def _table(part: ErrorSeries) -> str:
-    order = [places(part, INITIAL, i) for i in range(len(part.values))]
+    """Return the table of errors and rank ranges of each method along one factor."""
+    order = [rank_ranges(part, INITIAL, i) for i in range(len(part.values))]
     lines = []
     for method in sorted({m for m, s in part.errors if s == INITIAL}):
         cells = []

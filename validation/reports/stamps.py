@@ -18,7 +18,7 @@ FILE = "made.json"
 
 @dataclass(frozen=True)
 class Stamp:
-    """The origin of a report: digest of its sources, commit of the tree (revision) and day (ISO 8601)."""
+    """The origin of a report: digest of its sources, commit that made it (revision), and day (ISO 8601)."""
 
     digest: str
     revision: str
@@ -28,8 +28,8 @@ class Stamp:
 def digest(recipe: Recipe, root: Path) -> str:
     """Return the SHA-256 digest of everything that the numbers of a report depend on.
 
-    That is its commands, its code without comments and docstrings, wherever its imports stand, and its other files byte
-    by byte.
+    These are its commands, its source files without comments and docstrings (the order of imports does not matter), and
+    its other files byte by byte.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def is_fresh(recipe: Recipe, stamp: Stamp, root: Path) -> bool:
     return stamp.digest in (digest(recipe, root), digest(recipe.whole, root))
 
 
-def stamped(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
+def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
     """Write the stamp of a report."""
     stamp_of = stamps(reports) | {recipe.name: stamp}
     write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})

@@ -1,4 +1,4 @@
-"""Compute the verdicts that the pages judge; records count as simulated, so that probabilities are not capped."""
+"""Compute the verdicts that the pages judge. Records count as simulated, so that their probabilities are not capped."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from bayesdamp.verdict.types import Verdict
 def sampled_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
-    """Return the verdict, with MCMC sampling of the motions."""
+    """Return the verdict on a record from MCMC sampling with the full equation of motion."""
     return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
 
 
 def quick_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
-    """Return the verdict of linear models, without sampling."""
+    """Return the verdict on a record from linear approximations, without sampling."""
     return answer(signal, amplitudes, deviation=deviation, measured=False, sample=False).verdict

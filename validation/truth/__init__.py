@@ -1,1 +1,1 @@
-"""Simulate records with a known truth, without the code under test."""
+"""Simulate records with a known truth, without using the code of the package."""

@@ -1,4 +1,4 @@
-"""Ten small discrepancies between a record and every candidate law, and the size of each.
+"""Define ten small discrepancies between a record and every law that is compared, each with its size.
 
 Notation: A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
 """
@@ -30,7 +30,7 @@ JITTER, JITTER_CYCLES = 0.03, 2.0
 COULOMB = ("stribeck", "angle_friction")
 """Kinds that require Coulomb friction in the sum."""
 TAKING = ("power", "position_dependent")
-"""Kinds with a further damping term, which dissipates part of the energy."""
+"""Kinds that add a damping term, which dissipates part of the energy."""
 
 Observe = Callable[[Motion, np.ndarray], np.ndarray]
 """A function of a motion and times (n,) in s since the release; returns the sensor's displacements (n,) in rad."""
@@ -48,7 +48,7 @@ def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Make all damping grow or fall by 5 % over the record, linearly in time about its value in the middle."""
+    """Let all damping increase or decrease by 5 % over the record, linearly in time."""
     rate = DRIFT * float(rng.choice([-1.0, 1.0])) / draw.duration
     middle = draw.begin + 0.5 * draw.duration
     return Discrepancy(scale=lambda t: 1 + rate * (t - middle))
@@ -61,7 +61,7 @@ def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Add friction that rises toward rest to Coulomb's μ: μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
+    """Add friction that increases at low velocities to Coulomb friction μ: μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
     more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
     speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
     return Discrepancy(
@@ -100,13 +100,13 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Add ± 0.01 ω² x (x/A)⁴ to the spring of the law, which no candidate has."""
+    """Add the restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains."""
     c = STIFFENING * float(rng.choice([-1.0, 1.0])) * draw.frequency**2 / draw.amplitude**4
     return Discrepancy(spring=lambda x: c * x**5, potential=lambda x: c * x**6 / 6)
 
 
 def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a first-order sensor with the time constant τ = 0.1/ω, which reads 0.5 % less and later by τ.
+    """Return a first-order sensor with the time constant τ = 0.1/ω. It reads 0.5 % too low, with a delay of τ.
 
     The integral of the past angle, weighted by exp(−s/τ)/τ, is computed by Gauss-Laguerre quadrature, which is exact to
     1e-9 for a harmonic motion and its harmonics. Before the release the angle is constant.
@@ -122,7 +122,7 @@ def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Make all damping jitter by 3 % (sd): a smooth curve through independent normal values every two cycles."""
+    """Let all damping vary by 3 % (sd): a smooth curve through independent normal values every two cycles."""
     gap = JITTER_CYCLES * 2 * np.pi / draw.frequency
     count = int((draw.begin + draw.duration) / gap) + 6
     curve = CubicSpline(gap * np.arange(count), 1 + JITTER * rng.standard_normal(count))

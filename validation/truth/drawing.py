@@ -70,7 +70,7 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def drawn(rng: np.random.Generator, damping: str, restoring: str, taken: float = 0.0) -> Draw:
+def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, taken: float = 0.0) -> Draw:
     """Draw an oscillator with this damping sum and restoring law, and its recording conditions.
 
     Amplitudes are 0.05 to 1 rad (from 0.1 rad for a pendulum), frequencies 0.5 to 40 rad/s, rest angles −1 to 1 rad.

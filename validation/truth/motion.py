@@ -1,4 +1,4 @@
-"""Solve a free decay after a release at rest, half a cycle at a time, with SciPy."""
+"""Solve the motion of a free decay that is released with zero velocity, half a cycle at a time, with SciPy."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class Motion:
         return self.at(times)[0] - self.equilibrium
 
 
-def solved(oscillator: Oscillator, displacement: float, frequency: float, duration: float) -> Motion:
-    """Solve the motion from a release at rest to the first turning point after the duration.
+def solve_motion(oscillator: Oscillator, displacement: float, frequency: float, duration: float) -> Motion:
+    """Solve the motion from a release with zero velocity to the first turning point after the duration.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def solved(oscillator: Oscillator, displacement: float, frequency: float, durati
     frequency : float
         Frequency of small motions, rad/s.
     duration : float
-        In s.
+        Duration in s.
 
     Raises
     ------

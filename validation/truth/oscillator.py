@@ -27,7 +27,7 @@ Function = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """The parts of a motion that no candidate law has; absent parts are None.
+    """The parts of a motion that none of the compared laws contains; absent parts are None.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Discrepancy:
     damping : callable, optional
         Extra damping force (rad/s²) of displacement x from the equilibrium (rad), velocity (rad/s) and its sign.
     static_friction : callable, optional
-        What the extra force adds to the static friction at x, rad/s².
+        Part of the static friction at x that is due to the extra force, rad/s².
     scale : callable, optional
         Factor on all damping at a time in s since the release.
     spring, potential : callable, optional
@@ -66,7 +66,7 @@ class Oscillator:
     epsilon : float
         Width of the smoothed sign in Coulomb friction, rad/s; 0 for an exact sign.
     discrepancy : Discrepancy
-        The parts that no candidate law has.
+        The parts that none of the compared laws contains.
     """
 
     restoring: str

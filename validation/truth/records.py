@@ -1,4 +1,4 @@
-"""Simulate records with a known truth: of the family of damping sums, or with a discrepancy from every candidate."""
+"""Simulate records with a known truth, with or without a discrepancy from all laws that are compared."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from bayesdamp.types import InputError, Signal
 from validation.truth import discrepancies
 from validation.truth.discrepancies import COULOMB, SHARE, TAKING
-from validation.truth.drawing import Draw, drawn
-from validation.truth.motion import Motion, NoMotionError, solved
+from validation.truth.drawing import Draw, draw_oscillator
+from validation.truth.motion import Motion, NoMotionError, solve_motion
 from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Discrepancy
 from validation.truth.ratio import RatioCurve, ratio_curve
 from validation.truth.rivals import nats_ahead
@@ -59,14 +59,14 @@ class Case:
     shares : mapping
         Share of each term in the lost energy.
     nats : float
-        Half the least sum of squares of the best sum that lacks a term, over the variance of the noise; for the motion
-        without its discrepancy and without oversampling.
+        Half the smallest sum of squares of all sums that lack a true term, divided by the noise variance. It is
+        computed for the motion without its discrepancy and without oversampling.
     cycles : float
         Cycles in the record.
     oversample : int
         Factor on the sampling rate.
     rejected : mapping
-        How many earlier draws broke each rule.
+        Number of earlier draws that violated each rule.
     """
 
     name: str
@@ -116,7 +116,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     damping, restoring = in_turn(kind, number)
     rejected: Counter[str] = Counter()
     for _ in range(ATTEMPTS):
-        draw = drawn(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
+        draw = draw_oscillator(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
         try:
             record = _simulate(kind, draw, own, oversample)
@@ -131,9 +131,9 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
 
 
 def in_turn(kind: str, number: int) -> tuple[str, str]:
-    """Return the damping sum and restoring law of a record.
+    """Return the damping sum and the restoring law of a record.
 
-    Each kind begins with another pair, and goes through all pairs.
+    The records of a kind go through all pairs of these; each kind starts with another pair.
     """
     sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
     begin = KINDS.index(kind)
@@ -163,7 +163,7 @@ def _simulate(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) 
             observe = odd
     o, end = draw.oscillator, draw.begin + draw.duration
     try:
-        motion = solved(o, draw.displacement, draw.frequency, end)
+        motion = solve_motion(o, draw.displacement, draw.frequency, end)
     except NoMotionError as fault:
         raise _Rejected(str(fault)) from None
     count = np.interp([draw.begin, end], motion.turn_times, 0.5 * np.arange(motion.turns.size))

@@ -1,4 +1,4 @@
-"""Simulate ring-downs as an analyser shows them: a drive that is tuned and then constant, a decay, a noise floor.
+"""Simulate ring-downs as an analyser records them: a drive that is tuned and then constant, a decay, a noise floor.
 
 The amplitude follows dA/dt = -Σ c_i A^(p_i) with p = 1, 0 and 2 for viscous, Coulomb and quadratic damping (Nayfeh &
 Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
@@ -14,11 +14,11 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.signal import lfilter
 
 NEPER = 20.0 / np.log(10.0)
-"""dB."""
+"""Decibels in one neper."""
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
 """Power of the amplitude in the loss of each term."""
 RESTED = np.exp(-60.0)
-"""Least amplitude relative to the start: the oscillator is at rest."""
+"""Smallest amplitude relative to the start; below it the oscillator counts as being at rest."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Ringdown:
     before, behind : float
         Durations in s of the drive, and of the record after the decay has reached the floor.
     drop, release : float
-        Fall of the reading in dB within `release` s of the release: the drive's own signal, not the oscillator's.
+        Fall of the reading in dB within the first `release` s after the release, when the signal of the drive vanishes.
     hold : float
         Standard deviation in dB of the level during the drive.
     scatter, scatter_time : float
@@ -156,7 +156,7 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     noise *= np.sqrt(floor * (1 - ringdown.constant)) * level
     y = 10.0 * np.log10(np.abs(signal + noise) ** 2 + floor * ringdown.constant)
 
-    # The drive is tuned, where the level is wild, then constant, where it wanders slowly; its own signal adds to it.
+    # While the drive is tuned, the level varies strongly; then it varies slowly. The signal of the drive is added.
     tuned = t < 0.4 * ringdown.before
     y[~after] += ringdown.hold * process(0.2 * ringdown.before + 0.05 * duration, int((~after).sum()))
     y[tuned] += -10.0 + 6.0 * process(0.3, int(tuned.sum()))

@@ -1,4 +1,4 @@
-"""Simulate free decays of whole oscillators with SciPy, and the envelopes through their turning points."""
+"""Simulate free decays of oscillators with SciPy, and record the envelopes through their turning points."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 FREQUENCY = 3.0
-"""Hz, of small motions."""
+"""Frequency of small motions in Hz."""
 OMEGA = 2 * np.pi * FREQUENCY
 START = 0.2
-"""rad."""
+"""Displacement at the release in rad."""
 SHARP = 1e-4
 """Velocity in rad/s within which friction changes its sign."""
 FLOOR = 1e-3
@@ -40,7 +40,7 @@ FORCES: dict[str, Force] = {
 
 
 def turning_points(force: Force, cycles: int = 120, least: float = 0.04) -> tuple[np.ndarray, np.ndarray]:
-    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0 from rest at START until the amplitude is `least` of that, or for so many cycles.
+    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0 from START, until the amplitude is `least` of START, or for `cycles` cycles.
 
     Returns
     -------
@@ -64,11 +64,11 @@ def readings(force: Force, seed: int | Sequence[int], noise: float = 0.004) -> t
     Parameters
     ----------
     force
-        The damping.
+        The damping force.
     seed
-        Of the noise.
+        Seed of the noise.
     noise
-        Relative standard deviation of each reading, besides a floor of a thousandth of the start.
+        Relative standard deviation of each reading, in addition to a noise floor of a thousandth of the start.
     """
     t, a = turning_points(force)
     rng = np.random.default_rng(seed)

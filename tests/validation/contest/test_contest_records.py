@@ -7,12 +7,12 @@ import pytest
 
 from bayesdamp.types import Signal
 from validation.contest.measured import half_cycles
-from validation.contest.records import GROUPS, LOST, closed_form, simulated
+from validation.contest.records import GROUPS, LOST, closed_form, simulate_record
 
 
 def test_a_group_is_what_it_says():
     for number in range(5):
-        record = simulated(4, number)
+        record = simulate_record(4, number)
         gaps = np.diff(record.t)
         assert record.group == GROUPS[number]
         assert list(record.amplitudes) == sorted(record.amplitudes, reverse=True)
@@ -25,7 +25,7 @@ def test_a_group_is_what_it_says():
 
 
 def test_a_record_is_the_same_again_and_another_with_another_seed():
-    first, again, other = simulated(4, 2), simulated(4, 2), simulated(5, 2)
+    first, again, other = simulate_record(4, 2), simulate_record(4, 2), simulate_record(5, 2)
     np.testing.assert_array_equal(first.y, again.y)
     assert first.y.size != other.y.size or not np.array_equal(first.y, other.y)
 

@@ -10,7 +10,7 @@ from typing import Any
 from validation.reports.contradictions import (
     Quoted,
     contradictions,
-    missed,
+    misses,
     of_document,
     of_many,
     true_ratio,
@@ -118,8 +118,8 @@ def test_chance_is_allowed() -> None:
     def intervals(misses: int) -> list[Quoted]:
         return [Quoted(str(i), "x", 1.0, 2.0, 2.1 if i < misses else 1.5) for i in range(100)]
 
-    assert missed(intervals(5)) == []
-    assert len(missed(intervals(15))) == 15
+    assert misses(intervals(5)) == []
+    assert len(misses(intervals(15))) == 15
     truth = frozenset(["viscous"])
     assert (
         of_many([(truth, True, "viscous", 0.97, 0.97)] * 97 + [(truth, True, "coulomb", 0.97, 0.03)] * 3, "x")

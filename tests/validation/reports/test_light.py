@@ -8,7 +8,7 @@ import pytest
 from validation.reports import light
 from validation.reports.contradictions import true_ratio
 from validation.reports.light import Drawn
-from validation.truth.motion import solved
+from validation.truth.motion import solve_motion
 from validation.truth.oscillator import Oscillator
 
 
@@ -20,5 +20,5 @@ def test_the_motion_has_the_ratio_and_the_fall_that_were_drawn() -> None:
             assert made.ratio_at(amplitude) == pytest.approx(true_ratio(oscillator, amplitude), rel=1e-4)
         assert made.ratio_at(made.middle) == pytest.approx(made.ratio)
         stop = float(made.decay()[0][-1])
-        turns = np.abs(solved(oscillator, made.size, made.frequency, stop).turns)
+        turns = np.abs(solve_motion(oscillator, made.size, made.frequency, stop).turns)
         assert turns[-1] == pytest.approx(made.size / made.fall, rel=0.03)

@@ -1,1 +1,1 @@
-"""Peers that need other packages: programs that run in their own environments, without bayesdamp."""
+"""Programs of the peers that need other packages. They run in their own environments, without bayesdamp."""

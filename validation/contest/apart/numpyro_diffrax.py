@@ -23,7 +23,7 @@ WIDTH = 0.02
 """Width of the smoothed sign in Coulomb friction, as a share of the peak velocity."""
 STEPS = 250
 WIDE = 10.0
-"""Standard deviation of the priors, in those of the least-squares solution; wide enough to be uninformative."""
+"""Standard deviation of the priors, in standard deviations of the least-squares solution; nearly uninformative."""
 LIMIT = 180.0
 
 
@@ -64,7 +64,7 @@ def model(times, values, middle, scale, left):
     numpyro.sample("y", dist.Normal(curve(x, times), noise), obs=values)
 
 
-def fitted(times, values):
+def fit_least_squares(times, values):
     """Return the least-squares solution, the square root of its covariance, and the sd of the residuals."""
     solve = jax.jit(lambda x: curve(x, times))
     slope = jax.jit(jax.jacfwd(lambda x: curve(x, times)))
@@ -89,12 +89,12 @@ def start(times, values):
 
 
 def answer(t, y, amplitudes):
-    """Return the ratios with the intervals of the draws."""
+    """Return the damping ratios at the amplitudes: medians and 95 % intervals of the draws."""
     omega = 2 * np.pi * spectral_peak(*even(t, y))
     rest = float(np.mean(y))
     size = float(np.max(np.abs(y - rest)))
     times, values = jnp.asarray(omega * (t - t[0])), jnp.asarray((y - rest) / size)
-    middle, scale, left = fitted(times, values)
+    middle, scale, left = fit_least_squares(times, values)
     begin = init_to_value(values={"z": jnp.zeros(len(NAMES)), "log_noise": 0.0})
     kernel = NUTS(model, forward_mode_differentiation=True, init_strategy=begin)
     mcmc = MCMC(kernel, num_warmup=STEPS, num_samples=STEPS, progress_bar=False)

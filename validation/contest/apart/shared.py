@@ -25,7 +25,10 @@ def spectral_peak(t, y):
 def ratio(
     amplitude: Any, frequency: Any, viscous: Any = 0.0, coulomb: Any = 0.0, quadratic: Any = 0.0
 ) -> Any:
-    """Return the ratio of 2 viscous v + coulomb sign(v) + quadratic v|v| (per inertia, SI); frequency in rad/s."""
+    """Return the equivalent damping ratio of the force 2 viscous v + coulomb sign(v) + quadratic v|v|.
+
+    The force is per unit of inertia, in SI units; `frequency` is in rad/s.
+    """
     return (
         viscous / frequency
         + 2 * coulomb / (math.pi * frequency**2 * amplitude)

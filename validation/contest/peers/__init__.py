@@ -1,1 +1,1 @@
-"""Peers that need no further package. Each file has a function of times, displacements and amplitudes to a `Reply`."""
+"""Peers that need no further packages. Each is a function of times, displacements and amplitudes to a `Reply`."""

@@ -1,4 +1,4 @@
-"""bayesdamp: `compare` without sampling, with its default options."""
+"""The peer bayesdamp: `compare` without sampling, with its default options."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from validation.contest.peers.shared import Reply
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Answer with the verdict. Raises Refusal with its sentence if it has no ratios."""
+    """Return the damping ratios of the verdict. Raises Refusal with its sentence if it has none."""
     import bayesdamp as bd
 
     verdict = bd.compare(Signal(t - t[0], y, name="record"), amplitudes=amplitudes, sample=False).verdict

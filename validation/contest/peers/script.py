@@ -1,4 +1,4 @@
-"""A script that an engineer could write in an afternoon: solve the motion, fit the seven sums, weigh them by BIC.
+"""A script that an engineer could write in an afternoon: solve the motion, fit seven sums, compare them by BIC.
 
 The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. The unit of time
 is the period of the spectral peak over 2π, and the unit of displacement is the largest displacement of the record.
@@ -101,9 +101,22 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Fit:
-    """The fit of a sum (positions in TERMS) on a spring (radians as in `solve`).
+    """The fit of a damping sum.
 
-    The covariance is that of the free parameters.
+    Attributes
+    ----------
+    terms : tuple of int
+        Positions of the terms in TERMS.
+    radians : float
+        The spring, as in `solve`.
+    p : (8,) array
+        All parameters, as in `solve`.
+    free : list of int
+        Positions of the fitted parameters in p.
+    covariance : (m, m) array
+        Covariance of the fitted parameters.
+    squares, bic : float
+        Sum of squares of the residuals, and Bayesian information criterion.
     """
 
     terms: tuple[int, ...]
@@ -179,7 +192,7 @@ def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Average over seven sums on two springs. Raises Refusal if no sum fits the record."""
+    """Return damping ratios that are averaged over seven sums on two springs. Raises Refusal if no sum fits."""
     if t.size <= 2 * SCALE.size:
         raise Refusal("too few samples")
     if np.ptp(y) == 0:

@@ -1,4 +1,4 @@
-"""The reply of a peer for a record, and what peers share: rest position, frequency, even sampling."""
+"""Define the reply of a peer, and the common code of the peers: equilibrium, frequency, even sampling."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from bayesdamp.types import Refusal
 from validation.contest.apart.shared import even
 from validation.contest.apart.shared import spectral_peak as frequency
 
-__all__ = ["Peer", "Reply", "about_rest", "even", "frequency", "one_number", "recorded", "segments"]
+__all__ = ["Peer", "Reply", "about_rest", "even", "frequency", "is_recorded", "one_number", "segments"]
 
 GAP = 1.5
-"""Steps between two samples from which they have a gap between them."""
+"""Two samples that are more than this many median steps apart have a gap between them."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def segments(t: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]
     return list(zip(np.split(t, cuts), np.split(y, cuts), strict=True))
 
 
-def recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
+def is_recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return which times of an even grid are within a step of a sample, booleans of the shape of the grid."""
     after = np.clip(np.searchsorted(t, grid), 1, t.size - 1)
     nearest = np.minimum(np.abs(grid - t[after - 1]), np.abs(grid - t[after]))

@@ -1,7 +1,7 @@
 """PySINDy with its defaults (thresholded least squares, 0.1 in SI units) on a library of spring and damping terms.
 
-The states are the displacement and the velocity from its own smoothed differences. The remaining terms name the
-damping.
+The states are the displacement, and the velocity by PySINDy's smoothed differences. The terms that are not thresholded
+to zero are the named damping.
 """
 
 from __future__ import annotations

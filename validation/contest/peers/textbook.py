@@ -10,7 +10,7 @@ from scipy.signal import find_peaks, hilbert
 from scipy.stats import norm
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import Reply, about_rest, even, frequency, one_number, recorded
+from validation.contest.peers.shared import Reply, about_rest, even, frequency, is_recorded, one_number
 
 APART = 0.7
 """Least distance between peaks in periods, so that noise adds no peaks."""
@@ -30,7 +30,7 @@ def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Re
     f = frequency(grid, values)
     x = about_rest(grid, values, f)
     peaks = find_peaks(x, distance=max(APART / (f * (grid[1] - grid[0])), 1))[0]
-    peaks = peaks[(x[peaks] > 0) & recorded(grid, t)[peaks]]
+    peaks = peaks[(x[peaks] > 0) & is_recorded(grid, t)[peaks]]
     if peaks.size < LEAST_PEAKS:
         raise Refusal("fewer than three peaks")
     number = np.round((grid[peaks] - grid[peaks[0]]) * f)
@@ -74,6 +74,7 @@ def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, flo
 
 
 def _ratio(times: np.ndarray, size: np.ndarray, omega: float) -> float:
+    """Return the damping ratio from the slope of a line through the log envelope."""
     rate = -float(np.polyfit(times, size, 1)[0])
     return rate / float(np.hypot(rate, omega))
 
