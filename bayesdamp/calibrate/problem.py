@@ -15,7 +15,7 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.search import find_mode
-from bayesdamp.interface.simulate import simulated
+from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -73,7 +73,7 @@ class Generator:
             z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
-                signal = simulated(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
+                signal = simulate_source(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
             except InputError as fault:
                 escaped = fault
                 continue

@@ -139,7 +139,7 @@ def view_envelope(
     return RecordView(f"an envelope in {record.unit}", what, [*record.notes, *lines], (), t, y, inside)
 
 
-def dots(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
+def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
     """Draw the curve y, (n,), over t, (n,), as rows of braille characters. Each has two columns and four rows of dots.
 
     Each column of dots covers the range of all values in it, extended so that it touches the column before it.
@@ -172,7 +172,7 @@ def plot(
     span = float(t[-1] - t[0]) or 1.0
     edges = [int((end - t[0]) / span * columns) for end in window] if window else [0, -1]
     text = Text()
-    for line in dots(t, y, columns, rows):
+    for line in braille_rows(t, y, columns, rows):
         for i, character in enumerate(line):
             text.append(character, "cyan" if edges[0] <= i <= edges[1] else "bright_black")
         text.append("\n")

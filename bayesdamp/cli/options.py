@@ -69,13 +69,13 @@ LONGEST = 40
 """Number of characters of an invalid value that an error message repeats."""
 
 
-def wrong(option: str, value: object, right: str) -> InputError:
+def invalid_value(option: str, value: object, right: str) -> InputError:
     """Return the error for an invalid value of an option. `right` says what the value must be."""
     shown = repr(value[:LONGEST]) if isinstance(value, str) else f"{value:g}"
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 
-def bound(text: float | str, name: str) -> float | str:
+def parse_time(text: float | str, name: str) -> float | str:
     """Convert the value of --start or --stop to a time in s; "auto" stays as it is. Raises InputError otherwise."""
     if text == "auto":
         return text
@@ -84,4 +84,4 @@ def bound(text: float | str, name: str) -> float | str:
             return number
     except ValueError:
         pass
-    raise wrong(name, text, "a time in s, or auto")
+    raise invalid_value(name, text, "a time in s, or auto")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bayesdamp.cli.options import bound, wrong
+from bayesdamp.cli.options import invalid_value, parse_time
 from bayesdamp.records.cleaning.clean import clean, decimated
 from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
@@ -65,13 +65,13 @@ class ReadingOptions:
             if value is None or value in valid or (name == "time_unit" and value.lower() in SECONDS):
                 continue
             also = "; compare and look accept envelope too" if name == "quantity" else ""
-            raise wrong(f"--{name.replace('_', '-')}", value, f"one of {', '.join(valid)}{also}")
+            raise invalid_value(f"--{name.replace('_', '-')}", value, f"one of {', '.join(valid)}{also}")
         for name in ("start", "stop"):
-            object.__setattr__(self, name, bound(getattr(self, name), f"--{name}"))
+            object.__setattr__(self, name, parse_time(getattr(self, name), f"--{name}"))
         if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
-            raise wrong("--stop", self.stop, f"later than --start ({self.start:g})")
+            raise invalid_value("--stop", self.stop, f"later than --start ({self.start:g})")
         if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:
-            raise wrong(
+            raise invalid_value(
                 "--rate", self.rate, f"a number of samples per second from {SLOWEST:g} to {FASTEST:g}"
             )
         if self.rate is not None and self.time is not None:
@@ -181,7 +181,7 @@ def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class SelectedRecords:
     """The records of several files.
 
     Attributes
@@ -202,7 +202,7 @@ class Chosen:
     failed: list[InputError]
 
 
-def chosen_records(paths: Sequence[Path], options: ReadingOptions, *, every: bool = False) -> Chosen:
+def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: bool = False) -> SelectedRecords:
     """Return the records of several files.
 
     If a file has several records and the user did not select any, those without a free decay are left out with a note.
@@ -225,7 +225,7 @@ def chosen_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
     chosen, failed = read_each(paths, lambda path: _choose(path, options, several))
     if every and failed:
         raise failed[0]
-    return Chosen(
+    return SelectedRecords(
         [record for records, _, _ in chosen for record in records],
         [line for _, doubted, _ in chosen for line in doubted],
         [line for _, _, notes in chosen for line in notes],
@@ -279,7 +279,7 @@ def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Ki
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
 
-def own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
+def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
     """Return the run or channel (or both) that distinguishes a record from the others of its file.
 
     Empty if the file has only one record.
@@ -290,7 +290,7 @@ def own_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
     return f"run {record.raw.run}" if record.raw.run and len(channels) == 1 else record.label
 
 
-def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[Asked]:
+def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[Asked]:
     """Convert records to entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
     o = options
     signals = []
@@ -312,7 +312,7 @@ def as_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[A
                 "start": o.start,
                 "stop": o.stop,
                 "time_unit": o.time_unit,
-                "label": own_label(record, records),
+                "label": distinguishing_label(record, records),
                 "specimen": specimen,
             }
         )
@@ -346,7 +346,7 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
     return InputError(what + command, error.where, error.at)
 
 
-def one_command(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
+def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
     """Return a line for each file with several findings, with a command that settles all of them."""
     by_path: dict[Path, dict[str, str]] = {}
     for record in records:

@@ -210,7 +210,7 @@ def answer(
         return Answer(AnswerContent(replace(refused, sentence=sentence).to_dict()))
     if comparisons is not None:
         comparisons[COMPARED] = comparison
-    wanted = in_base(amplitudes, comparison, unit or UNITS[signal.unit])
+    wanted = amplitudes_in_base_unit(amplitudes, comparison, unit or UNITS[signal.unit])
     if sample:
         comparison = with_samples(comparison, seed)
     findings = compute_findings(comparison, wanted, sensor=sensor, seed=seed)
@@ -232,7 +232,9 @@ def answer(
         window=UsedWindow(first, first + comparison.data.duration, comparison.data.cycles, ""),
         notes=remarks,
         averages=None if averaging is None else Averages(averaging.cycles, averaging.error),
-        law_free=measured_at(signal, [r.amplitude for r in findings.ratios]) if findings.ratios else None,
+        law_free=measure_without_law(signal, [r.amplitude for r in findings.ratios])
+        if findings.ratios
+        else None,
     )
     other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
     if other is not None:
@@ -290,7 +292,7 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
     return Answer(AnswerContent.of_meta(split(content)), arrays, further)
 
 
-def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
+def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
     """Measure the damping ratio and the frequency without a law, at amplitudes in rad or m.
 
     None if the record is too short for this.
@@ -325,7 +327,7 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     return arrays
 
 
-def in_base(
+def amplitudes_in_base_unit(
     amplitudes: Sequence[float] | None, comparison: ModelComparison, unit: Unit
 ) -> tuple[float, ...] | None:
     """Convert amplitudes to the base unit of a record, and check that the record contains them.

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.single import FitState, Single, rebuild_single
 from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.answer import in_base
+from bayesdamp.interface.answer import amplitudes_in_base_unit
 from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
@@ -508,7 +508,9 @@ def tabulate_ratios(
     if fit.law is None:
         raise Refusal(EXACT if fit.outcome == OK else fit.outcome)
     comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
-    wanted = in_base(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(comparison)
+    wanted = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(
+        comparison
+    )
     rows = [
         {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
         for r in fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)

@@ -64,10 +64,10 @@ Starts = Mapping[Seed, Mapping[str, float]]
 """Starting points of a search: parameter values by name, for each source of a starting point."""
 REGRESSION = "least_squares"
 """The estimator that provides a starting point if a study uses no estimator."""
-OBSERVED = Seed("frequency and decay")
+FROM_FEATURES = Seed("frequency and decay")
 """The starting point from the record's turning points. It is needed because a regression on derivatives fails if noise
 dominates the derivatives, as in a record of the acceleration."""
-ALL = Seed("fit of all dampings")
+FROM_ALL_TERMS = Seed("fit of all dampings")
 """The starting point from the fit of all damping terms, whose motion stays in phase with the record."""
 
 
@@ -428,17 +428,17 @@ def fit_exact(
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
             )
-    values, outcome = regression(signal, case.problem)
-    starts = given | observed(signal, case.features, case.problem) | values
+    values, outcome = start_from_regression(signal, case.problem)
+    starts = given | start_from_features(signal, case.features, case.problem) | values
     if not starts:
         raise Refusal(outcome)
-    noise, epsilon, notes, chosen = _choose(case, model)
+    noise, epsilon, notes, chosen = _choose_noise_and_width(case, model)
     mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
     # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.
     return restore_mode(mode.likelihood.target, mode.stored), notes
 
 
-def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
+def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
     """Choose the noise model by its evidence, and the width of friction if it is neither known nor inferred.
 
     Returns
@@ -488,13 +488,17 @@ def _choose(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...
     return comparison.noise.likeliest, epsilon, tuple(notes), starts
 
 
-def regression(signal: types.Signal, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
+def start_from_regression(
+    signal: types.Signal, problem: Problem
+) -> tuple[dict[Seed, Mapping[str, float]], str]:
     """Estimate the parameters by the estimator `least_squares`. Return starting points, and its outcome."""
     estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
     return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
 
 
-def observed(signal: types.Signal, features: Features, problem: Problem) -> dict[Seed, Mapping[str, float]]:
+def start_from_features(
+    signal: types.Signal, features: Features, problem: Problem
+) -> dict[Seed, Mapping[str, float]]:
     """Return the starting point from the record's own features; empty if it cannot be computed.
 
     The parameters of the restoring law follow from the frequency and the midline of the record, the initial conditions
@@ -504,10 +508,10 @@ def observed(signal: types.Signal, features: Features, problem: Problem) -> dict
         values = start_parameters(signal, problem, features)
     except Refusal:
         return {}
-    return {OBSERVED: values | decay_start(problem, features)}
+    return {FROM_FEATURES: values | decay_start(problem, features)}
 
 
-def of_all(
+def start_from_all_terms(
     fit: Mapping[str, float],
     damping: Sequence[str],
     problem: Problem,
@@ -528,10 +532,10 @@ def of_all(
     problem
         The damping terms and the system for which to return a starting point.
     decays
-        Result of `observed`.
+        Result of `start_from_features`.
     """
     oscillator = Oscillator(problem.damping, problem.system.restoring)
     motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
     own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
-    decay = {n: v for n, v in decays.get(OBSERVED, {}).items() if n in oscillator.coefficients}
-    return {ALL: motion | own | ({} if tuple(damping) == problem.damping else decay)}
+    decay = {n: v for n, v in decays.get(FROM_FEATURES, {}).items() if n in oscillator.coefficients}
+    return {FROM_ALL_TERMS: motion | own | ({} if tuple(damping) == problem.damping else decay)}

@@ -128,10 +128,10 @@ def simulate(
     except StudyError as error:
         raise InputError(error.within("simulate"), name) from None
     assert isinstance(source, Simulation)
-    return Signal.of(simulated(source, restoring, source.truth, name, np.random.default_rng(seed)))
+    return Signal.of(simulate_source(source, restoring, source.truth, name, np.random.default_rng(seed)))
 
 
-def simulated(
+def simulate_source(
     source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
 ) -> types.Signal:
     """Simulate a record from the settings in a study.

@@ -12,7 +12,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
-from bayesdamp.interface.simulate import simulated
+from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import reference_of
@@ -106,7 +106,7 @@ def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
     source, name, arrays = spec.source, f"signal/{spec.name}/{repeat}", {}
     if isinstance(source, Simulation):
         rng = np.random.default_rng(cell_seed(study, name))
-        signal = simulated(source, spec.system.restoring, source.truth, spec.name, rng)
+        signal = simulate_source(source, spec.system.restoring, source.truth, spec.name, rng)
     else:
         raw, signal = read_free_decay(source, spec.name)
         if source.least_noise > 0:

@@ -12,7 +12,7 @@ import pytest
 import bayesdamp
 from bayesdamp.cli import main
 from bayesdamp.cli.commands.compare import first_words_on
-from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
+from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records import recorded
@@ -84,12 +84,12 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_pat
     """What else is asked about is in tests/records/test_findings.py."""
     path = write_table(tmp_path / "a.csv", "t,angle", 1e6 * T, Y)
     with pytest.raises(InputError, match=r"are they in us\? \(--time-unit us, or s if they are\)"):
-        chosen_records([path], ReadingOptions())
+        select_records([path], ReadingOptions())
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
         recorded(Recording(file=path.name, path=path, angle=2, time=1))
-    assert chosen_records([path], ReadingOptions(time_unit="s")).records
+    assert select_records([path], ReadingOptions(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
     assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
@@ -99,7 +99,7 @@ def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
     for period in (1e-9, 44712.0):
         t = period / 40 * np.arange(600)
         y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
-        found = chosen_records(
+        found = select_records(
             [write_table(tmp_path / "a.csv", "t (s),x (m)", t, y)], ReadingOptions()
         ).records
         (said,) = first_words_on(found, ReadingOptions())
@@ -113,14 +113,14 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
     t = np.arange(1600) / 20
     y = np.exp(-0.05 * (t % 40)) * np.cos(3 * (t % 40)) + 1e-3 * np.sin(77 * t)
     stamps = write_table(tmp_path / "a.csv", "stamp (s),x (mm)", np.round(1700000000.25 + t, 2), y)
-    chosen = chosen_records([stamps], ReadingOptions())
+    chosen = select_records([stamps], ReadingOptions())
     assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.notes
     first, others = first_words_on(chosen.records, ReadingOptions())
     spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
     assert others.startswith("a.csv: Another free decay is in the record and not used: ")
     early, late = sorted(spans)
     assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
-    later = chosen_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
+    later = select_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
     assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, ReadingOptions(start=41.0))[0])[0]) >= 41
 
 
@@ -158,8 +158,8 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
 def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    found = chosen_records([file], ReadingOptions(runs="1,3")).records
-    asked = comparison(as_signals(found, ReadingOptions(runs="1,3")))
+    found = select_records([file], ReadingOptions(runs="1,3")).records
+    asked = comparison(study_signals(found, ReadingOptions(runs="1,3")))
     written_ = load_study(tmp_path / "rig.toml")
     ours, theirs = asked.resolved(), written_.resolved()
     for signal in (*ours["signals"], *theirs["signals"]):
@@ -169,7 +169,7 @@ def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
 
 def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
-    chosen = chosen_records([file], ReadingOptions())
+    chosen = select_records([file], ReadingOptions())
     found, said = chosen.records, chosen.notes
     assert [one.raw.run for one in found] == ["1", "3"]
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
@@ -180,11 +180,11 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     )
     first = first_words_on(found, ReadingOptions())
     assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
-    study = comparison(as_signals(found, ReadingOptions()))
+    study = comparison(study_signals(found, ReadingOptions()))
     assert len({s.name for s in study.signals}) == 2
     assert len(study.specimens) == 1
-    alone = chosen_records([file], ReadingOptions(runs="3")).records
-    assert not comparison(as_signals(alone, ReadingOptions())).specimens
+    alone = select_records([file], ReadingOptions(runs="3")).records
+    assert not comparison(study_signals(alone, ReadingOptions())).specimens
 
 
 def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:

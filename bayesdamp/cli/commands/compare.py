@@ -112,7 +112,7 @@ def compare(
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
     use(plugins)  # they may contain readers
-    chosen, reading = r.Chosen([], [], [], []), r.ReadingOptions()
+    chosen, reading = r.SelectedRecords([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, angle, unit, quantity)
     if envelopes:
         given = {"restoring": restoring, "exact": exact, "runs": runs, "channel": channel}
@@ -120,7 +120,7 @@ def compare(
         for name, value in given.items():
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
-        ends = {"start": o.bound(start, "--start"), "stop": o.bound(stop, "--stop")}
+        ends = {"start": o.parse_time(start, "--start"), "stop": o.parse_time(stop, "--stop")}
         signals, failed = _envelopes(
             records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
         )
@@ -130,9 +130,9 @@ def compare(
         reading = r.ReadingOptions(
             time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
         )
-        chosen = r.chosen_records(records, reading)
+        chosen = r.select_records(records, reading)
         failed = chosen.failed
-        signals = r.as_signals(chosen.records, reading)
+        signals = r.study_signals(chosen.records, reading)
     # A single record is computed by the threads of this process; more processes would not make it faster.
     alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
     study = comparison(
@@ -150,7 +150,7 @@ def compare(
         few = 0 < len(chosen.records) <= FIRST_WORDS
         first = first_words_on(read_by_study(chosen.records, study), reading) if few else []
         # First the lines on what may be read wrongly, last the lines on how the file was read.
-        for line in [*chosen.doubted, *first, *r.one_command(chosen.records, reading), *chosen.notes]:
+        for line in [*chosen.doubted, *first, *r.command_suggestions(chosen.records, reading), *chosen.notes]:
             typer.echo(line, err=True)
     # Import this here, because it is slow, and the first lines should be printed at once.
     from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
@@ -225,7 +225,7 @@ def first_words_on(records: Sequence[r.FileRecord], options: r.ReadingOptions) -
         if options.assumes_rad(record.raw, record.unit, record.quantity):
             assumed[record.path.name] = None
         other = no_free_decay(signal)
-        whose = ", ".join(filter(None, (record.path.name, r.own_label(record, records))))
+        whose = ", ".join(filter(None, (record.path.name, r.distinguishing_label(record, records))))
         if other is not None:
             lines.append(f"{whose}: {in_unit(other, UNITS[record.unit]).sentence}")
             continue

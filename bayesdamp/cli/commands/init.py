@@ -14,7 +14,7 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_names
-from bayesdamp.cli.records import ReadingOptions, as_signals, chosen_records
+from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.compare import Asked, comparison_tables
 from bayesdamp.config.load import resolve_study
@@ -92,20 +92,20 @@ def _place(item: tuple[str, Any]) -> int:
 
 def _line(section: type[StudySection], key: str, value: object) -> str:
     """Return a line of the study with a key, its value, and its description as a comment."""
-    text = f"{key} = {written(value)}"
+    text = f"{key} = {to_toml(value)}"
     return f"{text:<48} # {section.model_fields[key].description}"
 
 
-def written(value: object) -> str:
+def to_toml(value: object) -> str:
     """Convert a value to TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {written(inner)}" for key, inner in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {to_toml(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(written, value)) + "]"
+        return "[" + ", ".join(map(to_toml, value)) + "]"
     return repr(value)
 
 
@@ -141,11 +141,11 @@ def init(
     options = ReadingOptions(
         time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
     )
-    chosen = chosen_records(files, options, every=True)
+    chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
     try:
-        text = study_text(as_signals(chosen.records, options), out)
+        text = study_text(study_signals(chosen.records, options), out)
     except StudyError as error:
         raise InputError(f"{file}: {error}") from None
     try:

@@ -12,7 +12,7 @@ from rich.console import Console
 from bayesdamp.cli import looking
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
-from bayesdamp.cli.records import ReadingOptions, doubts, one_command, records_in
+from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubts, records_in
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import contents
@@ -58,7 +58,7 @@ def look(
             console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
 
     if are_envelopes([file], angle, unit, quantity):
-        ends = o.bound(start, "--start"), o.bound(stop, "--stop")
+        ends = o.parse_time(start, "--start"), o.parse_time(stop, "--stop")
         views = [looking.view_envelope(file, (time, angle, rate, unit), ends)]
         show_file()
     else:
@@ -70,7 +70,7 @@ def look(
         except InputError:
             show_file()
             raise
-        for line in [*doubts(file, every), *one_command(every, options)]:
+        for line in [*doubts(file, every), *command_suggestions(every, options)]:
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
         views = [looking.view_motion(record) for record in every]
         show_file()

@@ -12,7 +12,7 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import FIRST_LINE, SIMULATED, SingleFile
-from bayesdamp.cli.options import wrong
+from bayesdamp.cli.options import invalid_value
 from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START
 from bayesdamp.interface.simulate import simulate as simulate_record
@@ -40,7 +40,7 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
             number = float(value)
         except ValueError:
             example = "viscous=0.05" if option == "--damping" else "stiffness=20"
-            raise wrong(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
+            raise invalid_value(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
         if name in values:
             raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
         values[name] = number
@@ -68,7 +68,7 @@ def suggest_option(option: str) -> str:
     return f"; it is --set {name}=NUMBER" if name in parameters else ""
 
 
-def simulated(
+def simulate_with_defaults(
     damping: Mapping[str, float],
     other: Mapping[str, float],
     restoring: str,
@@ -150,7 +150,9 @@ def simulate(
     file.check()
     use(read_modules(plugin or ()))
     terms, system = parse_pairs(damping or [], "--damping"), parse_pairs(set_ or [], "--set")
-    record, sd = simulated(terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed)
+    record, sd = simulate_with_defaults(
+        terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed
+    )
     file.write(as_csv(record))
     if defaults := defaults_used(terms, system, restoring):
         typer.echo(f"defaults used: {defaults}", err=True)

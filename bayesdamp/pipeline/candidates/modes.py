@@ -9,7 +9,12 @@ import numpy as np
 from bayesdamp.inference.checks import check_fit
 from bayesdamp.inference.search import basins
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.model import PRIOR_STARTS, observed, of_all, regression
+from bayesdamp.interface.model import (
+    PRIOR_STARTS,
+    start_from_all_terms,
+    start_from_features,
+    start_from_regression,
+)
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, cell_seed
@@ -38,12 +43,12 @@ def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[Ref
             refused.append(RefusedSeed(Seed(method), cell.outcome))
     problem = branch.problem
     if not seeds:
-        seeds |= regression(branch.record.signal, problem)[0]
-    decays = observed(branch.record.signal, branch.record.features, problem)
+        seeds |= start_from_regression(branch.record.signal, problem)[0]
+    decays = start_from_features(branch.record.signal, branch.record.features, problem)
     seeds = decays | seeds
     fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
     if branch.answer and fit:
-        seeds = of_all(fit, branch.answer.terms, problem, decays) | seeds
+        seeds = start_from_all_terms(fit, branch.answer.terms, problem, decays) | seeds
     if not seeds:
         raise Refusal("no estimator found a place to start from")
     return seeds, tuple(refused)
