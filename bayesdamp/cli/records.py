@@ -323,6 +323,7 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
     """Add a command to an error of reading a file, which provides all the information that the file lacks."""
     answers: dict[str, str] = {}
     refused, trial = error, options
+    # Read the file with the likely value of the missing option; the next error may ask for another option.
     for _ in range(ROUNDS):
         needed = {_OPTIONS[name]: name for name in refused.arguments if name in _OPTIONS}
         if not needed:
@@ -341,6 +342,7 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
     if not answers:
         return error
     command = f"; {_INTRODUCTION}{_command(path, options, answers)}"
+    # Shorten the error, not the command, if the line is too long.
     room = max(LONGEST - len(str(InputError("", error.where, error.at))) - len(command), 60)
     what = error.what if len(error.what) <= room else f"{error.what[: room - 3]}..."
     return InputError(what + command, error.where, error.at)

@@ -460,6 +460,7 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
     names = model.noises
     if len(names) == 1:
         return names[0], None, (), {}
+    # Noise models without a parameter that the user specified are not compared.
     own = {n: set(NOISES.get(n).parameters) for n in names}
     given = set.union(*own.values()) & {*model.known, *model.priors}
     candidate = MotionCandidate(model.terms, model.restoring)

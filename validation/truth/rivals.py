@@ -25,12 +25,12 @@ def nats_ahead(
     truth: Oscillator, theta0: float, omega0: float, amplitude: float, left: float, frequency: float, duration: float,
     samples: int, noise_sd: float,
 ) -> dict[str, float]:  # fmt: skip
-    """Return by how many nats the truth is ahead of the best rival without each of its terms.
+    """Return for each true term by how many nats the truth is ahead of the best sum without this term.
 
-    The trajectories of the rivals are fitted to the true trajectory by least squares, without discrepancy and with an
-    exact sign. Nats are half the least sum of squares over the variance of the noise. A sum with all true terms is not
-    a rival: it fits equally well, and only its number of parameters counts against it. All sums without a term are
-    special cases of the sum with all other terms, so that sum has the least residual.
+    The trajectories of these rivals are fitted to the true trajectory by least squares, without discrepancy and with an
+    exact sign. Nats are half the smallest sum of squares over the variance of the noise. A sum with all true terms is
+    not a rival, because it fits equally well. All sums without a term are special cases of the sum with all other
+    terms, so this sum has the smallest residual.
 
     Parameters
     ----------

@@ -230,7 +230,7 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
     damped = np.isfinite(modes[0].damping_ratio)
     if damped:
         whole.set_title("The record, and the amplitude of each oscillation in it")
-    else:
+    else:  # an excited oscillation: half the range of the samples in each period is its amplitude
         edges = np.searchsorted(t, np.arange(t[0], t[-1], 1 / modes[0].frequency)).tolist()
         periods = [(a, b) for a, b in pairwise(edges) if b - a > 1]
         middles = [0.5 * (t[a] + t[b - 1]) for a, b in periods]

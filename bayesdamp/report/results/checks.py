@@ -337,6 +337,7 @@ class RecordChecks:
         if ranked is None or ranked.method == ANSWERS:
             return
         run, signal, repeat, v = self.run, self.signal, self.repeat, self.verdict
+        # Evidence values that failed or are unreliable.
         for row in rows_of(run.evidence, signal=signal, repeat=repeat):
             counts = ranked.method != "combined" or row["method"] == "combined"
             if counts and status_of(row["outcome"]) not in SILENT:
@@ -347,6 +348,8 @@ class RecordChecks:
             return
         methods = dict.fromkeys([ranked.method, *(m for m in ranked.shares if m != ANSWERS)])
         shares = {m: ranked.shares[m] for m in methods if len(ranked.shares[m]) == len(ranked.dampings)}
+        # The probability of the answer's damping by each method. The answer's own probability is rescaled to the
+        # dampings that the study compares.
         leading = next(iter(ranked.dampings))
         named = _same_sum(ranked.dampings, v.damping) if v else leading
         if named is not None:
@@ -360,6 +363,7 @@ class RecordChecks:
                 f"Probability of {words.model(named)} among the compared damping models, other forms left out: "
                 f"{by}{answer}."
             )
+        # Methods that rank another damping first.
         for method, p in shares.items():
             first = max(p, key=lambda damping: p[damping])
             if first == named:
@@ -370,6 +374,7 @@ class RecordChecks:
             else:
                 text = f"{text}, which contradicts {'the answer' if v else words.method(ranked.method)}."
             yield Check(text, fails=not self.exact_only)
+        # The dependence on the width of the priors, and on the repeat of the record.
         widths = probability_by_width(run, signal, repeat, ranked)
         factor = min(widths, key=lambda f: widths[f], default=1.0)
         if widths and widths[factor] < min(WIDTH_HOLDS, ranked.dampings[leading]):

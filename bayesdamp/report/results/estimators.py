@@ -273,6 +273,7 @@ def series(run: RunFolder) -> list[ErrorSeries]:
 
     The other factors have their most common values among the signals of the same damping.
     """
+    # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}
     for signal, model in true_models(run).items():
         source, own = run.simulation(signal), designs.setdefault(model, {})
@@ -288,6 +289,7 @@ def series(run: RunFolder) -> list[ErrorSeries]:
         if len(own) < LEAST:
             continue
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
+        # A series along a factor has the most common values of the two other factors.
         for i, factor in enumerate(FACTORS):
             rest = base[:i] + base[i + 1 :]
             along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}

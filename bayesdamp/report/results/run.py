@@ -282,6 +282,7 @@ def probability_by_width(
         The probability by the factor that multiplies the width of the priors, without factors at which the evidence of
         a model is not known; empty if no such evidence was computed.
     """
+    # By model: log evidence at each width minus that at the original width (factor 1).
     changes: dict[str, np.ndarray] = {}
     factors = np.empty(0)
     for row in ranked.rows:
@@ -298,7 +299,7 @@ def probability_by_width(
     log_p = np.array(
         [np.log(max(r["probability"], 1e-300)) + changes.get(r["model"], unchanged) for r in ranked.rows]
     )
-    p = np.exp(log_p - log_p.max(axis=0))
+    p = np.exp(log_p - log_p.max(axis=0))  # by model and width, not normalised
     leading = next(iter(ranked.dampings))
     share = p[[damping_of(row) == leading for row in ranked.rows]].sum(axis=0) / p.sum(axis=0)
     return {float(factor): float(s) for factor, s in zip(factors, share, strict=True) if np.isfinite(s)}

@@ -1,9 +1,9 @@
-// Tables sort at a click on a header, long ones filter; a printed page has everything open. Works without a network.
+// Sort tables by a click on a header, filter long tables, and unfold everything for printing. Needs no network.
 "use strict";
 const SECONDS = { h: 3600, min: 60, s: 1, ms: 1e-3 };
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-/** The number that a cell begins with, a duration in seconds; null for words. */
+/** Return the number at the beginning of a cell; a duration is converted to seconds. Return null for words. */
 function valueOf(text) {
   const plain = text.replace(/−/g, "-").replace(/[\u202f\u00a0]/g, "").replace(/^[<>≈~[]\s*/, "").trim();
   const times = [...plain.matchAll(/(\d+(?:\.\d+)?)\s*(h|min|ms|s)\b/g)];
@@ -61,7 +61,7 @@ addEventListener("beforeprint", () => {
 });
 addEventListener("afterprint", () => { for (const details of shut) details.open = false; shut.clear(); });
 
-/** A link into a folded part opens it. */
+/** Unfold the part of the page that contains the target of the current link. */
 function reveal() {
   const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
   for (let node = target; node; node = node.parentElement) if (node.tagName === "DETAILS") node.open = true;
