@@ -49,7 +49,7 @@ def test_a_study_of_a_file_whose_name_has_two_lines(folder: Path) -> None:
     (folder / "ok.csv").rename(folder / "a\nb.csv")
     assert main(["init", "a\nb.csv"]) == 0
     first = (folder / "a\nb.toml").read_text(encoding="utf-8").splitlines()[0]
-    assert first.startswith("# A study of a\\nb.csv, as")
+    assert first.startswith("# A study of a\\nb.csv with")
     assert main(["check", "a\nb.toml"]) == 0
 
 

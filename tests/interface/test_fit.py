@@ -92,7 +92,7 @@ def test_axes_are_taken_as_a_user_has_them() -> None:
     assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
     wrong = {"ax contains 4 axes; give 2": four, "contains a Figure; it must contain Matplotlib axes": figure}
     assert not_refused((partial(fit().plot, given), said) for said, given in wrong.items()) == []
-    assert not_refused([(lambda: record().plot(tuple(four[0])), "ax has 2 axes; it must have 1")]) == []  # type: ignore[arg-type]
+    assert not_refused([(lambda: record().plot(tuple(four[0])), "ax contains 2 axes; give 1")]) == []  # type: ignore[arg-type]
     plt.close("all")
 
 

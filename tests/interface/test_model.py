@@ -58,7 +58,7 @@ WRONG: list[tuple[dict, str]] = [
     ({"known": {"noise_sd": 0.0}}, "must be a positive number"),
     ({"priors": {"viscous": 0.1}}, "must be one of Normal"),
     ({"priors": {"viscous": bd.Normal(0.0, 1.0)}}, "allows values below zero"),
-    ({"priors": {"viscous": bd.HalfNormal(1.0), "zeta": bd.HalfNormal(1.0)}}, "are one parameter"),
+    ({"priors": {"viscous": bd.HalfNormal(1.0), "zeta": bd.HalfNormal(1.0)}}, "are the same parameter"),
     ({"priors": {"stiffness": bd.Normal(1.0, 1.0)}, "known": {"stiffness": 1.0}}, "give one of the two"),
     ({"amplitude": -1.0}, "must be a positive number"),
     ({"deviation": "law", "sensor": -1.0}, "must be a number from 0"),
