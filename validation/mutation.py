@@ -145,7 +145,7 @@ def try_changes(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
 
 
 def main() -> None:
-    """Run the command line: print each change, and for each part the fraction that is noticed, with its 95 % interval."""
+    """Run the command line: print each change, and for each part the noticed fraction with its 95 % interval."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40, help="changes of each part")
     parser.add_argument("--seed", type=int, default=1)
