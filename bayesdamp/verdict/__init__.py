@@ -1,4 +1,4 @@
-"""Turn the numbers of a weighing into a verdict: typed values, all thresholds in one file, sentences in another."""
+"""Decide on a verdict: `decide` decides, `thresholds` has every threshold, `words` writes the sentences."""
 
 from bayesdamp.verdict.types import Verdict
 

@@ -1,4 +1,4 @@
-"""Compare two verdicts on a record: by sampled motions or another computation against the first."""
+"""Compare the first verdict on a record with a second one, or with damping ratios of another computation."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from bayesdamp.verdict.thresholds import MOVED, WIDTHS_AGREE
 from bayesdamp.verdict.types import Verdict
 
 Z95 = 1.96
+"""Half width of a 95 % interval in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a second verdict compares with the first.
+    """Agreement of a second verdict with the first.
 
-    same: whether both name the same damping, or neither names one. moved: the largest change of a damping ratio, in
-    the total standard deviations of the first verdict.
+    same: whether both name the same damping, or neither names one. moved: largest change of a damping ratio, in total
+    standard deviations of the first verdict.
     """
 
     same: bool
@@ -25,16 +26,16 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
-        """Whether the damping is the same and no ratio moved by `MOVED` or more."""
+        """Return whether the damping is the same and every ratio moved by less than `MOVED`."""
         return self.same and self.moved < MOVED
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """How another computation of a damping ratio compares with the verdict at one amplitude.
+    """Agreement of another computation of a damping ratio with the verdict, at one amplitude.
 
-    moved: change of the value in the verdict's total standard deviations; wider: width of its interval over that of
-    the verdict.
+    moved: change of the value, in total standard deviations of the verdict. wider: width of the other interval divided
+    by that of the verdict.
     """
 
     amplitude: float
@@ -43,7 +44,7 @@ class Intervals:
 
     @property
     def confirms(self) -> bool:
-        """Whether the value moved by less than `MOVED` and the widths agree."""
+        """Return whether the value moved by less than `MOVED` and the widths agree within `WIDTHS_AGREE`."""
         return self.moved < MOVED and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
 
 
@@ -57,14 +58,14 @@ def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> li
 
 
 def intervals(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> Intervals:
-    """Return the comparison at the amplitude where shift and width together are worst.
+    """Compare the damping ratios at all amplitudes, and return the worst agreement.
 
     Parameters
     ----------
     first
         The verdict that is checked.
     ratios
-        (value, low, high) of the damping ratio at the verdict's amplitudes, in their order; at least one.
+        Value, low and high end of the other damping ratios, in the order of the verdict's amplitudes; at least one.
     """
     return max(
         _compare(first, ratios),
@@ -73,7 +74,7 @@ def intervals(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> I
 
 
 def agreement(first: Verdict, second: Verdict) -> Agreement:
-    """Return how a second verdict on a record compares with the first."""
+    """Compare a second verdict on a record with the first."""
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])
     return Agreement(len(dampings) == 1, max((i.moved for i in comparisons), default=0.0))

@@ -1,4 +1,4 @@
-"""Decide on a verdict: a pure function of the numbers of a weighing."""
+"""Decide on a verdict: a pure function of the findings of a model comparison."""
 
 from __future__ import annotations
 
@@ -43,24 +43,25 @@ def decide(
     averages: Averages | None = None,
     law_free: LawFreeAt | None = None,
 ) -> Verdict:
-    """Return the verdict on one record.
+    """Decide on the verdict on one record.
 
-    A damping is decided where its probability is large, the evidence of the exact laws puts it first too, and no twin
-    of its terms is possible. Where the law-free damping ratio contradicts the best law, it is the answer and no law
-    is. Where only the law-free frequency contradicts the best restoring law, it is the frequency.
+    A damping is named without reservation if its probability is large, if it is also the most probable one under exact
+    laws, and if no twin of its terms (a term with the same loss at every amplitude) is possible. Where the law-free
+    damping ratio contradicts the best law, the verdict gives this ratio and names no law. Where only the law-free
+    frequency contradicts the best restoring law, the verdict gives this frequency.
 
     Parameters
     ----------
     findings
-        The numbers of the weighing.
+        The numbers of the comparison.
     record
         Name of the record.
     unit
         Unit of the displacement.
     quantity
-        What was recorded, as in `Verdict`.
+        The recorded quantity, as in `Verdict`.
     measured
-        Whether the record is a measurement, so that probabilities are capped.
+        Whether the record is a measurement; probabilities are then at most `thresholds.CAP`.
     approximate
         Whether laws may hold approximately.
     window
@@ -68,9 +69,14 @@ def decide(
     notes
         Sentences on the record, for the remarks.
     averages
-        How many cycles amplitude and phase were averaged over, where they were.
+        The averaging, if amplitude and phase were averaged.
     law_free
-        What is measured without a law, at the amplitudes of the findings' ratios.
+        Damping ratios and frequency that are measured without a law, at the amplitudes of the findings' ratios.
+
+    Returns
+    -------
+    Verdict
+        The verdict. `units.in_unit` writes its sentence again where the record has another unit.
     """
     cap = thresholds.CAP if measured and approximate else 1.0
     damping = {name: min(p, cap) for name, p in findings.damping.items()}
@@ -105,7 +111,7 @@ def decide(
         grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
     )
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
-    # Those of the best damping and restoring law, without those of start and noise.
+    # The parameters of the best damping and restoring law, without those of start and noise.
     law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]
     further = (name for t in terms for name in (t.parameter, *(p.name for p in t.inferred)))
     parameters = {*LAWS.get(law).parameters, *further}
@@ -146,7 +152,7 @@ def decide(
         quantity=quantity,
         over_law=_over_law(findings, unit),
     )
-    if contradicted:  # the energy, power and coefficients by its law would contradict the answer
+    if contradicted:  # energy, exponent and coefficients follow from the law that is contradicted
         verdict = replace(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
     if off and by_law is not None and instead is None:
         notes = [*notes, frequency_off(verdict, by_law)]
@@ -155,9 +161,9 @@ def decide(
 
 
 def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
-    """Return the terms of a sum that have a twin which the record does not exclude.
+    """Return the terms of a sum with a twin (equal loss at every amplitude) that the record does not exclude.
 
-    Each with the twin, and with the upper limit of the twin's share of the energy.
+    Each is returned as (term, twin, upper limit of the twin's energy fraction).
     """
     own = damping.split("+")
     pairs = [
@@ -171,13 +177,13 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Return every sum but the first, and every other form of damping, the likeliest first."""
+    """Return all sums but the first, and all other forms of damping, in order of their probability."""
     rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
     return tuple(sorted(rivals, key=lambda r: -r.probability))
 
 
 def grade_of(findings: Findings) -> Grade:
-    """Return how well the laws hold."""
+    """Grade how well the laws hold, from the deviations and the unexplained residual."""
     if (
         findings.deviation.value > thresholds.DEVIATES
         or findings.restoring_deviation.low > thresholds.RESTORING_DEVIATES
@@ -194,10 +200,10 @@ def _have_same_amplitude(first: DampingRatio | FrequencyAt, second: DampingRatio
 def _contradict(
     by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
 ) -> bool:
-    """Return whether a law's value contradicts the measured one at an amplitude that both have.
+    """Return whether a value by the law contradicts the measured one at an amplitude that both have.
 
-    It does where the two differ by more than `least` of the measured one and the law's interval does not meet the
-    measured one at `WIDER` times its width.
+    They must differ by more than a fraction `least` of the measured value, and the law's interval must not overlap the
+    measured interval, widened by the factor `WIDER`.
     """
     wider = thresholds.WIDER
     return any(
@@ -213,12 +219,12 @@ def _contradict(
 
 
 def interval_of(q: Quantity, unit: str = "") -> Interval:
-    """Return a quantity's value and interval as verdicts have them."""
+    """Convert a quantity to an interval with a unit."""
     return Interval(q.value, q.low, q.high, unit)
 
 
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
-    """Return the damping over its law where it is surely further from it than it may be, at the worst amplitude."""
+    """Return the worst amplitude where the damping surely deviates from its law by more than `DEVIATES`, or None."""
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)
         for r, q in zip(findings.ratios, findings.over_law, strict=False)

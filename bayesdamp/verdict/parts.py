@@ -1,4 +1,4 @@
-"""The values that a verdict is made of, and the tables of those that a verdict has several of."""
+"""Define the values of which a verdict consists, and write tables of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 
 NAN = math.nan
-"""The one object for every value that is not known, so that verdicts with such fields can be equal."""
+"""The single NaN object for unknown values: verdicts with the same object compare as equal."""
 
 
 class Grade(StrEnum):
@@ -37,7 +37,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class IntervalAt:
-    """A value at an amplitude of the record, with its 95 % interval; unit: of the amplitude."""
+    """A value at an amplitude of the record, with its 95 % interval. unit: that of the amplitude."""
 
     amplitude: float
     unit: str
@@ -47,18 +47,18 @@ class IntervalAt:
 
 
 class FrequencyAt(IntervalAt):
-    """Frequency in Hz of the oscillation at an amplitude."""
+    """The frequency in Hz at an amplitude."""
 
 
 class OverLaw(IntervalAt):
-    """Ratio of the damping to that of its law at an amplitude."""
+    """The damping divided by that of its law, at an amplitude."""
 
 
 @dataclass(frozen=True)
 class Measured:
     """A number with its total 95 % interval and unit.
 
-    sd_noise, sd_law: the parts of its standard deviation from the noise and from deviations of the law.
+    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law.
     """
 
     value: float
@@ -73,7 +73,7 @@ class Measured:
 class AtAmplitude:
     """A number at an amplitude of the record, with its total 95 % interval.
 
-    unit: of the amplitude; sd_noise, sd_law: as in `Measured`.
+    unit: that of the amplitude. sd_noise, sd_law: as in `Measured`.
     """
 
     amplitude: float
@@ -86,15 +86,14 @@ class AtAmplitude:
 
 
 class DampingRatio(AtAmplitude):
-    """Equivalent viscous damping ratio at an amplitude."""
+    """The equivalent viscous damping ratio at an amplitude."""
 
 
 @dataclass(frozen=True)
 class LawFreeAt:
-    """What is measured without any law.
+    """Damping ratios and frequency that are measured without any law.
 
-    ratios: damping ratios at the verdict's amplitudes, or at the nearest that the curve reaches; frequency: at the last
-    of them.
+    ratios: at the verdict's amplitudes, or the nearest ones of the measured curve. frequency: at the last of these.
     """
 
     ratios: tuple[DampingRatio, ...]
@@ -103,7 +102,7 @@ class LawFreeAt:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter under the damping that is named, with its total 95 % interval."""
+    """A parameter of the damping that is named first, or of its restoring law, with its total 95 % interval."""
 
     name: str
     value: float
@@ -124,7 +123,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Share:
-    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is present."""
+    """A term's fraction of the dissipated energy, with its 95 % interval. probability: that the term is present."""
 
     term: str
     share: float
@@ -135,7 +134,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """The 95 % upper limit of the share of the energy that an absent form of damping may have."""
+    """The 95 % upper limit of the energy fraction of a form of damping that is not in the answer."""
 
     form: str
     share_below: float
@@ -143,10 +142,10 @@ class Bound:
 
 @dataclass(frozen=True)
 class UsedWindow:
-    """The part of the record that was used, in s of the file's own times, and why.
+    """The part of the record that was used, in s on the file's own clock, and the reason.
 
-    cycles: NaN where the frequency is not known. floor_db: for an envelope, the mean level of the noise floor behind it
-    in dB of the recorded power; NaN where there is none.
+    cycles: number of cycles; NaN where the frequency is not known. floor_db: mean level of the noise floor after an
+    envelope's decay, in dB of the recorded power; NaN where there is none.
     """
 
     start: float
@@ -158,10 +157,9 @@ class UsedWindow:
 
 @dataclass(frozen=True)
 class Averages:
-    """The averaged amplitude and phase that replaced the full motion, in a record of very many cycles.
+    """The averaging by which amplitudes and phases replaced the full motion, in a record of very many cycles.
 
-    cycles: their number; error_sd: the largest shift of a parameter by the averaging, in its posterior standard
-    deviations.
+    cycles: number of cycles. error_sd: largest shift of a parameter by the averaging, in posterior standard deviations.
     """
 
     cycles: float
@@ -170,10 +168,10 @@ class Averages:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A damped sinusoid: one of the oscillations of a record that is not a free decay of one oscillator.
+    """One of the damped sinusoids in a record that is not a free decay of one oscillator.
 
-    frequency: in Hz; damping_ratio: with its 95 % interval low to high, below 0 where it grows; first, last: amplitude
-    at the ends of the record, in `unit`.
+    frequency: in Hz. damping_ratio: with its 95 % interval low to high, negative where the sinusoid grows. first, last:
+    amplitudes at the ends of the record, in `unit`.
     """
 
     frequency: float
@@ -186,7 +184,7 @@ class Oscillation:
 
 
 class MotionKind(StrEnum):
-    """What a record is that is not a free decay of one oscillator."""
+    """Kinds of records that are not a free decay of one oscillator."""
 
     GROWING = "growing"
     STEADY = "steady"
@@ -198,14 +196,15 @@ class MotionKind(StrEnum):
 
 @dataclass(frozen=True)
 class Column:
-    """How a field of a verdict is written to verdicts.csv.
+    """The columns of a verdict's field in verdicts.csv.
 
     Attributes
     ----------
     label, unit
-        With a label, terminal and page show the value on a line of its own.
+        Label and unit of the value in terminal and report; without a label it is not shown there.
     names, cells
-        For a value that is not a number, an interval or a text: its columns, and a function that fills them.
+        Names of the columns and a function that returns their cells, for values other than numbers, intervals and
+        texts.
     """
 
     label: str = ""
@@ -215,7 +214,7 @@ class Column:
 
 
 def quality_of(r: DampingRatio) -> str:
-    """Return Q at an amplitude with its interval, which has no upper end where zero damping is possible."""
+    """Return Q with its interval; only a lower limit where the damping ratio may be zero."""
     if not r.value > 0:
         return fmt.NONE
     if not r.low > 0:
@@ -224,7 +223,7 @@ def quality_of(r: DampingRatio) -> str:
 
 
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
-    """Return the damping ratios against amplitude; `parts` adds the parts of their standard deviations."""
+    """Return a table of damping ratios against amplitude; `parts` adds the parts of their standard deviations."""
     columns: dict[str, Callable[[DampingRatio], str]] = {
         "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
         "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
@@ -237,7 +236,7 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
 
 
 def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) -> Table:
-    """Return the decay rate of an envelope, and Q where there is one, at amplitudes of the record."""
+    """Return a table of an envelope's decay rates, and of Q if it is known, against amplitude."""
     columns: dict[str, Callable[[int], str]] = {
         "amplitude": lambda i: f"{fmt.by_ten(f'{rates[i].amplitude:.4g}')} {rates[i].unit}",
         "rate / (1/s) (95 %)": lambda i: number(rates[i]),
@@ -248,12 +247,12 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
 
 
 def number(value: Measured | Interval | AtAmplitude | None) -> str:
-    """Return a number with its 95 % interval, in powers of ten where it is large."""
+    """Return a number with its 95 % interval as text; large numbers have a power of ten."""
     return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 
 
 def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Table:
-    """Return the oscillations of a record that is not the free decay of one oscillator."""
+    """Return a table of the sinusoids in a record that is not a free decay of one oscillator."""
     first, last = ("least", "largest") if motion is MotionKind.EXCITED else ("first", "last")
     columns: dict[str, Callable[[Oscillation], str]] = {
         "frequency": lambda m: f"{m.frequency:.5g} Hz",
@@ -261,4 +260,4 @@ def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Tabl
         f"{first} amplitude": lambda m: f"{m.first:.3g} {m.unit}",
         f"{last} amplitude": lambda m: f"{m.last:.3g} {m.unit}",
     }
-    return Table.of(modes, columns, left=(), caption="The oscillations that are in it")
+    return Table.of(modes, columns, left=(), caption="Oscillations in the record")

@@ -1,4 +1,4 @@
-"""Convert a verdict, and the arrays of its picture, to the unit that a record came in."""
+"""Convert a verdict, and the arrays of its picture, to the unit of the record's file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from bayesdamp.verdict.words import sentence
 LENGTHS = ("record", "fit", "residual", "amplitude", "free/amplitude")
 """Arrays of a picture in the unit of the displacement, or of the recorded quantity."""
 ENERGIES = ("work/", "free/lost")
-"""Prefixes of arrays in that unit's square per s²."""
+"""Prefixes of the names of arrays in the square of the displacement's unit per s²."""
 
 
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
-    """Return the verdict with its amplitudes and sentence in a record's own unit of displacement.
+    """Return the verdict with amplitudes in a record's own unit, and write its sentence again with these.
 
-    Coefficients stay in the units of the equation of motion.
+    Coefficients stay in the units of the equation of motion (rad or m, and s).
     """
     own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
@@ -42,7 +42,7 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """Return the arrays of `inference.deviation.findings` with lengths and energies in a record's own unit."""
+    """Convert displacements and energies among the arrays of `inference.deviation.findings.picture` to a unit."""
     scale = unit.displacement.scale
 
     changed = dict(arrays)

@@ -1,13 +1,13 @@
-"""Several records of one specimen: one set of damping coefficients, times a factor for each run.
+"""Infer one damping from several runs (records) of one specimen.
 
-A run's coefficients are those of the specimen times exp η, η ~ N(0, s²) with a spread s that is inferred; the other
-parameters of a term (an exponent) are the same in all runs. Everything else (start, spring, offset, noise, deviations
-along the record) belongs to the run and is already integrated out: only the likelihood of the damping is needed of each
-run. The sizes and lengths of the deviations from the laws are those of the damper, and so common to all runs.
+The coefficients of a run are those of the specimen times exp η, η ~ N(0, s²), where the spread s is inferred; own
+parameters of a term, such as an exponent, are the same in all runs. Start, spring, offset, noise and deviations differ
+between runs and are already integrated out: each run only contributes the likelihood of its damping. The
+hyperparameters of the deviations are common to all runs, because they belong to the damper.
 
-Given a spread and a combination of these sizes, log prior plus log likelihoods have one maximum over the coefficients
-and the factors; they are integrated over by Laplace's method about it, which is exact where the spread goes to zero.
-Coefficients are then cut off at zero, and their unknown prior scale is summed over, as for one record.
+Given s and a grid point of the hyperparameters, coefficients and factors are integrated out by Laplace's approximation
+about the mode, which is exact for s = 0. The cut-off of coefficients at zero and their common prior scale are then
+treated as for one record (`linear.with_priors`).
 """
 
 from __future__ import annotations
@@ -23,35 +23,36 @@ from bayesdamp.inference.deviation.linear import DampingLikelihood, Normals, wit
 from bayesdamp.priors import Prior, SharedHalfNormal
 
 SPREAD = 0.1
-"""Scale of the half-normal prior of the spread between runs, the sd of the logarithm of a run's factor."""
+"""Scale of the half-normal prior of the spread s (conventional)."""
 SPREADS = np.geomspace(5e-4, 0.45, 27)
-"""Spreads that are summed over; the prior beyond the last is below 1e-5. With half as many the upper end of a wide
-spread was a tenth to a fifth too large."""
+"""Grid of spreads; the prior probability beyond the last is below 1e-5. With half as many the upper end of a wide
+interval of the spread was a tenth to a fifth too large (measured)."""
 EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-"""Of the cells that the spreads stand for: middles, in the logarithm, of neighbours."""
+"""Ends of the spreads' cells: geometric means of neighbours."""
 DRAWS = 4000
+"""Number of draws from the joint posterior."""
 STEPS, SETTLED = 60, 1e-7
-"""Gauss–Newton steps at most, and the gain in nats that the last one may promise."""
+"""Largest number of Gauss–Newton steps, and the predicted gain in nats below which they end."""
 BEHIND = 18.0
-"""Nats behind the best, at the ends of the spreads, beyond which a combination of deviations' sizes is left out."""
+"""Nats behind the best, at the least and at the largest spread, from which a grid point is left out."""
 DERIVATIVE = 1e-5
-"""Scores over which the slope of a prior's map is taken."""
+"""Step of numerical derivatives of the map from scores to parameters."""
 
 
 @dataclass(frozen=True)
 class RunLikelihood:
-    """The likelihood of one run as a function of the damping alone, in natural units.
+    """The likelihood of one run as a function of its damping parameters.
 
     Attributes
     ----------
     names : tuple of str
-        The damping's parameters.
+        The parameters of the damping.
     coefficients : ndarray of bool, shape (k,)
         Which of them are coefficients.
     mode : ndarray, shape (k,)
-        Their values at the run's own best motion.
+        Their values at the run's own mode.
     likelihood : DampingLikelihood
-        Of the parameters, under each combination of the deviations' sizes.
+        The likelihood of the parameters (not of scores) at each grid point.
     """
 
     names: tuple[str, ...]
@@ -63,19 +64,19 @@ class RunLikelihood:
     def of_scores(
         priors: Mapping[str, Prior], coefficients: Sequence[str], z: np.ndarray, likelihood: DampingLikelihood
     ) -> RunLikelihood:
-        """Turn the likelihood of scores into one of parameters.
+        """Convert the likelihood of scores to the likelihood of parameters.
 
         Parameters
         ----------
         priors : mapping of str to Prior
-            Of the damping's parameters, in the order of the scores.
+            Priors of the damping's parameters, in the order of the scores.
         coefficients : sequence of str
-            Names of those that are coefficients.
+            Names of the coefficients among them.
         z : ndarray, shape (k,)
-            Scores at the best motion, where the maps from scores to parameters are linearised; those of half-normal
-            priors are linear.
+            Scores at the mode, about which the maps from scores to parameters are linearised (half-normal priors have
+            linear maps).
         likelihood : DampingLikelihood
-            As a function of the scores.
+            The likelihood of the scores.
         """
         values, slopes = _maps(priors, z)
         changed = likelihood.mapped(z - values / slopes, np.diag(1.0 / slopes))
@@ -83,26 +84,26 @@ class RunLikelihood:
         return RunLikelihood(tuple(priors), which, values, changed)
 
     def shifted(self, nats: float) -> Self:
-        """Return it with a number of nats added, whatever the damping."""
+        """Return the likelihood with a constant added to its logarithm."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """The posterior of one damping from several runs.
+    """The joint posterior of one damping from several runs.
 
     Attributes
     ----------
     log_evidence : float
-        In nats.
+        Log evidence in nats.
     names : tuple of str
-        The damping's parameters.
+        The parameters of the damping.
     draws : ndarray, shape (n, k)
-        Of the specimen's parameters, in natural units.
+        Draws of the specimen's parameters.
     spreads : ndarray, shape (n,)
-        Of the logarithm of a run's factor, with each draw.
+        The spread of each draw.
     combos : ndarray of int, shape (n,)
-        Combination of the deviations' sizes, with each draw.
+        The grid index of each draw.
     """
 
     log_evidence: float
@@ -126,27 +127,27 @@ def joined(
     Parameters
     ----------
     runs : sequence of RunLikelihood
-        One or more, of the same parameters.
+        One or more runs with the same parameters.
     priors : mapping of str to Prior
-        Of the damping's parameters for the specimen, in the order of the runs' names.
+        Priors of the specimen's parameters, in the order of the runs' names.
     log_sizes : ndarray, shape (c,)
-        Log prior probability of each combination of the deviations' sizes.
+        Log prior probability of each grid point.
     spread : float, optional
-        Of the runs' factors where it is known; 0: all runs have the same coefficients.
+        The spread, if it is known; 0: all runs have the same coefficients.
     seed, draws : int
         Seed of the random stream, and number of draws.
 
     Raises
     ------
     ValueError
-        Where there is no run, or runs have other parameters.
+        Where there is no run, or where runs and priors have different parameters.
     """
     if not runs or any(r.names != runs[0].names for r in runs) or tuple(priors) != runs[0].names:
         raise ValueError("joined runs need the same parameters, and a prior of each")
     values, slopes = _maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
     offset = values - slopes * _scores(priors, values)
     if spread is not None or len(runs) == 1:
-        # One run determines only the product of the factor and the coefficients: its spread is the prior's.
+        # A single run determines nothing about the spread, which is 0 unless it is given.
         spreads, masses = np.array([spread or 0.0]), np.ones(1)
     else:
         spreads, masses = SPREADS, np.diff(erf(EDGES / (SPREAD * np.sqrt(2.0))))
@@ -155,7 +156,7 @@ def joined(
     )
     problem = _Problem(log, slope, information, offset, slopes, runs[0].coefficients)
     probable = every = np.arange(log_sizes.size)
-    if every.size > 1:  # the combinations of sizes that count at the least or the largest spread
+    if every.size > 1:  # keep grid points that are probable at the least or the largest spread
         ends = {spreads[0], spreads[-1]}
         logs = np.stack([problem.integrated(every, np.full(every.size, s)).log + log_sizes for s in ends])
         probable = np.flatnonzero((logs.max(axis=1, keepdims=True) - logs).min(axis=0) < BEHIND)
@@ -169,7 +170,7 @@ def joined(
     rows = posterior.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[rows]]
-    if spreads.size > 1:  # anywhere in the cells that these stand for
+    if spreads.size > 1:  # draw uniformly in the cell of each spread
         low, high = EDGES[at[rows]], EDGES[at[rows] + 1]
         high = np.minimum(high, SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
         drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(rows.size)
@@ -178,10 +179,10 @@ def joined(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Likelihoods of n runs under c combinations.
+    """The likelihoods of n runs at c grid points, as functions of parameters x = offset + scale z with scores z, (k,).
 
-    log (n, c), slope (n, c, k), information (n, c, k, k), in natural units x = offset + scale z, both (k,); which:
-    coefficients, which a run's factor multiplies, (k,).
+    log (n, c), slope (n, c, k), information (n, c, k, k): as of `DampingLikelihood`. which: marks the coefficients,
+    which a run's factor multiplies, (k,).
     """
 
     log: np.ndarray
@@ -192,10 +193,10 @@ class _Problem:
     which: np.ndarray
 
     def integrated(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
-        """Integrate over the runs' factors at combinations (b,) with spreads (b,).
+        """Integrate out the runs' factors at grid points (b,) with spreads (b,).
 
-        Log evidence (b,), means (b, k) and factors of the covariances (b, k, k) of the scores z, whose priors are
-        N(0, 1) of either sign.
+        Return log evidence (b,), means (b, k) and factors of covariances (b, k, k) of the scores z, under priors N(0,
+        1) that allow negative scores.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)
@@ -225,7 +226,7 @@ class _Problem:
         square = self._derivatives(u, b, big, precision, moving, whole=True)[1]
         log_det, covariance = _invert(square)
         bad = ~np.isfinite(log_det)
-        if bad.any():  # far from a maximum that is round: the information without its second part is positive
+        if bad.any():  # the Hessian is not positive definite: use its Gauss–Newton approximation
             part = [a[bad] for a in (u, b, big, precision, moving)]
             log_det[bad], covariance[bad] = _invert(self._derivatives(*part, whole=False)[1])
         log = value + self.log[:, combos].sum(axis=0) - 0.5 * log_det
@@ -233,13 +234,13 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return log prior plus log likelihoods, without their constants, (b,)."""
+        """Return log prior plus log likelihoods at u = (scores, log factors of the runs), (b,), up to constants."""
         k, y = self.scale.size, self._run_parameters(u)[0]
         fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
         return fit - 0.5 * np.sum(u[:, :k] ** 2, axis=1) - 0.5 * precision * np.sum(u[:, k:] ** 2, axis=1)
 
     def _run_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return each run's parameters, and their factors, (b, n, k) each."""
+        """Return each run's parameters, and the factors that they contain, (b, n, k) each."""
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))
         factors = np.where(self.which, grown[:, :, None], 1.0)
@@ -254,10 +255,10 @@ class _Problem:
         moving: np.ndarray,
         whole: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slope of `_value`, (b, k + n), and minus its second derivatives, (b, k + n, k + n).
+        """Return the gradient of `_value`, (b, k + n), and minus its Hessian, (b, k + n, k + n).
 
-        Without the curvature of the parameters themselves where not `whole`. Factors do not move where their spread
-        is 0.
+        `whole`: the Hessian; else its Gauss–Newton approximation. Where not `moving` (spread 0), factors are fixed at
+        1.
         """
         k, n = self.scale.size, self.log.shape[0]
         y, factors = self._run_parameters(u)
@@ -284,7 +285,7 @@ class _Problem:
 
 
 def _scaled(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale matrices (b, m, m) to ones on their diagonals; return also the roots of the diagonals, (b, m)."""
+    """Scale matrices (b, m, m) to unit diagonals; return also the square roots of the diagonals, (b, m)."""
     root = np.sqrt(np.maximum(np.diagonal(square, axis1=1, axis2=2), 1e-300))
     return square / (root[:, :, None] * root[:, None, :]), root
 
@@ -296,7 +297,7 @@ def _solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
 
 
 def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return log determinants (b,) and inverses; not finite where a matrix is not positive."""
+    """Return log determinants (b,) and inverses; NaN determinants where a matrix is not positive definite."""
     part, root = _scaled(square)
     values, vectors = np.linalg.eigh(part)
     good = values[:, 0] > 0
@@ -312,7 +313,7 @@ def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
 
 
 def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return values at scores z, (k,), and their slopes; straight lines on both sides of a fold at 0."""
+    """Return parameters at scores z, (k,), and their derivatives; a half-normal prior is continued linearly below 0."""
     values, slopes = np.empty(z.size), np.empty(z.size)
     for i, (prior, score) in enumerate(zip(priors.values(), z, strict=True)):
         if prior.reflected:

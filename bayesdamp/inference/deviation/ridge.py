@@ -1,8 +1,8 @@
-"""Scores along the ridge of a damping term's own parameters.
+"""Coordinates that follow the curved ridge of the posterior along a damping term's own parameter.
 
-A record determines a friction's loss far better than how its static excess and its Stribeck velocity share in it, so
-that their posterior lies along a curve. Draws of a linear model leave that curve along its tangent, and weights then
-keep only those near the mode: intervals would be half as wide as the posterior (measured).
+For example, a record determines the energy loss of Stribeck friction far better than its static excess and velocity
+separately, so that the posterior lies along a curve. Draws of a linear model follow the tangent instead; after
+reweighting only those near the mode remain, and intervals are half as wide as they should be (measured).
 """
 
 from __future__ import annotations
@@ -20,41 +20,41 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import log_prior_of
 
 REACH, APART = 3.6, 0.6
-"""Posterior sds of the leading score up to which the ridge is followed, and distance of its nodes."""
+"""Range of the leading score in which the ridge is computed, and distance of its nodes, in posterior sds."""
 DEEP = 12.0
-"""Nats below the mode beyond which it is followed no further."""
+"""Nats below the mode at which the ridge ends."""
 CLEAR = 4.0
-"""Posterior sds from zero below which a coefficient is not moved along the ridge, but stays cut off at zero."""
+"""Posterior sds from zero below which a coefficient does not follow the ridge, but stays cut off at zero."""
 FEWEST = 3
-"""Nodes."""
+"""Least number of nodes of a ridge."""
 STEPS, SETTLED = 8, 1e-3
-"""Gauss–Newton steps to a node at most, and the least gain in nats for another to follow."""
+"""Largest number of Gauss–Newton steps to a node, and the gain in nats below which they end."""
 SHARES = (1.0, 0.5, 0.2)
-"""Of a step, tried in turn."""
+"""Fractions of a step that are tried in turn."""
 TOLERANCE = 1e-6
-"""Error of a step of the motions with which the ridge is searched, as a share of the amplitude."""
+"""Error of an integration step for the motions of the ridge, as a fraction of the amplitude."""
 
 
 @dataclass(frozen=True)
 class Ridge:
-    """Scores u of a linear model and the scores z of `base` that they stand for, both (d,).
+    """Coordinates u, (d,), whose linear posterior has its ridge where the scores z of `base` have a curved one.
 
-    About the ridge, z have the density that u have about its tangent. The leading score is the same in both. What is
-    moved is its mode given that score, and as many of its sds there from it (Laplace's approximation at each value of
-    the leading score, as H. Rue, S. Martino and N. Chopin integrate, J. R. Stat. Soc. B 71, 319, 2009).
+    The leading score is the same in u and z. Given this score, the other scores of the ridge are mapped from their
+    normal distribution in the linear model to Laplace's approximation of their conditional posterior: from mode to
+    mode, and by the same number of sds (compare H. Rue, S. Martino and N. Chopin, J. R. Stat. Soc. B 71, 319, 2009).
 
     Attributes
     ----------
     base : Parameters
-        Of the scores z.
+        Parameters as functions of the scores z.
     lead : int
-        Place of the leading score.
+        Index of the leading score: the own parameter that the record determines least.
     moved, fixed : ndarray of int, shapes (m,) and (d − m,)
-        Places of the scores that are moved, and of those that are not, the leading one among these.
+        Indices of the scores that follow the ridge, and of the others, the leading one among these.
     mode, tangent : ndarray, shape (d,)
-        Of the linear model, and of its ridge by the leading score.
+        Mode of the linear model, and derivative of its ridge by the leading score.
     across : ndarray, shape (m, d − m)
-        Slopes of the moved scores by the fixed ones.
+        Derivatives of the conditional mode of the moved scores by the fixed ones.
     root : ndarray, shape (m, m)
         Lower factor of the moved scores' covariance in the linear model.
     nodes : tuple of ndarray
@@ -73,12 +73,12 @@ class Ridge:
 
     @property
     def free(self) -> np.ndarray:
-        """Places of the inferred parameters among the kernel's, (d,)."""
+        """Return the indices of the inferred parameters among the kernel's, (d,)."""
         return self.base.free
 
     @cached_property
     def positive(self) -> np.ndarray:
-        """Which of u must not be negative, (d,); for moved scores this is only required of z."""
+        """Return which of u must not be negative, (d,); for moved scores only z must not."""
         positive = self.base.positive.copy()
         positive[self.moved] = False
         return positive
@@ -90,13 +90,13 @@ class Ridge:
         return scipy.interpolate.CubicSpline(at, centres), scipy.interpolate.PchipInterpolator(at, roots)
 
     def _at(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return modes (..., m) and factors (..., m, m) of the moved scores at leading scores (...)."""
+        """Return conditional modes (..., m) and lower factors of covariances (..., m, m) at leading scores (...)."""
         centre, root = self._curves
         inside = np.clip(a, self.nodes[0][0], self.nodes[0][-1])
         return centre(inside) + self.tangent[self.moved] * (a - inside)[..., None], root(inside)
 
     def base_scores(self, u: np.ndarray) -> np.ndarray:
-        """Return the scores of `base` that u stands for, both (..., d)."""
+        """Convert coordinates u to scores z of `base`, both (..., d)."""
         off = u - self.mode
         centre, root = self._at(u[..., self.lead])
         beside = (off - self.tangent * off[..., self.lead, None])[..., self.fixed] @ self.across.T
@@ -111,14 +111,11 @@ class Ridge:
         return self.base.values(self.base_scores(u))
 
     def plain(self, u: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores of u, both (d,)."""
+        """Return the standard normal scores at coordinates u, both (d,)."""
         return self.base.plain(self.base_scores(u))
 
     def log_prior_ratio(self, u: np.ndarray) -> np.ndarray:
-        """Return the log of the prior's density at u, (..., d), over that of the linear model: (...).
-
-        It is −∞ where the prior has no density.
-        """
+        """Return log prior density at u, (..., d), minus that in the linear model, (...); −∞ outside the prior."""
         z = self.base_scores(u)
         root = self._at(u[..., self.lead])[1]
         ratio = np.diagonal(root, axis1=-2, axis2=-1) / np.diagonal(self.root)
@@ -132,10 +129,10 @@ class Ridge:
 def ridge_of(
     result: CandidateResult, base: Parameters, model: LinearModel, posterior: LinearPosterior
 ) -> Ridge | None:
-    """Return the ridge along that parameter of the damping terms which the record determines least.
+    """Compute the ridge along the own parameter of the damping terms that the record determines least.
 
-    None where the terms have no parameters of their own, where one is best at zero, and where no motion stays in phase
-    along it.
+    Return None where the terms have no own parameters, where the mode of one is at zero, or where fewer than `FEWEST`
+    nodes have a motion.
     """
     d = base.free.size
     own = np.array([name in result.solver.inferred for name in base.free_names])
@@ -185,7 +182,7 @@ def ridge_of(
 
 @dataclass(frozen=True)
 class _Node:
-    """A mode of the moved scores: z, (d,), the lower factor of their covariance, (m, m), and its depth in nats."""
+    """A conditional mode: scores z (d,), lower factor of the moved scores' covariance (m, m), depth: −log density."""
 
     z: np.ndarray
     root: np.ndarray
@@ -194,14 +191,14 @@ class _Node:
 
 @dataclass(frozen=True)
 class _Search:
-    """The mode of the scores at `moved`, where the others and the deviations from the laws are fixed."""
+    """Search for the mode of the scores `moved`, with the other scores and the deviations fixed."""
 
     result: CandidateResult
     base: Parameters
     moved: np.ndarray
 
     def node(self, z: np.ndarray) -> _Node | None:
-        """Find the mode, starting from z, (d,); None where motions escape."""
+        """Find the mode, starting at z, (d,); None where the motion at the start escapes."""
         at = self._at(z)
         if at is None:
             return None
@@ -222,7 +219,7 @@ class _Search:
         return _Node(z, np.linalg.cholesky(np.linalg.inv(at[2])), at[0])
 
     def _at(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """Return nats below a perfect fit, their slope downwards, (m,), and curvature, (m, m)."""
+        """Return −log posterior density (up to a constant), minus its gradient, (m,), and its Gauss–Newton Hessian."""
         p, result, variance = self.base.values(z), self.result, self.result.variance
         if not np.all(np.isfinite(p)):
             return None

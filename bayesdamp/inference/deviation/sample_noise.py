@@ -1,9 +1,9 @@
-"""The noise of a record's samples: which model it follows, and the values that least-squares fits are made to.
+"""Choose the noise model of a record's samples, and adapt the record so that least squares are right under it.
 
-The candidates of an answer are fitted and weighed under white Gaussian noise. Any other noise model enters in two
-places. The record's values are replaced by the motion plus the model's working residuals, in which an outlier counts
-little and rounding not at all; and the variance is that of the white noise which tells as much about the oscillation.
-Both depend on the motion, so that they are updated in turn.
+Fits and evidence assume white Gaussian noise. Another noise model changes two things. Each value of the record is
+replaced by the motion plus a working residual (the derivative of the log noise density times a variance), in which an
+outlier has little effect and rounding none. And the variance is that of white noise with the same information about the
+oscillation. Both depend on the motion, so motion and working residuals are updated in turn.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
-"""Noise models that are weighed by default."""
+"""Noise models from which one is chosen by default."""
 LEAD = 5.0
-"""Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
+"""Nats by which the log evidence of another noise model must exceed that of Gaussian noise (conventional)."""
 ORDER = 8
-"""Of the autoregression that shows whether residuals can be predicted from those before them (conventional)."""
+"""Order of the autoregression with which `predictable_nats` predicts residuals from those before (conventional)."""
 REFITS = 2
-"""Number of times that the noise model of amplitudes and phases is chosen, the second time from what they leave under
-the first."""
+"""Number of times that the noise model of amplitudes and phases is chosen; the second time from their residual under
+the first choice."""
 BAND = (0.3, 2.0)
-"""Frequencies near the oscillation, in units of its own."""
+"""Frequencies that count as near the oscillation, in units of its frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
-"""Number of stretches, and of samples in them, from which the noise model of a longer record is chosen: enough for
-its parameters to a per cent (conventional)."""
+"""Number of stretches, and of samples in all of them, from which the noise model of a long record is chosen: enough for
+one per cent of its parameters (conventional)."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the noise models to weigh: the given ones, or for "auto" the automatic ones and those of plug-ins."""
+    """Return the names of noise models to choose from: the given ones, or for "auto" `AUTOMATIC` and all plug-ins."""
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
 
@@ -52,11 +52,10 @@ def prepare_for_noises(
     priors: Mapping[str, Prior],
     average: bool,
 ) -> Data:
-    """Return the data of a signal under these noise models.
+    """Prepare the data of a signal whose noise follows one of these models.
 
-    A record of very many cycles is taken as amplitudes and phases. They are the most probable ones under the noise
-    model that is chosen for their residual. Where a record is taken as samples, `adapt` chooses the noise model later,
-    for the residual of a motion.
+    Amplitudes and phases of a record of very many cycles are the most probable ones under the noise model that is
+    chosen for their residual. For samples `adapt` chooses the noise model later, for the residual of a motion.
 
     Parameters
     ----------
@@ -98,43 +97,43 @@ def prepare_for_noises(
 def _choose(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
-    """Return the likeliest noise model of residuals (m,), or Gaussian noise where it is not clearly ahead of that.
+    """Return the best noise model of residuals (m,), or Gaussian noise if its lead is small, and `predictable_nats`.
 
-    Also the nats by which residuals can be predicted. What can be predicted may not be noise, but a second mode, or
-    the misfit of a law that does not hold. Raises Refusal where none of the noise models applies.
+    The lead must also exceed the nats by which residuals can be predicted: predictable residuals may be a second mode
+    or the misfit of a law. Raises Refusal where none of the noise models applies.
     """
-    weighed: list[FittedNoise] = []
+    models: list[FittedNoise] = []
     refused: list[str] = []
     for name in names:
         try:
-            weighed.append(fit_one(name, residual))
+            models.append(fit_one(name, residual))
         except Refusal as refusal:
             refused.append(str(refusal))
-    if not weighed:
+    if not models:
         raise Refusal("; ".join(refused))
     gain = predictable_nats(residual)
-    best = max(weighed, key=lambda model: model.log_evidence)
-    plain = next((model for model in weighed if model.name == GAUSSIAN), None)
+    best = max(models, key=lambda model: model.log_evidence)
+    plain = next((model for model in models if model.name == GAUSSIAN), None)
     if plain is not None and (
         best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD, gain)
     ):
         best = plain
-    return SampleNoise(best, tuple(weighed)), gain
+    return SampleNoise(best, tuple(models)), gain
 
 
 @dataclass(frozen=True)
 class AdaptedData:
-    """A record whose values are those that least squares are made to under a noise model.
+    """A record that is adapted to a noise model.
 
     Attributes
     ----------
     data : Data
-        The record.
+        The record, with working residuals in place of residuals.
     noise : SampleNoise
         The noise model.
     variance : float
-        Variance of the white noise that replaces it, in the record's unit squared, per value of the data. Where the
-        noise is taken as Gaussian but is correlated, a lower bound of its variance near the oscillation.
+        Variance of equivalent white noise, in the record's unit squared, for each value of the data. Under Gaussian
+        noise 0, or if residuals are correlated, a lower bound of the variance near the oscillation.
     """
 
     data: Data
@@ -151,18 +150,18 @@ def adapt(
     priors: Mapping[str, Prior],
     approximate: bool,
 ) -> AdaptedData | None:
-    """Choose the noise model of a record, and adapt the record's values to it.
+    """Choose the noise model for the residual of a motion, and adapt the record to it.
 
     Parameters
     ----------
     names : sequence of str
         Noise models to choose from.
     data : Data
-        The record as it is.
+        The record.
     solver : Solver
-        Of the motions.
+        Solver of the motions.
     at : Linearisation
-        The candidate with all terms, about its mode under Gaussian noise.
+        The candidate with all terms, linearised about its mode under Gaussian noise.
     known, priors : mapping
         Values and priors of parameters, including those of noise models.
     approximate : bool
@@ -171,8 +170,8 @@ def adapt(
     Returns
     -------
     AdaptedData or None
-        None where only Gaussian noise can be used, or the record is taken as amplitudes and phases, whose noise was
-        chosen before.
+        None where Gaussian noise is the only choice, where the record is reduced to amplitudes and phases, whose noise
+        model is chosen before, or where the motion escapes.
 
     Raises
     ------
@@ -189,8 +188,8 @@ def adapt(
     chosen, gain = _choose(names, record.y - motion, fit_one)
     gaps, noise = np.diff(record.t), chosen.fitted
     if noise.name == GAUSSIAN:
-        # What can be predicted is left to the power of the residual near the oscillation (`inflation`), which is at
-        # least that of correlated noise where this explains as much as any autoregression.
+        # `inflation` allows for correlated residuals. Where correlated noise explains them as well as an autoregression
+        # does, its variance near the oscillation is a lower bound.
         other = next((model for model in chosen.weighed if model.name == CORRELATED), noise)
         if other.log_evidence - noise.log_evidence > max(LEAD, gain - LEAD):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
@@ -199,7 +198,7 @@ def adapt(
         residual = record.y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
         data = data.working(noise.working_residuals(residual, gaps, variance) - residual)
-        # The candidate about its mode on the changed values.
+        # Linearise the candidate about its mode for the adapted values.
         fit, new = refit(solver, data, at.fit), None
         if fit is not None and approximate:
             mode = linearise_at_mode(solver, data, fit, None)
@@ -227,9 +226,9 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 
 
 def predictable_nats(residual: np.ndarray) -> float:
-    """Compute how many nats an autoregression of residuals (m,) is ahead of white Gaussian noise, never less than 0.
+    """Return the log evidence (nats, ≥ 0) of an autoregression of residuals (m,) minus that of white noise.
 
-    By least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
+    It is approximated by least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
     rows = np.lib.stride_tricks.sliding_window_view(residual, ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]
@@ -242,7 +241,7 @@ def predictable_nats(residual: np.ndarray) -> float:
 def inflation(
     t: np.ndarray, left: np.ndarray, frequency: float, removed: int, variance: float | None = None
 ) -> float:
-    """Return κ ≥ 1: the mean power of the residual near the oscillation over that of white noise.
+    """Return κ ≥ 1, the mean power of the residual near the oscillation divided by that of white noise.
 
     Parameters
     ----------
@@ -251,11 +250,11 @@ def inflation(
     left : ndarray, shape (n,)
         Residual of a fit.
     frequency : float
-        Of the oscillation, in rad/s.
+        Frequency of the oscillation, in rad/s.
     removed : int
-        Directions that the fit has removed from the record, nearly all of them near the oscillation.
+        Number of fitted unknowns; they reduce the residual almost only near the oscillation.
     variance : float, optional
-        Of the white noise; by default that of the residual.
+        Variance of the white noise; by default that of the residual.
     """
     n = left.size
     even = np.interp(np.linspace(t[0], t[-1], n), t, left)
@@ -267,6 +266,6 @@ def inflation(
         variance = float(left @ left) / max(n - removed, 1)
     if modes < 6 or variance <= 0:
         return 1.0
-    # What the fit removed is spread over the band, but it is never more than half of it.
+    # Subtract the fitted unknowns from the degrees of freedom in the band, but at most half of these.
     remaining = max(modes - removed, 0.5 * modes)
     return max(1.0, 2 * float(power[band].sum()) / remaining / variance)

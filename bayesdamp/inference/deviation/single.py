@@ -1,4 +1,4 @@
-"""One candidate on one record under laws that hold approximately: its numbers, its motions, its density and draws."""
+"""One candidate on one record with deviations from its laws: its posterior density, draws and motions."""
 
 from __future__ import annotations
 
@@ -50,22 +50,23 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Signal
 
 Array = NDArray[np.float64]
-ESCAPED = "no motion near the fit can be followed with deviations from its law"
+ESCAPED = "the equation of motion cannot be solved near the fit with deviations from its laws"
+"""Reason for which there is no `Single`."""
 NEGLIGIBLE = 1e-8
-"""Posterior probability under the linear model from which a combination of hyperparameters is left out."""
+"""Linear posterior probability below which a grid point is left out."""
 DRAWS = 4000
-"""Of the linear model, for values and intervals: an end of an interval is accurate to a thirtieth of its width."""
+"""Number of draws of the linear posterior: an end of an interval is accurate to a thirtieth of its width."""
 SEED_STEP = 1_000_003
-"""Between the seeds of independent runs."""
+"""Difference of the seeds of independent runs."""
 
 
 class DeviatingTrajectories(Trajectories):
-    """Motions with fixed deviations, as means over windows, or as amplitudes and phases, where the data are these.
+    """Motions with fixed deviations, in the form of the data: samples, means, or amplitudes and phases.
 
     Parameters
     ----------
     motions : DrawMotions
-        Of draws, with their tolerance and correction.
+        Solver of the motions, with its tolerance and correction.
     deviations : tuple of ndarray, shape (n,)
         Relative deviations of damping and frequency at the knots.
     given : mapping of str to float
@@ -92,34 +93,34 @@ class DeviatingTrajectories(Trajectories):
 
 @dataclass(frozen=True)
 class FitState:
-    """The end of the search on a record, from which everything else follows without a search.
+    """The result of a fit, as it is stored: a `Single` is computed from it without fitting again.
 
     Attributes
     ----------
     terms : tuple of str
-        Of the solver, those of the candidate among them.
+        Terms of the solver; the candidate has those with an inferred coefficient.
     reference : Reference
-        Of the priors.
+        Amplitude and frequency with which default priors scale.
     priors, known : mapping
         Priors of the inferred parameters, and values of the others.
     z : ndarray, shape (d,)
-        Scores of the best motion under exact laws.
+        Scores of the fit under exact laws.
     u : ndarray, shape (K,)
-        Scores, log g and h of the best motion under approximate ones.
+        Scores, g and h at the mode with deviations.
     variance, inflation : float
-        Of the noise that counts, and κ in it.
+        Variance of the noise, and the factor κ that it contains.
     exact_variance : float
-        Of what exact laws leave.
+        Variance of the noise if laws are exact.
     epsilon : float
         Width of friction, in rad/s or m/s.
     frictions : tuple of Friction
-        Widths and their probabilities.
+        Widths of friction and their probabilities.
     averaged : bool
-        Whether the record was taken as amplitudes and phases.
+        Whether the record is reduced to amplitudes and phases.
     noise : FittedNoise
-        Of the samples.
+        Noise model of the samples.
     working : ndarray, shape (n,), optional
-        The values that least squares are made to where the noise is not Gaussian.
+        The record with working residuals, where the noise is not Gaussian (see `sample_noise`).
     """
 
     terms: tuple[str, ...]
@@ -140,14 +141,14 @@ class FitState:
 
 @dataclass(frozen=True)
 class Single:
-    """A candidate with deviations of its damping and restoring laws, linear about its best motion.
+    """One candidate with deviations from its laws, linearised about its mode.
 
     Attributes
     ----------
     weighing, result
-        Of the candidate alone.
+        A comparison of this candidate alone, and its result.
     state : FitState
-        The end of the search for it.
+        The stored form.
     """
 
     comparison: ModelComparison
@@ -156,9 +157,9 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """The density of the parameters, deviations integrated out, about its mode.
+        """Return the posterior mode, with the density of the parameters from which deviations are integrated out.
 
-        Raises Refusal where no motion with deviations can be followed.
+        Raises Refusal where the motion with deviations escapes.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -168,7 +169,7 @@ class Single:
         tangents = tangents_at(solver, result.fit, linearisation.u, SEARCHED)
         if tangents is None:
             raise Refusal(ESCAPED)
-        # The deviations about those of the mode, under the combinations of hyperparameters that count.
+        # Integrate out the deviations, linearised about the mode, over the probable grid points.
         d, grid = linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
         probability = np.bincount(posterior.combos, posterior.weights, minlength=grid.log_prior.size)
@@ -198,7 +199,7 @@ class Single:
         )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Return scores (n, d), each with a draw of log g and h given them, (n, K)."""
+        """Add to each row of scores (n, d) a draw of g and h given these scores; return (n, K)."""
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
         assert deviation is not None
@@ -207,24 +208,24 @@ class Single:
 
     @cached_property
     def scores(self) -> Array:
-        """Draws of the linear model: scores, log g and h at the knots, (n, K)."""
+        """Return draws of u = (scores, g, h) from the linear posterior, (n, K)."""
         positive = self.result.fit.parameters.positive
         return self.result.posterior.draws(positive, DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the inferred parameters."""
+        """Return the names of the inferred parameters."""
         return self.result.fit.parameters.free_names
 
     @property
     def oscillator(self) -> Oscillator:
-        """Its laws, as if they held exactly."""
+        """Return the oscillator with the candidate's exact laws."""
         candidate = self.result.candidate
         return Oscillator(candidate.damping, candidate.restoring)
 
     @property
     def known(self) -> dict[str, float]:
-        """Fixed values: parameters, friction's width where there is any, and the noise's parameters."""
+        """Return the values of known parameters, of the width of friction if there is any, and of the noise."""
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
         known = {n: v for n, v in self.state.known.items() if n in own}
@@ -235,14 +236,14 @@ class Single:
         return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
-        """Return the inferred parameters in natural units of draws (..., K): (..., p)."""
+        """Return the inferred parameters at draws u, (..., K): (..., p)."""
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def completed(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
-        """Return draws of the parameters with the parts of their sds, and each with deviations, (chain, draw, K).
+        """Add `sd_noise` and `sd_law` to a posterior's summaries; return it and its draws of u, (chain, draw, K).
 
-        The deviations are a draw's own, or are drawn given its parameters.
+        Where the posterior has no draws of g and h, they are drawn given the parameters.
         """
         summaries = {}
         for n, summary in posterior.summaries.items():
@@ -259,7 +260,7 @@ class Single:
         return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return each inferred parameter: median, 95 % interval, and the parts of its sd."""
+        """Summarise the linear posterior of each inferred parameter, by name."""
         values, noise = self.values(self.scores), self.noise_sds
         return {
             n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
@@ -268,39 +269,42 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """The sd that noise alone would cause in each inferred parameter, if the laws were exact."""
+        """Return the sd that noise alone causes in each inferred parameter if laws are exact."""
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
-        """Return log g and h at the knots of draws (n, K): (n, k) each."""
+        """Return g and h at the knots of draws u, (n, K): (n, k) each."""
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
     @property
     def knots(self) -> Array:
-        """Times in s from the first sample."""
+        """Return the times of the knots in the record, in s from the first sample."""
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Return the energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
+        """Return the energy-weighted means of |g| and |h| about their means, of draws u (n, K): (n,) each."""
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
-        """Return equivalent damping ratios at amplitudes (rad or m), deviation and sensor included in their sds."""
+        """Return equivalent damping ratios at amplitudes (rad or m), from draws u (n, K).
+
+        Their sds include the deviations and the sensor's relative error `sensor`.
+        """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
-        """Return the same as draws, (n, m); nan at amplitudes that no motion has."""
+        """Return draws of the damping ratios of `ratios`, (n, m); NaN at amplitudes without an orbit."""
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         columns = [draw_ratios(self.comparison, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
         return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Return motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes.
+        """Return the motions of draws u (n, K) at times t (m,), (n, m); NaN where a motion escapes.
 
-        By default at the samples that are fitted, in their quantity.
+        t, in s, must be within the knots; by default motions have the times, the quantity and the form of the data.
         """
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
@@ -311,31 +315,31 @@ class Single:
         return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Ahead:
-        """Predict the second half of the record from draws of the scores on the first half, (n, d).
+        """Predict the second half of the record from draws of scores, (n, d), for the first half.
 
-        In the second half the deviations follow from their prior given those of the first. Raises Refusal where no draw
-        can be continued.
+        The deviations of the second half are drawn given those of the first. Raises Refusal where no motion can be
+        continued.
         """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
         if not len(motions):
-            raise Refusal("no motion that fits the first half goes on through the second")
+            raise Refusal("no motion that fits the first half can be continued through the second")
         comparison, count = self.comparison, half.comparison.data.y.size
         second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one sample
         return Ahead(comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise))
 
     @property
     def best(self) -> Array:
-        """The best motion with its deviations: u, (1, K)."""
+        """Return u at the mode with deviations, as a row (1, K)."""
         linearisation = self.result.linearisation
         assert linearisation is not None
         return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Return the log density of each sample of motions (..., n), in nats.
+        """Return the log likelihood of each value of the record under motions (..., n), in nats.
 
-        With κ > 1 a sample counts for 1/κ of one, and its noise's variance is κ times larger, so that their sum is the
-        log likelihood that was weighed.
+        Their sum is the log likelihood of the evidence: with κ > 1 the variance is κ times larger, and a value counts
+        as 1/κ of an independent one.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
@@ -343,7 +347,7 @@ class Single:
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """Draw u from the prior, (n, K)."""
+        """Draw u from the prior, (count, K)."""
         grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
         z = self.result.fit.parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
@@ -362,15 +366,15 @@ def single(
     reference: Reference,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Single:
-    """Fit and weigh one candidate.
+    """Fit one candidate and compute its evidence.
 
-    The noise and friction's width are those under the sum of all terms, as where candidates are compared: so evidence
-    of two dampings under one law is for one noise. Parameters as of `compare_candidates`.
+    The noise and the width of friction are chosen with the sum of all terms, as in a comparison, so that the evidence
+    of two dampings under one restoring law is for the same noise. Parameters as of `compare_candidates`.
 
     Raises
     ------
     Refusal
-        Where no motion stays in phase with the record, or none can be followed with deviations.
+        Where no motion stays in phase with the record, or the motion with deviations escapes.
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
@@ -390,10 +394,7 @@ def single(
 
 
 def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
-    """Return the end of the search for one of the weighed candidates.
-
-    Raises Refusal where no motion with deviations was found.
-    """
+    """Return the stored form of a candidate's result. Raises Refusal where it has no deviations."""
     if result.linearisation is None:
         raise Refusal(ESCAPED)
     parameters, solver = result.fit.parameters, result.solver
@@ -416,9 +417,9 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
 
 
 def under(single: Single, priors: Mapping[str, Prior]) -> Single:
-    """Return a candidate about the same motion under other priors of what it infers.
+    """Return the candidate with other priors of its parameters, linearised about the same motion.
 
-    Raises Refusal where it cannot be followed there.
+    Raises Refusal where the motion escapes.
     """
     parameters, state = single.result.fit.parameters, single.state
     other, d = replace(parameters, priors=priors), state.z.size
@@ -428,14 +429,14 @@ def under(single: Single, priors: Mapping[str, Prior]) -> Single:
 
 
 def first_half(single: Single) -> Single:
-    """Return a candidate on the first half of its record.
+    """Return the candidate on the first half of its record, with the knots, the noise and the motion of the whole.
 
-    It has the knots, the noise and the motion of the whole, so that its evidence is a factor of the whole's. Raises
-    Refusal where the record is not taken as samples, or has too few.
+    So the evidence of the whole is that of this half times the predictive density of the second. Raises Refusal where
+    the record is reduced to amplitudes and phases, or has too few samples.
     """
     data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:
-        raise Refusal("not applicable: a record that is taken as amplitudes and phases is not cut in halves")
+        raise Refusal("not applicable: a record that is reduced to amplitudes and phases has no halves")
     count, inferred = data.t.size // 2, single.state.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
@@ -443,7 +444,7 @@ def first_half(single: Single) -> Single:
 
 
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
-    """Return the candidate on its record, without a search. Raises Refusal where it was found on another record."""
+    """Return the candidate of a stored fit on its record, without fitting. Raises Refusal where the motion escapes."""
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
         prepare_data(signal, state.averaged, SampleNoise(state.noise)),
@@ -455,9 +456,9 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(
     data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
 ) -> Single:
-    """Return a candidate from the end of its search; knots in s, by default the record's own.
+    """Return the candidate of a stored fit; knots in s, by default those of the data.
 
-    Raises Refusal where it was found on another record.
+    Raises Refusal where the motion escapes, for example because the fit is of another record.
     """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
     if state.working is not None:
@@ -486,7 +487,9 @@ def _rebuild(
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
-    """Draw the motions themselves, in independent runs; the first is `compare`'s for as many draws.
+    """Draw from the posterior with exact motions, in independent runs of the sequential Monte Carlo sampler.
+
+    The first run is the same as in `compare` with as many draws.
 
     Parameters
     ----------
@@ -495,21 +498,20 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     chains, draws : int
         Number of runs, and of draws in each.
     seed : int
-        Of the random streams.
+        Seed of the random streams.
 
     Returns
     -------
     Posterior
-        `arrays["u"]` has each draw with its deviations, (chain, draw, K); `diagnostics` the log evidence in nats, the
-        log of the mean of the runs' evidences, and its standard error. Draws that were copied in the last resampling
-        count once in effective sample sizes.
+        `arrays["u"]`: draws with their deviations, (chain, draw, K). `diagnostics`: log of the runs' mean evidence in
+        nats, and its standard error. Effective sample sizes count copies of a draw (from resampling) once.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
         run = sampled_result(single.comparison, single.result, seed + SEED_STEP * chain, draws).sampled
         assert run is not None
         runs.append(run)
-        # A run's draws are in the order of their ancestors, which is not an order in time.
+        # Shuffle: after resampling, copies of a draw are neighbours, which is no autocorrelation in time.
         rows.append(run.draws[np.random.default_rng([seed, chain]).permutation(draws)])
     u = np.stack(rows)
     values = single.values(u)
@@ -521,7 +523,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     poor = [run.acceptance for run in runs if not run.trusted]
     outcome = verdict(summaries)
     if poor:
-        outcome = f"sampling did not leave the linear model: {min(poor):.2f} of the last moves were accepted"
+        outcome = f"sampling is not converged: only {min(poor):.2f} of the last moves were accepted"
     logs, errors = np.array([run.log_evidence for run in runs]), np.array([run.stderr for run in runs])
     log_evidence, stderr = float(logs.max()), float("nan")
     if np.isfinite(log_evidence):

@@ -1,4 +1,4 @@
-"""Which damping a specimen has, from several runs: evidence that integrates once over one set of coefficients."""
+"""Compare dampings on several runs (records) of one specimen, which have one set of coefficients in common."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
 STEP = 1e-4
-"""Change of a term's own parameter, relative or absolute, over which slopes are taken."""
+"""Step of numerical derivatives by a term's own parameter, relative or absolute."""
 FAR = -60.0
-"""Log evidence relative to a record's best, in nats, for a candidate that was not weighed on it."""
+"""Log evidence relative to a record's best, in nats, of a candidate that has no evidence on it."""
 REACH = 25.0
-"""Nats behind the best from which a candidate is not joined: its runs' largest likelihoods decide already."""
+"""Nats behind the best from which a candidate needs no joint fit: even the product of its runs' largest likelihoods is
+further behind."""
 Model = tuple[str, str]
 """A damping sum and a restoring law."""
 
 
 @dataclass(frozen=True)
 class DampingRun(RunLikelihood):
-    """A candidate on one run: the likelihood of its damping, and the damping ratio that belongs to it.
+    """The likelihood of a candidate's damping on one run, and the damping ratio as a function of the parameters.
 
     Attributes
     ----------
     per_unit : ndarray, shape (a, k)
-        Equivalent damping ratio per unit of each of the likelihood's parameters at the amplitudes of the run's curve; 0
-        for those that are not coefficients.
+        Equivalent damping ratio per unit of each parameter, at the amplitudes of the run's curve; 0 for own parameters.
     growth : ndarray, shape (a, k)
-        Slope of the logarithm of the whole ratio by each parameter that is not a coefficient.
+        Derivative of the log damping ratio by each own parameter; 0 for coefficients.
     """
 
     per_unit: np.ndarray
     growth: np.ndarray
 
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
-        """Return the log of the damping ratio at an amplitude, of parameters (n, k): (n,).
+        """Return the log damping ratio at an amplitude for draws of the parameters, (n, k): (n,).
 
-        The amplitudes, (a,), are those of the run's curve.
+        It is interpolated between the `amplitudes` of the run's curve, (a,).
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -60,7 +60,7 @@ class DampingRun(RunLikelihood):
         return (1 - share) * ends[0] + share * ends[1]
 
     def ordered(self, names: tuple[str, ...]) -> DampingRun:
-        """Return the run with its parameters in an order."""
+        """Return the run with its parameters in the order of `names`."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
@@ -68,9 +68,9 @@ class DampingRun(RunLikelihood):
 
 
 def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun | None:
-    """Return a candidate's likelihood of its damping; None where no parameter of its damping is inferred.
+    """Return the likelihood of a candidate's damping; None where none of its damping parameters is inferred.
 
-    The amplitudes, (a,), in rad or m, are those of the run's curve.
+    amplitudes: those of the run's curve, in rad or m, (a,).
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping is None:
@@ -106,9 +106,10 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
 
 @dataclass(frozen=True)
 class OtherForm:
-    """A form of damping that is not compared, weighed on one record under its likeliest restoring law.
+    """The evidence of a rival on one record, under the best restoring law of that record.
 
-    log_evidence is relative to the best sum; place is the sum that the form comes to in a limit, if there is one.
+    log_evidence: relative to the best sum, in nats. place: the sum that the rival becomes in a limit of its own
+    parameters; empty where there is none.
     """
 
     damping: str
@@ -119,20 +120,20 @@ class OtherForm:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """One run's result for every damping.
+    """The evidence of every damping on one run.
 
     Attributes
     ----------
     log_evidence : mapping of Model to float
-        Of each damping and law by itself, in nats relative to the best.
+        Log evidence of each candidate, in nats relative to the best.
     others : tuple of OtherForm
-        Other forms of damping.
+        The rivals.
     runs : mapping of Model to DampingRun
-        Likelihood of the damping, for those that count, in nats relative to the same best.
+        Likelihood of the damping of the probable candidates and rivals, relative to the same best.
     reference : Reference
-        Of the run's priors.
+        Amplitude and frequency with which the run's default priors scale.
     amplitudes : ndarray, shape (a,)
-        At which damping ratios per unit are known, falling.
+        Falling amplitudes at which damping ratios per unit are known.
     """
 
     log_evidence: Mapping[Model, float]
@@ -142,13 +143,13 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best sum under a law; `FAR` where none was weighed."""
+        """Return the log evidence of the best sum under a restoring law; `FAR` where there is none."""
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
 
     def run_of(self, damping: str, restoring: str) -> DampingRun | None:
-        """Return the likelihood of a damping under a law; None where there is none.
+        """Return the likelihood of a damping under a restoring law; None where there is none.
 
-        Another form that was weighed under another law is taken to be as far behind this law's best sum as it is there.
+        A rival has an evidence under one law only; under another law its distance to the best sum is taken as the same.
         """
         run = self.runs.get((damping, restoring))
         if run is not None:
@@ -160,9 +161,9 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return a log evidence for a damping that this run did not weigh.
+        """Return the log evidence of a damping for which this run has no likelihood, with the run's own coefficients.
 
-        That of the sum to which it comes in a limit, else `FAR`; both with coefficients of the run's own.
+        If the run has none, return that of its limit (see `OtherForm`), but never less than `FAR`.
         """
         own = self.log_evidence.get((damping, restoring))
         place = self.log_evidence.get((limit, restoring), FAR)
@@ -171,22 +172,22 @@ class RunComparison:
 
 @dataclass(frozen=True)
 class SpecimenComparison:
-    """Every damping and law on all runs.
+    """The Bayesian comparison of every damping and restoring law on all runs.
 
     Attributes
     ----------
     records : tuple of RunComparison
         The runs.
     log_evidence : mapping of Model to float
-        In nats, integrated once over the coefficients that the runs have in common.
+        Log evidence in nats, integrated once over the coefficients that all runs have in common.
     probability : mapping of Model to float
-        Of each damping and law.
+        Posterior probability of each damping and law.
     repeats : mapping of Model to Repeats
-        Posteriors of those that were joined.
+        Joint posteriors of the probable ones.
     runs : mapping of Model to tuple of DampingRun
-        Each run's likelihood, at the specimen's reference.
+        The likelihood of each run, with coefficients at the specimen's reference.
     reference : Reference
-        Of the specimen's priors.
+        Amplitude and frequency with which the specimen's default priors scale.
     """
 
     records: tuple[RunComparison, ...]
@@ -197,14 +198,14 @@ class SpecimenComparison:
     reference: Reference
 
     def spread(self) -> dict[str, float]:
-        """Return the summary of the spread between runs (standard deviation), over every damping that was joined."""
+        """Summarise the spread between runs (standard deviation of the log factor), averaged over the joint fits."""
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
         weight = np.concatenate([np.full(n, p / n) for n, p in sizes])
         return summarise(every, weight / weight.sum())
 
     def others(self) -> dict[str, float]:
-        """Return the probability of each form of damping that is not compared."""
+        """Return the probability of each rival."""
         sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
         for (damping, _), p in self.probability.items():
             if damping in sums:
@@ -212,14 +213,14 @@ class SpecimenComparison:
         return sums
 
     def under(self, model: Model) -> list[RunComparison]:
-        """Return the runs under only one model, which was joined, at the specimen's reference."""
+        """Return the runs with only one model, which has a joint fit, at the specimen's reference."""
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
             for record, run in zip(self.records, self.runs[model], strict=True)
         ]
 
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the specimen's damping ratio at an amplitude, over every damping, and the spread of each draw, (n,)."""
+        """Draw the specimen's damping ratio at an amplitude, over all models; return also the spreads, (n,)."""
         rng = np.random.default_rng(seed)
         models = [m for m in self.probability if m in self.repeats]
         shares = np.array([self.probability[m] for m in models])
@@ -246,18 +247,18 @@ def compare_runs(
     spread: float | None = None,
     seed: int = 0,
 ) -> SpecimenComparison:
-    """Weigh every damping and law on several runs of one specimen.
+    """Compare every damping and restoring law on several runs of one specimen.
 
     Parameters
     ----------
     records : sequence of RunComparison
-        One or more.
+        One or more runs.
     given : mapping of str to Prior, optional
-        By parameter; the others have the default priors at the geometric mean of the runs' references.
+        Priors by parameter; the others have default priors at the geometric mean of the runs' references.
     spread : float, optional
-        Of the logarithm of a run's factor where it is known; else it is inferred.
+        The spread between runs, if it is known; else it is inferred.
     seed : int
-        Of the random streams.
+        Seed of the random streams.
     """
     reference = common_reference(records)
     places = {form.damping: form.place for r in records for form in r.others}
@@ -283,7 +284,7 @@ def compare_runs(
             continue
         priors = priors_of(model[0], reference, given)
         known = [run.ordered(tuple(priors)) for run in known]
-        # All combinations of the deviations' sizes, or, where a run has none, only that in which laws hold exactly.
+        # All runs need the same grid: where one has exact laws, take only the first grid point, g = h = 0, of all.
         sizes, common = {run.likelihood.log.size for run in known}, known
         if len(sizes) > 1:
             parts = [(run.likelihood.log, run.likelihood.slope, run.likelihood.information) for run in known]
@@ -303,7 +304,7 @@ def compare_runs(
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:
-    """Return the geometric mean of the references of several runs."""
+    """Return the geometric mean of the runs' references."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
         for n in ("amplitude", "frequency")
@@ -314,13 +315,13 @@ def common_reference(records: Sequence[RunComparison]) -> Reference:
 def priors_of(
     damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
 ) -> dict[str, Prior]:
-    """Return the priors of a specimen's damping parameters: the given ones, else the default ones."""
+    """Return the priors of a damping's parameters: the given one, else the default one at the reference."""
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
 
 def _largest(run: RunLikelihood) -> float:
-    """Return the largest log likelihood of a run, over all dampings and sizes of the deviations."""
+    """Return the maximum of a run's log likelihood over all parameters and grid points."""
     x = run.likelihood
     scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))
     part = x.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])
@@ -330,10 +331,10 @@ def _largest(run: RunLikelihood) -> float:
 
 
 def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
-    """Return a run with the coefficients that its terms have at another reference.
+    """Convert the coefficients of a run from its own reference to the common one.
 
-    The force of a term such as a power of the velocity is written with a reference velocity: its coefficient at another
-    one is larger by a factor that depends on the exponent. To first order about the run's own best motion.
+    The force of a term such as a power of the velocity contains a reference velocity. At another one its coefficient
+    changes by a factor that depends on the exponent; this is linearised about the run's mode.
     """
     names = run.names
     jacobian, mode = np.eye(len(names)), run.mode.copy()
