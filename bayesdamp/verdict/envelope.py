@@ -1,4 +1,4 @@
-"""Decide on an envelope, and on several envelopes of one specimen: numbers, coefficients and remarks."""
+"""Decide on the verdict on an envelope, and on several envelopes of one specimen."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
 
 FALLS = (0.15, 0.5, 0.85)
-"""Fractions of the decay's fall in dB at which rates are quoted."""
+"""Fractions of the decay's fall in dB at which rates are given (conventional)."""
 Kind = TypeVar("Kind", bound=AtAmplitude)
 
 
 @dataclass(frozen=True, eq=False)
 class EnvelopeAnswer:
-    """The answer on an envelope.
+    """The answer on an envelope: verdict, curve and likelihoods.
 
-    curve: None where nothing decays. likelihoods: likelihood of the rates, by sum, for an answer on several records;
-    only of sums whose terms have no parameters besides coefficients.
+    curve: the decay with its fit; None where nothing decays. likelihoods: likelihood of the rates by damping sum, for a
+    joint fit of several records; only of sums whose terms have no own parameters.
     """
 
     verdict: Verdict
@@ -72,14 +72,14 @@ class EnvelopeAnswer:
 
 
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
-    """Return the damping of a decay by these sums.
+    """Compare damping sums on a decay, and decide on the verdict.
 
     Parameters
     ----------
     decay
         The decay of an envelope.
     sums
-        Damping sums to weigh.
+        Damping sums to compare.
     seed
         Seed of the draws.
     """
@@ -89,13 +89,13 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     rng = np.random.default_rng([seed, b.t.size])
     top, bottom = b.ends
     amplitudes = np.array([top + share * (bottom - top) for share in FALLS])
-    # Relative error of every rate that the record cannot show.
+    # Relative error of every rate by the sensor, which leaves no trace in the record.
     sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
 
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Return draws with the law's deviation and the sensor's error, and without both."""
+        """Draw rates with deviations and the sensor's error, and again under exact laws without that error."""
         whole = draw(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 
@@ -109,7 +109,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     one_power = power.odds > thresholds.POWER_LAW and b.t.size >= thresholds.FEW_READINGS and not by_sum
     whole, plain = by_laws
     if one_power and "power" not in ranking.terms:
-        # Laws that the record does not follow have no rates of its own.
+        # No sum describes the record: draw the rates from the single power of the amplitude too.
         whole, plain = draw_twice([*ranking.candidates, *by_power(b)], (*ranking.terms, "power"))
     best, frequency, omega = ranking.best, decay.record.frequency, b.frequency
     damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
@@ -122,7 +122,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
-        """Return what follows from the rates at the amplitudes."""
+        """Return a function of the rates, with intervals, at each amplitude."""
         values = []
         for x, draws, exact in zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True):
             e = estimate_of(draws, exact)
@@ -163,7 +163,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 
 
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measured:
-    """Return the estimate from draws (n,), and from `plain` ones (m,) that vary by the readings' noise alone."""
+    """Summarise draws (n,); `plain` are draws (m,) that vary by the noise of the readings alone."""
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return Measured(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
@@ -171,9 +171,9 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
 def _coefficients_of(
     decay: Decay, ranking: Ranking, draws: RateDraws, plain: RateDraws
 ) -> tuple[Coefficient, ...]:
-    """Return the coefficients of the most probable sum's terms, over all sums that have them.
+    """Return the coefficients of the most probable sum's terms, averaged over all sums that have them.
 
-    They are relative to the amplitude at the start where the record has no scale.
+    Where amplitudes have no scale, they are relative to the amplitude at the start.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
@@ -188,11 +188,11 @@ def _coefficients_of(
             same = coefficient(term, exact, amplitude, omega)[1] if exact.size else values
             results.append(_coefficient(name, of.format(unit), values, same))
         else:
-            results += _registered(term, ranking, (draws, plain), amplitude, omega, unit)
+            results += _coefficients_with_own(term, ranking, (draws, plain), amplitude, omega, unit)
     return tuple(results)
 
 
-def _registered(
+def _coefficients_with_own(
     name: str,
     ranking: Ranking,
     draws: tuple[RateDraws, RateDraws],
@@ -200,10 +200,10 @@ def _registered(
     omega: float | None,
     unit: str,
 ) -> list[Coefficient]:
-    """Return a registered term's coefficient and own parameters.
+    """Return the coefficient and the own parameters of a term that is not a power of the amplitude.
 
-    Without a frequency (`omega` in rad/s), its rate at the start, and those of its parameters that have no time in
-    their unit.
+    omega: frequency in rad/s. Where it is None, return the term's rate at the start in place of the coefficient, and
+    only own parameters without a time in their unit.
     """
     best = ranking.best
     term = best.each[best.terms.index(name)]
@@ -248,7 +248,7 @@ def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> 
 
 
 def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Return reservations; twins: names of sums, of which the first loses energy as the second does."""
+    """Return the remarks. twins: pairs of sums that lose the same energy at every amplitude."""
     record = decay.record
     texts = list(record.notes)
     if record.frequency is None:
@@ -286,12 +286,12 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
         )
     if v.window is not None and not math.isfinite(v.window.floor_db):
         texts.append(
-            "There is no noise floor behind the decay, so the noise power is inferred from the decay alone."
+            "There is no noise floor after the decay, so the noise power is inferred from the decay alone."
         )
     if v.power_law > thresholds.POWER_LAW and not v.decided and decay.readings >= thresholds.FEW_READINGS:
         texts.append(
             "A single power law of the amplitude describes the decay better than every sum, so rates are from it. "
-            "Use --damping power, or --damping cubic where the power is near 3, to weigh it."
+            "Use --damping power, or --damping cubic where the power is near 3, to compare it with the sums."
         )
     facts = record.facts.items()
     stated = next((text for name, text in facts if name.lower().startswith("quality factor")), "")
@@ -310,11 +310,10 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return the likelihoods of all records with a decay, by damping sum, in the coordinates that they share.
+    """Return the likelihoods of all records with a decay, by damping sum, in common coordinates.
 
-    The amplitude is the mean of the records' reference amplitudes, in its logarithm. Where a record has no frequency,
-    the coordinates are rates: their unit follows from the geometric mean of the durations, as that of a single record
-    follows from its own.
+    The coordinates are scores of the damping ratios at the geometric mean of the records' reference amplitudes. Where a
+    frequency is missing they are rates, in a unit from the geometric mean of the durations.
 
     Raises
     ------
@@ -349,9 +348,9 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 
 
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
-    """Weigh every sum with one set of coefficients for all records, times a factor for each record.
+    """Compare damping sums with one set of coefficients for all records, times a factor for each record.
 
-    The deviation's size and length are common to the records. Return None where fewer than two records have a decay.
+    The hyperparameters of g are common to the records. Return None where fewer than two records have a decay.
 
     Raises
     ------
@@ -377,9 +376,9 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
 
 
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
-    """Return the verdict on a specimen; None where fewer than two records have a decay.
+    """Decide on the verdict on a specimen; None where fewer than two records have a decay.
 
-    The logarithm of Q, or of the rate, is pooled as every number of several records is.
+    The logarithm of Q, or of the decay rate, is pooled over the records.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Decide on a specimen from the answers on its records."""
+"""Decide on the verdict on a specimen from the answers on its records."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence
 
 GRID = 400
-"""Number of values of the spread between records over which the posterior is summed."""
+"""Number of values of the spread between records in the quadrature of its posterior."""
 WIDE = 2.0
-"""Scale of the spread's half-Cauchy prior, in standard deviations of the values' scatter (weakly informative; Gelman
-2006)."""
+"""Scale of the spread's half-Cauchy prior, relative to the scatter of the values or their median sd (weakly
+informative; Gelman 2006)."""
 DRAWS = 20_000
 """Draws of a damping ratio: an end of a 95 % interval is then good to 2 % of its width."""
 Curve = Mapping[str, np.ndarray]
+"""Arrays of a damping curve by name."""
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """Mean over records and its spread.
+    """Mean over records, and the spread between them.
 
-    mean, sd: of the mean; spread: standard deviation between records, with its 95 % interval; low, high: 95 % interval
-    of the value of one more record.
+    mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: standard deviation
+    between records, with its 95 % interval. low, high: 95 % interval of the value of one more record.
     """
 
     mean: float
@@ -49,13 +50,12 @@ class Pooled:
 def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
     """Pool values of records that differ by a normal random effect with an unknown spread.
 
-    The spread is summed over a grid under a half-Cauchy prior, the mean under a flat one. For one value the spread is
-    0.
+    The prior of the spread is half-Cauchy, that of the mean is flat. For a single value the spread is 0.
 
     Parameters
     ----------
     values, sds
-        Values of the records and their standard deviations, each of shape (n,).
+        Values of the records and their standard deviations, (n,) each.
     """
     values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
     if values.size == 1:
@@ -77,7 +77,7 @@ def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
     spread, below, above = (float(np.interp(q, cumulative, spreads)) for q in (0.5, 0.025, 0.975))
     width = np.sqrt(1 / total + spreads**2 + np.median(sds) ** 2)
     ends = []
-    for q in (0.025, 0.975):  # quantiles of a mixture of normals, by bisection
+    for q in (0.025, 0.975):  # quantiles of a mixture of normal distributions, by bisection
         low, high = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
         for _ in range(80):
             middle = 0.5 * (low + high)
@@ -89,10 +89,10 @@ def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
 
 @dataclass(frozen=True)
 class RecordAnswer:
-    """The answer on one record: its verdict, its weighing, and its damping ratio against amplitude.
+    """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
     curve: arrays `amplitude`, `ratio`, `low`, `high`; where laws may hold approximately also `over` and `over_sd`, mean
-    and standard deviation of the logarithm of the damping over that of its law.
+    and standard deviation of log(damping ratio / that without deviations).
     """
 
     verdict: Verdict
@@ -107,7 +107,7 @@ def specimen(
     sensor: float = SENSOR,
     seed: int = 0,
 ) -> Verdict:
-    """Return the verdict on a specimen: one damping for all records, times a factor for each with an inferred spread.
+    """Decide on a specimen: one damping for all records, times a factor for each record with an inferred spread.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ def specimen(
     records
         Answers on its records.
     priors
-        Stated priors, by parameter.
+        Given priors, by parameter.
     sensor
-        Relative linearity of the sensor, the same in all records: no ratio is known better.
+        Relative error of the sensor's linearity; all records have the same error, so it does not average out.
     seed
         Seed of the draws.
 
@@ -157,7 +157,7 @@ def specimen(
 def together(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
-    """Return what verdicts on several motions and on several envelopes have in common.
+    """Build the part of a specimen's verdict that is the same for motions and for envelopes.
 
     Parameters
     ----------
@@ -166,9 +166,9 @@ def together(
     own
         The verdicts on its records.
     damping
-        Probability of each sum for all records, the likeliest first.
+        Probability of each sum for all records, the most probable first.
     others
-        Probability of each form of damping that is not compared.
+        Probability of each rival.
     """
     first, probability = next(iter(damping.items()))
     grade = max((v.grade for v in own), key=list(Grade).index)
@@ -208,7 +208,7 @@ def together(
 def probabilities(
     comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Return the probability of each sum, of each law and of each other form of damping, the same for all records."""
+    """Return the probabilities of damping sums, of restoring laws and of rivals, for all records together."""
     other_forms = {form.damping for r in comparison.records for form in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
@@ -223,13 +223,13 @@ def probabilities(
 
 
 def spread_of(comparison: SpecimenComparison) -> Interval:
-    """Return the relative spread between records (standard deviation)."""
+    """Return the relative standard deviation of the damping between records."""
     spread = comparison.spread()
     return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
 
 def spread_remark(v: Verdict) -> tuple[str, ...]:
-    """Return a sentence on how much records differ, where that is known."""
+    """Return the remark on the spread between records; none where the spread is not inferred."""
     if v.spread is None:
         return ()
     value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
@@ -241,11 +241,11 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
 def _ratios(
     records: Sequence[RecordAnswer], comparison: SpecimenComparison, sensor: float, seed: int
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the specimen's damping ratio at three amplitudes, and the ratio of one more record there.
+    """Return the specimen's damping ratios at three amplitudes, and those of one more record.
 
-    These are amplitudes that all records have, or those of the first record where they have none in common. The law's
-    own ratio is drawn from the joint posterior; the deviation of the damping from its law at an amplitude is pooled
-    over the records. The sensor's error is left out where laws hold exactly.
+    The amplitudes are in the range of all records, or if there is none, of the first record. The ratio by the law is
+    drawn from the joint posterior; its deviation is pooled over the records. Under exact laws the sensor's error is not
+    included.
     """
     approximate = all("over" in r.curve for r in records)
     unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")

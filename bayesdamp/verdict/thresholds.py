@@ -43,8 +43,7 @@ EXTRAPOLATED = 0.005
 """Relative difference between the natural frequency and the frequency at an amplitude of the record, or relative half
 interval of the natural frequency, from which the natural frequency is given only as an extrapolation (conventional)."""
 UNDETERMINED = 0.05
-"""Relative width of its interval from which the natural frequency is left out: the record does not determine it
-(conventional)."""
+"""Relative width of the natural frequency's interval from which it is omitted, as not determined (conventional)."""
 MIDLINE = 0.002
 """Drift of the midline, as a fraction of the first amplitude, from which there is a remark (usual linearity of
 sensors)."""
@@ -52,9 +51,9 @@ TWIN = 0.3
 """Upper limit of the energy fraction of a term's twin (a term with the same loss at every amplitude) from which a sum
 without the twin is not named without reservation (conventional)."""
 TERM_SURE = 0.95
-"""Probability, summed over the sums that have it, from which a term is sure by itself."""
+"""Probability of a term, over all sums with it, from which the sentence says that the term is sure."""
 EXPONENT_NAMED = 0.3
-"""Half width of an exponent's interval up to which the law in the interval is named."""
+"""Half width of an exponent's interval up to which the sentence names the law with this exponent."""
 HARDLY_FALLS = 0.7
 """Ratio of last to first amplitude from which a remark says that damping models are hard to distinguish."""
 FEW_READINGS = 20

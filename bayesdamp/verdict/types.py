@@ -1,4 +1,4 @@
-"""Define the verdict: the answer on one record, or on one specimen, as values, and its files."""
+"""Define the verdict (the answer on one record or one specimen), and read and write its files."""
 
 from __future__ import annotations
 
@@ -42,23 +42,23 @@ if TYPE_CHECKING:
 
 
 VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
-"""Files of a run with the verdicts on its records."""
+"""Names of the files of a run that contain its verdicts."""
 COLUMN = {"column": Column()}
-"""Metadata of a field that is a column of verdicts.csv."""
+"""Metadata of a field that is a single column of verdicts.csv."""
 _ENDS = {
     "Interval": ("", "_low", "_high"),
     "FrequencyAt": ("", "_low", "_high"),
     "Measured": ("", "_low", "_high", "_sd_noise", "_sd_law"),
 }
-"""Endings of a field's columns in verdicts.csv by its type; fields of other types have one column."""
+"""Suffixes of a field's columns in verdicts.csv by its type; fields of other types have one column."""
 _RATIOS = 3
-"""Damping ratios in verdicts.csv."""
+"""Number of damping ratios in verdicts.csv."""
 _TERMS = ("viscous", "coulomb", "quadratic")
 """Terms that always have a column in verdicts.csv."""
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
-    """Return the cells of a number with its interval and the parts of its standard deviation, so far as it has them."""
+    """Return the cells of a number: its value, and its interval and parts of its standard deviation if it has them."""
     ends = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
     return {name + end: getattr(value, part) for end, part in ends.items() if hasattr(value, part)}
 
@@ -101,7 +101,7 @@ _UNKNOWN = (DampingRatio(NAN, "", NAN, NAN, NAN, NAN, NAN),) * _RATIOS
 class Verdict(CheckedMethods):
     """The answer on one record, or on several of one specimen; it prints as its sentence.
 
-    The file `verdict.json` holds a list of these. A number that is not known is NaN, or None.
+    The file `verdict.json` contains a list of verdicts. An unknown number is NaN or None.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Verdict(CheckedMethods):
     decided
         Whether one damping is named without reservation.
     damping, probability, rivals
-        The damping sum that is named first, its probability, and the others that were weighed.
+        The damping sum that is named first, its probability, and all other dampings that were compared.
     restoring, restoring_probability
         The most probable restoring law.
     frequency
@@ -127,16 +127,16 @@ class Verdict(CheckedMethods):
     energy, other_forms
         Each term's share of the dissipated energy, and upper limits for absent forms.
     deviation, restoring_deviation
-        Energy-weighted mean of the relative deviation from the damping law, and from the restoring law. Of an envelope
+        Energy-weighted mean of the relative deviation from the damping law, and from the restoring law; for an envelope
         the root mean square over the decay.
     over_law
-        The damping over that of its law, at one of the amplitudes where it is surely further off than a law may be.
+        The damping divided by that of its law, at the worst amplitude where it surely deviates too much for a law.
     unnamed
-        Share of the energy that no named law explains.
+        Fraction of the energy that no sum of the compared terms explains.
     unexplained_pct, noise_pct
-        Root mean square beyond the noise, and of the noise, of a sample, in % of the first amplitude.
+        Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
     midline_drift_pct
-        Drift of the midline over the record in % of the first amplitude; 0 where there is none.
+        Drift of the midline over the record in % of the first amplitude; 0 where it is not significant.
     law_free, contradicted
         Whether damping_ratio and frequency_at are measured without a law, because no law is the answer; and whether
         that is because the best law contradicts them.
@@ -147,12 +147,12 @@ class Verdict(CheckedMethods):
     window, averages
         The part of the record that was used; and the averaging, where very many cycles were averaged.
     quantity
-        What the record holds of the motion: angle (or displacement), velocity, acceleration, or envelope.
+        The recorded quantity: angle (or displacement), velocity, acceleration, or envelope.
     rate, quality_factor
-        For an envelope: the law's mean rate of decay over the first half of the fall in dB, and Q of it where the
+        For an envelope: the mean rate of decay by the law over the first half of the fall in dB, and its Q if the
         frequency is known.
     decay_rate, quality_factor_at
-        For an envelope: the same at the amplitudes of damping_ratio, the largest first.
+        For an envelope: rate and Q at the amplitudes of damping_ratio, the largest first.
     probability_exact, power_law
         For an envelope: the probability that the law holds exactly, and the log Bayes factor of one power of the
         amplitude against the sums.
@@ -235,7 +235,7 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Probability of every damping that was weighed, that of the named one first."""
+        """Return the probability of every damping that was compared, that of the named one first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:
@@ -245,7 +245,7 @@ class Verdict(CheckedMethods):
         return pd.DataFrame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """Return a line of verdicts.csv: columns for each of three amplitudes, and one for each term's probability."""
+        """Return the row of verdicts.csv by column."""
         row: dict[str, object] = {}
         for f in _columns():
             value, cells = getattr(self, f.name), f.metadata["column"].cells
@@ -257,7 +257,7 @@ class Verdict(CheckedMethods):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What terminal and page show on lines of their own, by label."""
+        """Return the values that terminal and report show on lines of their own, by label."""
         facts: dict[str, str] = {}
         for f in _columns():
             value: Any = getattr(self, f.name)
@@ -275,22 +275,22 @@ class Verdict(CheckedMethods):
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """Return plain values with the version of the fields, without provenance; what is not known is None."""
+        """Return JSON values with the version of the schema, without provenance; unknown values are None."""
         fields = {"schema": VERDICT_SCHEMA, **split(self)}
         fields.pop("provenance")
         return _plain(fields)  # type: ignore[return-value]
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Make a verdict from what `to_dict` returned."""
+        """Return the verdict from the result of `to_dict`."""
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
-        """Return the JSON of `verdict.json`, but with amplitudes in this verdict's own unit."""
+        """Return JSON as in `verdict.json`, but with amplitudes in this verdict's own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     def save(self, path: str | Path) -> Path:
-        """Write the verdict as JSON, completely or not at all, and return the path.
+        """Write the verdict as JSON atomically, and return the path.
 
         Raises
         ------
@@ -301,42 +301,42 @@ class Verdict(CheckedMethods):
 
     @classmethod
     def load(cls, path: str | Path, record: str | None = None) -> Self:
-        """Read what `save` wrote, or one of the verdicts in a run's verdict.json.
+        """Read a verdict that `save` wrote, or one of those in a run's verdict.json.
 
         Parameters
         ----------
         path
             The file.
         record
-            Name of the record whose verdict is wanted; not needed where the file holds only one.
+            Name of the record; needed only if the file contains several verdicts.
 
         Raises
         ------
         InputError
-            Where the file holds no verdict, or several and `record` does not name one.
+            Where the file contains no verdict, or several and `record` does not name one of them.
         """
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"))
             verdicts = [cls.from_dict(v) for v in (content if isinstance(content, list) else [content])]
         except FileNotFoundError:
             raise InputError(
-                f"{path}: no such file; give one that a verdict's save() or a run wrote"
+                f"{path}: no such file; give a file that a verdict's save() or a run wrote"
             ) from None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise InputError(
-                f"{path}: is not a verdict; give a file that a verdict's save() or a run wrote"
+                f"{path}: does not contain a verdict; give a file that a verdict's save() or a run wrote"
             ) from None
         chosen = verdicts if record is None else [v for v in verdicts if v.record == record]
         if len(chosen) != 1:
             names = ", ".join(v.record for v in verdicts)
             raise InputError(
-                f"{path}: holds verdicts on {names or 'no record'}; record= must name one of them"
+                f"{path}: contains verdicts on {names or 'no record'}; record= must name one of them"
             )
         return chosen[0]
 
 
 def _columns() -> list[Field[Any]]:
-    """Return the fields that are columns of verdicts.csv."""
+    """Return the fields that have columns in verdicts.csv."""
     return [f for f in fields(Verdict) if "column" in f.metadata]
 
 
@@ -360,29 +360,29 @@ def _plain(value: object) -> object:
 
 
 def load_verdicts(path: Path) -> list[Verdict]:
-    """Read the JSON that `save_verdicts` wrote.
+    """Read a verdict.json that `save_verdicts` wrote.
 
     Raises
     ------
     OSError
         Where the file cannot be read.
     AttributeError, KeyError, TypeError, ValueError
-        Where the file is something else.
+        Where the file does not contain verdicts.
     """
     return [Verdict.from_dict(entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def save_verdicts(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:
-    """Write both files into a run's folder: an object and a line for each verdict.
+    """Write verdict.json and verdicts.csv into a run's folder.
 
     Parameters
     ----------
     folder
         The run's folder.
     verdicts
-        In the order of the records, then those of the specimens.
+        Verdicts on the records in their order, then those on specimens.
     shown
-        The same verdicts in the units that their records came in, for the table; `verdicts` by default.
+        The same verdicts in the units of the records' files, for the table; `verdicts` by default.
     """
     write_json(folder / VERDICT_JSON, [v.to_dict() for v in verdicts])
     rows = [v.row() for v in shown or verdicts]

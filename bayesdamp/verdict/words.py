@@ -1,4 +1,4 @@
-"""Write a verdict in sentences for a mechanical engineer. No other code reads these sentences."""
+"""Write the sentences of a verdict, for a mechanical engineer. No code may read values from these sentences."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
 UNSEEN = 1e-3
-"""Deviation from a law below which its size is not given."""
+"""Deviation from a law below which only its upper limit is given."""
 ALL = 0.995
-"""Share from which 100 % is written."""
+"""Fraction of the energy from which the sentence says all of it."""
 LEAST_BOUND = 0.1
 """Smallest upper limit in percent: a smaller one is written as this, not as 0."""
 UNEVEN = 1.25
-"""Ratio of an interval's sides up to which it is written with ±."""
+"""Ratio of the two sides of an interval up to which it is written with ±."""
 
 
 def named(damping: str) -> str:
-    """Return a sum's name in words."""
+    """Return the name of a damping sum in words."""
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
 def sentence(v: Verdict) -> str:
-    """Return the answer in a sentence: the damping, how large it is, how well the law holds, and how many records."""
+    """Return the answer in one sentence, with the number of records if there are several."""
     return f"{v.records} records: {_answer(v)}" if v.records > 1 else _answer(v)
 
 
 def _answer(v: Verdict) -> str:
+    """Return the sentence: the damping, its size, the frequency, and how well the law holds."""
     if v.motion is not None:
         text = describe_motion(v, v.motion)
         steady = v.motion is MotionKind.STEADY
@@ -63,7 +64,7 @@ def _answer(v: Verdict) -> str:
             "this, so none is named."
         )
     if v.grade is Grade.DEVIATES:
-        # By what the law misses the record: the largest, relative to its threshold, of what `grade_of` checks.
+        # State the worst misfit of the law, relative to its threshold in `grade_of`.
         left = f"which leaves {_amplitude_share(0.01 * v.unexplained_pct)} unexplained"
         misfits = [(v.unexplained_pct / (100 * thresholds.UNEXPLAINED), left)]
         if (i := v.deviation) is not None:
@@ -98,7 +99,7 @@ def _answer(v: Verdict) -> str:
 
 
 def _size(v: Verdict) -> str:
-    """Return how large the damping is: Q or the rate of an envelope, otherwise ratios at amplitudes."""
+    """Return the size of the damping: Q or the decay rate of an envelope, otherwise damping ratios at amplitudes."""
     if v.quality_factor is not None:
         return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"
     if v.rate is not None:
@@ -125,29 +126,29 @@ def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
 
 
 def _frequency(v: Verdict) -> str:
-    """Return the natural frequency, after that at an amplitude of the record where it is an extrapolation."""
+    """Return the natural frequency; where it is an extrapolation, first the frequency at an amplitude of the record."""
     at = v.frequency_at
     if v.quantity == "envelope":
         return ""  # it was specified, and Q contains it
     natural = None if v.frequency is None else plus_minus(v.frequency)
-    if at is None or (v.frequency is not None and not extrapolated(v.frequency, at)):
+    if at is None or (v.frequency is not None and not is_extrapolated(v.frequency, at)):
         return "" if natural is None else f", natural frequency {natural}"
     measured = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
     beyond = "" if natural is None else f" (extrapolated to small oscillations: {natural})"
     return f", frequency {measured} at {at.amplitude:.2g} {at.unit}{beyond}"
 
 
-def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
-    """Return whether the frequency of small oscillations is beyond the amplitudes of the record."""
+def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
+    """Return whether the natural frequency is an extrapolation beyond the amplitudes of the record."""
     off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
 def describe_motion(v: Verdict, motion: MotionKind) -> str:
-    """Return what the record is instead of the free decay of one oscillator, and how large that is."""
+    """Return in words which kind of motion the record is, if not a free decay of one oscillator, and its sizes."""
     first = v.modes[0]
     if motion is MotionKind.STEADY:
-        # The largest loss that it may have, should nothing drive it.
+        # Upper limit of the damping ratio, if nothing drives the oscillation.
         limit = max(first.damping_ratio, 0.0) + 0.5 * (first.high - first.low)
         cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
         return (
@@ -183,7 +184,7 @@ def _mode(m: Oscillation) -> str:
 
 
 def _frequency_of(m: Oscillation) -> str:
-    """Return a mode's frequency; its uncertainty in Hz is about that of the damping ratio times the frequency."""
+    """Return the frequency of a sinusoid, with the digits that its sd (that of the damping ratio times f) allows."""
     return digits(m.frequency, max((m.high - m.low) * m.frequency, 1e-4 * m.frequency))
 
 
@@ -195,16 +196,16 @@ def _capitalise(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def given(i: Interval) -> bool:
-    """Return whether a number has no width, because it was specified and not inferred."""
+def is_specified(i: Interval) -> bool:
+    """Return whether a number was specified and not inferred: its interval has no width."""
     return i.high - i.low <= 2e-12 * abs(i.value)
 
 
 def plus_minus(i: Interval) -> str:
-    """Return `3.4643 ± 0.0006 Hz`, an uneven interval in brackets, or the value alone where it was specified."""
+    """Return text such as `3.4643 ± 0.0006 Hz`; an asymmetric interval is in brackets, a specified value has none."""
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
-    if given(i):
+    if is_specified(i):
         return f"{i.value:.5g}{unit} (specified)"
     if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
@@ -212,7 +213,7 @@ def plus_minus(i: Interval) -> str:
 
 
 def energy_sentences(v: Verdict) -> tuple[str, ...]:
-    """Return sentences on the energy budget and on the upper limits of other forms, where there are any."""
+    """Return the sentences on the energy of each term and on the upper limits for other damping terms."""
     texts = []
     for s in v.energy:
         if s.high < 0.005:
@@ -221,8 +222,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
         if s.low >= ALL:
             texts.append(f"all of it {name}")
         elif s.term == v.damping and s.share >= ALL:
-            # The probability that no other term takes energy instead: an interval would begin at 0 where a rival
-            # without the term is possible.
+            # State the probability and no interval, which starts at 0 where another damping is possible.
             whole = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
             texts.append(f"{whole} with probability {probability(v.probability)}")
         elif round(100 * s.share) == 0:
@@ -241,7 +241,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     forms = [r for r in likely if not own.issuperset(r.damping.split("+"))]
     other = max(forms, key=lambda r: r.probability, default=None)
     if other is not None and shares:
-        # Shares are those of sums of the terms, and hold only if the damping does not have that other form.
+        # The energy fractions are those of the compared sums; they are wrong if the damping has the other form.
         form = f"by {named(other.damping)} damping"
         chance = f"with probability {probability(other.probability)}"
         if other.probability > v.probability:
@@ -257,7 +257,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
 
 
 def _law_quality(v: Verdict) -> str:
-    """Return how well the law holds."""
+    """Return the part of the sentence on how well the law holds."""
     if v.deviation is None:
         return ""
     d = v.deviation
@@ -274,10 +274,10 @@ def _law_quality(v: Verdict) -> str:
 
 
 def power_in_words(e: Interval, damping: str = "") -> str:
-    """Return `grows as v^(1.02 ± 0.03), which is viscous`; an uneven interval follows in brackets.
+    """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
 
-    damping: the sum that is named. Where it is not one of the three laws, an exponent near one of these does not mean
-    that the record follows it: friction and drag together may grow as viscous damping does.
+    A law is named only if the interval contains its exponent alone. If the verdict names another sum, `damping`, the text
+    only says that the exponent is near: friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
@@ -296,8 +296,8 @@ def power_in_words(e: Interval, damping: str = "") -> str:
     return f"{grows}, near the v^{power} of {name} damping"
 
 
-def called(name: str) -> str:
-    """Return how a sentence calls a parameter: a coefficient by its damping term."""
+def parameter_in_words(name: str) -> str:
+    """Return a parameter in words, such as `the coefficient of viscous damping`."""
     term = next((t for t in TERMS.names() if TERMS.get(t).parameter == name), None)
     return f"the {_in_words(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
 
@@ -313,21 +313,20 @@ def remarks(
     notes: Sequence[str],
     twins: Sequence[tuple[str, str, float]] = (),
 ) -> tuple[str, ...]:
-    """Return reservations with their sizes, the largest first.
+    """Return the remarks on a verdict, the most important first.
 
     Parameters
     ----------
     v
         The verdict.
     findings
-        The numbers that it was decided on.
+        The numbers from which it was decided.
     same
         Whether exact laws have the same most probable damping.
     notes
         Sentences on the record.
     twins
-        A term of the answer, a term that loses the same at every amplitude, and the largest share of the energy that
-        the latter may have.
+        As `decide.possible_twins` returns them.
     """
     weighted = [(0.0, note) for note in notes]
     if not v.contradicted:
@@ -342,7 +341,7 @@ def remarks(
             text = f"The record does not determine the {_in_words(name)}; its interval is just the prior."
             weighted.append((0.6, text))
         for first, second in findings.inseparable:
-            pair = f"{called(first)} and {called(second)}"
+            pair = f"{parameter_in_words(first)} and {parameter_in_words(second)}"
             weighted.append((0.6, f"Only a combination of {pair} is determined, not each separately."))
     if not same and v.grade is not Grade.DEVIATES:
         other = named(next(iter(findings.damping_if_exact)))
