@@ -276,8 +276,8 @@ def _law_quality(v: Verdict) -> str:
 def power_in_words(e: Interval, damping: str = "") -> str:
     """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
 
-    A law is named only if the interval contains its exponent alone. If the verdict names another sum, `damping`, the text
-    only says that the exponent is near: friction and drag together may grow like viscous damping.
+    A law is named only if the interval contains its exponent alone. If the verdict names another sum, `damping`, the
+    text only says that the exponent is near: friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
