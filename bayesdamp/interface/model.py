@@ -26,7 +26,7 @@ from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
 from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
-from bayesdamp.inference.deviation.single import Single, single
+from bayesdamp.inference.deviation.single import Single, fit_single
 from bayesdamp.inference.mode import Mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
@@ -386,7 +386,7 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
     case = Case.with_noise(signal, model)
     noises = noises_of(model.noise)
     fit = partial(
-        single,
+        fit_single,
         damping=model.terms,
         restoring=model.restoring,
         known=model.known,

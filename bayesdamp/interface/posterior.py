@@ -507,4 +507,4 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
         drawn = sample_motions(law, settings.chains, settings.draws, settings.seed)
     else:
         drawn = SAMPLERS.get(sampler).summarised(*fit.engine, settings)
-    return (drawn, NO_DRAWS[0]) if law is None else law.completed(drawn, settings.seed)
+    return (drawn, NO_DRAWS[0]) if law is None else law.complete(drawn, settings.seed)

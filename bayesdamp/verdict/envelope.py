@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.linear import DampingLikelihood, grid_of
-from bayesdamp.inference.deviation.repeats import RunLikelihood, joined
+from bayesdamp.inference.deviation.repeats import RunLikelihood, join_runs
 from bayesdamp.inference.deviation.specimen import SpecimenComparison
 from bayesdamp.inference.envelope.candidates import KNOTS, EnvelopeCandidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
@@ -49,7 +49,7 @@ from bayesdamp.verdict.parts import (
     Share,
     UsedWindow,
 )
-from bayesdamp.verdict.specimen import pooled, probabilities, spread_of, spread_remark, together
+from bayesdamp.verdict.specimen import common_verdict, pool_records, probabilities, spread_of, spread_remark
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
 
@@ -369,7 +369,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
             for likelihood in likelihoods
         ]
         model = name, ""
-        repeats[model] = joined(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
+        repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
     share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
     return SpecimenComparison((), logs, share, repeats, {}, Reference(1.0, 1.0))
@@ -392,7 +392,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
         return None
     x = np.log([e.value for e in values])
     sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in values])
-    p = pooled(x, sd)
+    p = pool_records(x, sd)
     joint = joint_damping(answers)
     value, unit = float(np.exp(p.mean)), values[0].unit
     alone = min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
@@ -403,7 +403,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     common = Measured(value, value * alone, between, low, high, unit)
     damping = probabilities(joint)[0] if joint else {"": float("nan")}
     verdict = replace(
-        together(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
+        common_verdict(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
         spread=spread_of(joint) if joint else Interval(p.spread, p.spread_low, p.spread_high),
         rate=None if quality else common,
         quality_factor=common if quality else None,

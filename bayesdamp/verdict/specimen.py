@@ -47,7 +47,7 @@ class Pooled:
     high: float
 
 
-def pooled(values: np.ndarray, sds: np.ndarray) -> Pooled:
+def pool_records(values: np.ndarray, sds: np.ndarray) -> Pooled:
     """Pool values of records that differ by a normal random effect with an unknown spread.
 
     The prior of the spread is half-Cauchy, that of the mean is flat. For a single value the spread is 0.
@@ -136,10 +136,12 @@ def specimen(
     known = [v.frequency for v in own if v.frequency is not None]
     frequency = known[0] if known else None
     if known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
-        p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
+        p = pool_records(
+            np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known])
+        )
         frequency = Interval(p.mean, p.low, p.high, known[0].unit)
     verdict = replace(
-        together(name, own, damping, others),
+        common_verdict(name, own, damping, others),
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
         frequency=frequency,
@@ -154,7 +156,7 @@ def specimen(
     return replace(verdict, remarks=texts, sentence=sentence(verdict))
 
 
-def together(
+def common_verdict(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
     """Build the part of a specimen's verdict that is the same for motions and for envelopes.
@@ -267,7 +269,7 @@ def _ratios(
                 order = np.argsort(curve["amplitude"])
                 x = np.log(curve["amplitude"][order])
                 over.append([np.interp(np.log(amplitude), x, curve[n][order]) for n in ("over", "over_sd")])
-            p = pooled(*np.array(over).T)
+            p = pool_records(*np.array(over).T)
             own = own * np.exp(p.mean + p.sd * rng.standard_normal(DRAWS))
             scatter = np.full(DRAWS, p.spread)
         own = own * (1 + (sensor if approximate else 0.0) * rng.standard_normal(DRAWS))

@@ -11,7 +11,7 @@ from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
 from bayesdamp.inference.deviation.quick import compare_signal
-from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, join_runs
 from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
@@ -73,9 +73,9 @@ def test_one_coefficient(prior: Prior, places: tuple[float, ...]) -> None:
     grid, log_prior = line(prior, 0.02, 0.16)
     truth = by_quadrature(runs, grid, log_prior)
     agrees(
-        joined(runs, {"zeta": prior}, EXACTLY), truth, grid, share=0.05 if places[0] == places[1] else 0.25
+        join_runs(runs, {"zeta": prior}, EXACTLY), truth, grid, share=0.05 if places[0] == places[1] else 0.25
     )
-    same = joined(runs, {"zeta": prior}, EXACTLY, spread=0.0).log_evidence
+    same = join_runs(runs, {"zeta": prior}, EXACTLY, spread=0.0).log_evidence
     assert same == pytest.approx(by_quadrature(runs, grid, log_prior, 0.0).log_evidence, abs=NATS)
     assert abs(same - truth.log_evidence) > 1
     assert (same > truth.log_evidence) is (places[0] == places[1])
@@ -93,9 +93,9 @@ def test_a_term_s_own_parameter_is_the_same_in_all_runs() -> None:
     log_prior = priors["c_power"].log_density(grid[:, 0]) + norm.logpdf(grid[:, 1], 1.0, 0.5)
     log_prior = log_prior + np.repeat(np.log(np.gradient(a)), b.size) + np.log(b[1] - b[0])
     truth = by_quadrature(runs, grid, log_prior, factors=301, reach=1.2)
-    agrees(joined(runs, priors, EXACTLY), truth, grid, share=0.25)
+    agrees(join_runs(runs, priors, EXACTLY), truth, grid, share=0.25)
     scaled = [run_of(names, p, covariance) for p in places]
-    assert abs(joined(scaled, priors, EXACTLY).log_evidence - truth.log_evidence) > 5 * NATS
+    assert abs(join_runs(scaled, priors, EXACTLY).log_evidence - truth.log_evidence) > 5 * NATS
 
 
 def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
@@ -126,9 +126,9 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
     weights = norm.pdf(spreads / SPREAD) / norm.pdf(spreads / SPREAD).sum()
     wanted = logsumexp(together, b=weights)
     priors = damping_priors(["viscous"], Reference(0.3, omega))
-    each = [joined([run], priors, EXACTLY).log_evidence for run in runs]
+    each = [join_runs([run], priors, EXACTLY).log_evidence for run in runs]
     assert each == pytest.approx(alone, abs=NATS)
-    assert joined(runs, priors, EXACTLY).log_evidence == pytest.approx(wanted, abs=NATS)
+    assert join_runs(runs, priors, EXACTLY).log_evidence == pytest.approx(wanted, abs=NATS)
     assert abs(sum(each) - wanted) > 1.0
 
 
@@ -136,4 +136,4 @@ def test_what_cannot_be_joined_is_a_fault() -> None:
     other = run_of(["mu_c"], [0.05], np.eye(1))
     for runs, name in (([], "zeta"), ([run_at(0.05, 0.001), other], "zeta"), ([other], "zeta")):
         with pytest.raises(ValueError, match="joined runs need the same parameters"):
-            joined(runs, {name: HalfNormal(0.3)}, EXACTLY)
+            join_runs(runs, {name: HalfNormal(0.3)}, EXACTLY)

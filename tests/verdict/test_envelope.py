@@ -13,7 +13,7 @@ from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
-from bayesdamp.verdict.specimen import pooled
+from bayesdamp.verdict.specimen import pool_records
 from validation.truth.ringdowns import NEPER, Ringdown, simulate
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
@@ -197,7 +197,7 @@ def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
     each = [a.verdict.quality_factor if frequency else a.verdict.rate for a in answers]
     x = np.log([e.value for e in each])
     sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in each])
-    p, common = pooled(x, sd), found.quality_factor if frequency else found.rate
+    p, common = pool_records(x, sd), found.quality_factor if frequency else found.rate
     assert (found.rate is None, found.quality_factor is None) == (bool(frequency), not frequency)
     assert common.value == pytest.approx(np.exp(p.mean), rel=1e-9)
     assert common.sd_noise == pytest.approx(common.value * np.sum(sd**-2.0) ** -0.5, rel=1e-9)

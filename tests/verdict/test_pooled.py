@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.verdict.specimen import pooled
+from bayesdamp.verdict.specimen import pool_records
 
 TRIALS = 400
 
@@ -19,7 +19,7 @@ def shares(spread: float, stated: float) -> tuple[float, float]:
     mean = more = 0
     for _ in range(TRIALS):
         values = spread * rng.standard_normal(6) + 0.01 * rng.standard_normal(6)
-        p = pooled(values, np.full(6, stated))
+        p = pool_records(values, np.full(6, stated))
         mean += abs(p.mean) < 1.96 * p.sd
         more += p.low < spread * rng.standard_normal() + 0.01 * rng.standard_normal() < p.high
     return mean / TRIALS, more / TRIALS
@@ -44,7 +44,7 @@ def test_a_spread_that_is_ignored_is_seen() -> None:
 
 
 def test_one_value_has_no_spread() -> None:
-    p = pooled(np.array([2.0]), np.array([0.1]))
+    p = pool_records(np.array([2.0]), np.array([0.1]))
     assert (p.mean, p.sd, p.spread) == (2.0, 0.1, 0.0)
     assert (p.spread_low, p.spread_high) == (0.0, 0.0)
     assert (p.low, p.high) == pytest.approx((2.0 - 0.196, 2.0 + 0.196))
@@ -68,7 +68,7 @@ def summed(values: np.ndarray, sds: np.ndarray, scale: float) -> tuple[np.ndarra
 def test_it_is_the_sum_over_means_and_spreads(sds: np.ndarray) -> None:
     """Mean, sd and the quantiles of spread and of one more record against a sum in two dimensions, to 3 %."""
     density, mean, spread = summed(VALUES, sds, 2.0 * max(float(np.std(VALUES)), float(np.median(sds))))
-    p = pooled(VALUES, sds)
+    p = pool_records(VALUES, sds)
     middle = float(density.sum(axis=1) @ mean)
     assert p.mean == pytest.approx(middle, rel=3e-3)
     assert p.sd == pytest.approx(np.sqrt(density.sum(axis=1) @ (mean - middle) ** 2), rel=0.03)
@@ -82,11 +82,11 @@ def test_it_is_the_sum_over_means_and_spreads(sds: np.ndarray) -> None:
 
 
 def test_a_record_that_is_told_badly_counts_little() -> None:
-    p = pooled(np.array([1.0, 1.02, 3.0]), np.array([0.01, 0.01, 5.0]))
+    p = pool_records(np.array([1.0, 1.02, 3.0]), np.array([0.01, 0.01, 5.0]))
     assert p.mean == pytest.approx(1.01, abs=0.05)  # the plain mean is 1.67
 
 
 @pytest.mark.parametrize("factor", [1e-6])
 def test_the_unit_does_not_matter(factor: float) -> None:
-    here, there = pooled(VALUES, SDS), pooled(VALUES * factor, SDS * factor)
+    here, there = pool_records(VALUES, SDS), pool_records(VALUES * factor, SDS * factor)
     assert np.array(astuple(there)) == pytest.approx(np.array(astuple(here)) * factor, rel=1e-9)

@@ -21,7 +21,7 @@ from bayesdamp.priors import FURTHER_TERM, OTHERS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import RecordAnswer, pooled, specimen
+from bayesdamp.verdict.specimen import RecordAnswer, pool_records, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 
@@ -194,7 +194,7 @@ def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
     one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
     places, sd = [2.0, 2.3], 0.1 / 1.96
     second = replace(two, verdict=replace(two.verdict, frequency=Interval(2.3, 2.2, 2.4, "Hz")))
-    expected = pooled(np.array(places), np.full(2, sd))
+    expected = pool_records(np.array(places), np.full(2, sd))
     frequency = specimen("rig", [one, second]).frequency
     assert frequency == Interval(
         *(pytest.approx(x, rel=1e-9) for x in (expected.mean, expected.low, expected.high)), "Hz"

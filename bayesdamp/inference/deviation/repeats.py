@@ -113,7 +113,7 @@ class Repeats:
     combos: np.ndarray
 
 
-def joined(
+def join_runs(
     runs: Sequence[RunLikelihood],
     priors: Mapping[str, Prior],
     log_sizes: np.ndarray,

@@ -240,7 +240,7 @@ class Single:
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
-    def completed(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
+    def complete(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
         """Add `sd_noise` and `sd_law` to a posterior's summaries; return it and its draws of u, (chain, draw, K).
 
         Where the posterior has no draws of g and h, they are drawn given the parameters.
@@ -356,7 +356,7 @@ class Single:
         return np.concatenate([z, np.einsum("nij,nj->ni", grid.factors[combos], normal)], axis=1)
 
 
-def single(
+def fit_single(
     data: Data,
     damping: Sequence[str],
     restoring: str,
@@ -416,7 +416,7 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
     )
 
 
-def under(single: Single, priors: Mapping[str, Prior]) -> Single:
+def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
     """Return the candidate with other priors of its parameters, linearised about the same motion.
 
     Raises Refusal where the motion escapes.

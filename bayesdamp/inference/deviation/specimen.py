@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.inference.deviation.draws import orbit_of, unit_works
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.model_comparison import CandidateResult
-from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, join_runs
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.physics.damping import TERMS
@@ -291,7 +291,7 @@ def compare_runs(
             exact = [DampingLikelihood(*(values[:1] for values in part)) for part in parts]
             common = [replace(run, likelihood=x) for run, x in zip(known, exact, strict=True)]
         log_sizes = np.zeros(1) if len(sizes) > 1 or sizes == {1} else grid_of(LEAST_KNOTS).log_prior
-        posterior = joined(common, priors, log_sizes, spread=spread, seed=seed)
+        posterior = join_runs(common, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = posterior.log_evidence + rest
         best = max(best, logs[model] + prior(model))
         if len(known) == len(records):

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.checks import carried_on
 from bayesdamp.inference.deviation.single import first_half as first_half_of
-from bayesdamp.inference.deviation.single import under
+from bayesdamp.inference.deviation.single import replace_priors
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.mode import Mode, log_evidence_near
 from bayesdamp.inference.sensitivity import (
@@ -90,7 +90,7 @@ def _compute_widths(branch: Branch, source: CellResult, seed: int) -> Product:
     law, (target, mode) = branch.fit.law, branch.fit.engine
 
     def near(priors: Mapping[str, Prior]) -> Mode:
-        return under_priors(mode, priors) if law is None else under(law, priors).mode
+        return under_priors(mode, priors) if law is None else replace_priors(law, priors).mode
 
     coefficients = target.oscillator.coefficients
     widths = asdict(against_width(target.priors, coefficients, y, log_weights, near, seed))
