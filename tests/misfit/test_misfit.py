@@ -44,7 +44,7 @@ def test_the_page_counts_what_is_wrong_and_unwarned():
     ]
     said = page(made)
     assert "in 1 of 2 (" in said
-    assert "rightly in 1 of 1 (" in said
+    assert "named outright in 1 of 1 (" in said
     assert "| cubic | 2 | 0 | 1 | 0 | 1 |" in said
 
 
