@@ -115,7 +115,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another damping sum and its probability."""
+    """Another damping sum, or another form of damping, and its probability."""
 
     damping: str
     probability: float

@@ -99,9 +99,9 @@ def _evaluate_rivals(
     sums: Sequence[tuple[str, ...]],
     starts: Sequence[Mapping[str, float]] = (),
 ) -> list[CandidateResult]:
-    """Fit and weigh rivals, starting from the likeliest sum's motion.
+    """Fit rivals and compute their evidence; fits start at the motion of the best sum.
 
-    `starts` are values of coefficients and parameters; by default, starts are taken from their priors.
+    starts: values of coefficients and own parameters at which fits start; by default values from their priors.
     """
     data, reference, fit = comparison.data, comparison.reference, comparison.best.fit
     law, near = comparison.best.candidate.restoring, fit.parameters.named(fit.z)

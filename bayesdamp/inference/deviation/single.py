@@ -145,7 +145,7 @@ class Single:
 
     Attributes
     ----------
-    weighing, result
+    comparison, result
         A comparison of this candidate alone, and its result.
     state : FitState
         The stored form.
