@@ -20,10 +20,10 @@ def signal_text(name: str, simulate: str = "", **keys: str) -> str:
 
 
 def study_text(
-    *keys: str, simulate: str = "", name: str = "rig", system: str = SYSTEM, **of_signal: str
+    *keys: str, simulate: str = "", name: str = "rig", system: str = SYSTEM, seed: int = 3, **of_signal: str
 ) -> str:
     """Return the text of a study: its keys, and its one signal."""
-    head = ["version = 1", 'name = "small"', "seed = 3", *([f"system = {{ {system} }}"] if system else [])]
+    head = ["version = 1", 'name = "small"', f"seed = {seed}", f"system = {{ {system} }}" if system else ""]
     return "\n".join([*head, *keys, signal_text(name, simulate, **of_signal)])
 
 

@@ -9,12 +9,7 @@ from pydantic import BaseModel
 
 from bayesdamp.config import study as s
 from tests.bad_input.case import Case, raw, text
-
-SYSTEM = '[system]\nrestoring = "linear"\nstiffness = 20.0\nrest_angle = 0.0\ntheta0 = 0.3\nomega0 = 0.0\nepsilon = 0.0\n'
-SIGNAL = (
-    '[[signal]]\nname = "a"\nsimulate = { viscous = 0.05, duration = 5.0, samples = 100, noise_sd = 0.01 }\n'
-)
-GOOD = "version = 1\n" + SYSTEM + SIGNAL
+from tests.config.studies import GOOD, SIGNAL, SYSTEM
 
 LEVELS = "[" * 2000 + "]" * 2000
 VALUES = {"400 digits": "9" * 400, "a day": "2024-02-28", "a list of lists": "[[[1]]]"}
@@ -56,9 +51,9 @@ def _in_signals() -> list[Case]:
 
 
 def _in_system() -> list[Case]:
-    lines = dict(line.split(" = ") for line in SYSTEM.splitlines()[1:])
+    lines = dict(line.split(" = ") for line in SYSTEM.splitlines()[2:])
     found = []
-    for key in (*lines, "amplitude", "frequency", "inertia"):
+    for key in (*lines, "epsilon", "amplitude", "frequency", "inertia"):
         for what, value in {**VALUES, "words": '"x"', "infinity": "inf"}.items():
             body = "".join(f"{k} = {v}\n" for k, v in {**lines, key: value}.items())
             found.append(study(f"version = 1\n[system]\n{body}{SIGNAL}", f"system.{key} of {what}"))

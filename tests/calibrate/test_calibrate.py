@@ -18,37 +18,20 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import InputError
+from tests.studies import study_text
 from validation.rows import read_rows
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-STUDY = """
-version = 1
-name = "small"
-seed = 3
-[system]
-restoring = "linear"
-amplitude = 0.3
-frequency = 4.5
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = 0.3
-omega0 = 0.0
-epsilon = 0.1
-noise_sd = { prior = "lognormal", median = 0.003, sigma = 0.5 }
-[[signal]]
-name = "record"
-simulate = { viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }
-[models]
-compare = ["viscous", "coulomb"]
-[posterior]
-warmup = 100
-draws = 250
-[calibration]
-records = 120
-[recovery]
-records = 240
-single = 200
-"""
+STUDY = study_text(
+    'models = { compare = ["viscous", "coulomb"] }',
+    "calibration = { records = 120 }\nrecovery = { records = 240, single = 200 }",
+    "posterior = { warmup = 100, draws = 250 }",
+    simulate="viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003",
+    name="record",
+    system='restoring = "linear", amplitude = 0.3, frequency = 4.5, stiffness = 20.0, rest_angle = 0.0, '
+    "theta0 = 0.3, omega0 = 0.0, epsilon = 0.1, "
+    'noise_sd = { prior = "lognormal", median = 0.003, sigma = 0.5 }',
+)
 
 
 def write(folder: Path, text: str = STUDY) -> Path:
@@ -63,10 +46,10 @@ def write(folder: Path, text: str = STUDY) -> Path:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("theta0 = 0.3\n", 'theta0 = "free"\n', "prior of theta0 depends on the record"),
-        ("frequency = 4.5\nstiffness = 20.0", 'stiffness = "free"', "system.frequency is missing"),
+        ("theta0 = 0.3", 'theta0 = "free"', "prior of theta0 depends on the record"),
+        ("frequency = 4.5, stiffness = 20.0", 'stiffness = "free"', "system.frequency is missing"),
         ("draws = 250", "draws = 20", "it must be at most the 80 draws"),
-        ("records = 120", "records = 120\nbinz = 8", "did you mean 'bins'?"),
+        ("records = 120", "records = 120, binz = 8", "did you mean 'bins'?"),
     ],
 )
 def test_what_cannot_be_calibrated_is_refused_in_one_line(tmp_path, capsys, old, new, said):
@@ -84,7 +67,7 @@ def test_models_need_a_reference_and_company(tmp_path):
     alone = load_study(write(tmp_path, STUDY.replace('"viscous", "coulomb"', '"viscous"')))
     with pytest.raises(InputError, match="has 1 models to tell apart"):
         run_calibration(alone, tmp_path / "out", models=True)
-    bare = load_study(write(tmp_path, STUDY.replace("amplitude = 0.3\nfrequency = 4.5\n", "")))
+    bare = load_study(write(tmp_path, STUDY.replace("amplitude = 0.3, frequency = 4.5, ", "")))
     with pytest.raises(InputError, match="amplitude and frequency"):
         run_calibration(bare, tmp_path / "out", models=True)
     assert not (tmp_path / "out").exists()
@@ -127,7 +110,7 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
 
 # The whole way, with draws from the Laplace fit, which compile soon; the samplers' own calibration is below.
 
-KNOWN = STUDY.replace("records = 120", 'records = 12\nsamplers = ["laplace"]').replace(', "coulomb"', "")
+KNOWN = STUDY.replace("records = 120", 'records = 12, samplers = ["laplace"]').replace(', "coulomb"', "")
 
 
 class Misjudged(Gaussian):
@@ -160,7 +143,7 @@ def misjudged():
 @pytest.mark.parametrize("right", [True, False])
 def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch, misjudged, right):
     monkeypatch.setattr(ranks, "CHUNK", 12)
-    text = KNOWN if right else KNOWN.replace("[posterior]", f"[posterior]\n{misjudged}")
+    text = KNOWN if right else KNOWN.replace("posterior = {", f"posterior = {{ {misjudged},")
     study, out = load_study(write(tmp_path, text)), tmp_path / "out"
     assert run_calibration(study, out, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]

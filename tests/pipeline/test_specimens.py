@@ -11,24 +11,14 @@ from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, comparison
 from bayesdamp.pipeline.jobs import cells
 from bayesdamp.types import InputError
+from tests.studies import signal_text, study_text
 
-HEAD = """
-version = 1
-name = "many"
-seed = 5
-[system]
-restoring = "linear"
-stiffness = 20.0
-rest_angle = 0.0
-theta0 = "free"
-omega0 = 0.0
-"""
-SIGNAL = """
-[[signal]]
-name = "{name}"
-specimen = "{specimen}"
-simulate = {{ viscous = {viscous}, duration = 8.0, samples = 240, noise_sd = 0.003, theta0 = {start} }}
-"""
+KEYS = (
+    'estimators = { use = ["least_squares"] }',
+    'models = { compare = ["viscous"] }',
+    'posterior = { samplers = [] }\nevidence = { methods = ["importance"] }',
+)
+SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = "free", omega0 = 0.0'
 RECORDS = [
     ("a1", "a", 0.05, 0.3),
     ("a2", "a", 0.05, 0.25),
@@ -36,25 +26,19 @@ RECORDS = [
     ("b2", "b", 0.09, 0.3),
     ("c", "c", 0.04, 0.3),
 ]
-REST = """
-[estimators]
-use = ["least_squares"]
-[models]
-compare = ["viscous"]
-[posterior]
-samplers = []
-[evidence]
-methods = ["importance"]
-"""
 
 
-def signals(records) -> str:
-    return "".join(SIGNAL.format(name=n, specimen=s, viscous=z, start=a) for n, s, z, a in records)
-
-
-def write(folder: Path, records=RECORDS, more: str = "") -> Path:
+def write(folder: Path, records=RECORDS) -> Path:
+    known = "duration = 8.0, samples = 240, noise_sd = 0.003"
+    first, *others = (
+        {"name": name, "specimen": specimen, "simulate": f"viscous = {viscous}, theta0 = {start}, {known}"}
+        for name, specimen, viscous, start in records
+    )
     file = folder / "many.toml"
-    file.write_text(HEAD + signals(records) + REST + more, encoding="utf-8")
+    text = study_text(*KEYS, system=SYSTEM, seed=5, **first) + "".join(
+        signal_text(**other) for other in others
+    )
+    file.write_text(text, encoding="utf-8")
     return file
 
 
@@ -68,7 +52,11 @@ WRONG = [
     ('specimen = "a"', "specimen = 3", "it must be a name in quotes"),
     ("theta0 = 0.25", 'theta0 = 0.25, unit = "m"', "in m and rad"),
     ('name = "a2"\n', 'name = "a2"\ncompare = ["quadratic"]\n', "under other models"),
-    ("[estimators]", '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n[estimators]', "[[sweep]]"),
+    (
+        '[[signal]]\nname = "a2"',
+        '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n[[signal]]\nname = "a2"',
+        "[[sweep]]",
+    ),
 ]
 
 
