@@ -39,7 +39,7 @@ class Job:
         return f"{self.kind}-{self.seed}-{self.number}{times}"
 
 
-def jobs(group: str, seed: int, first: int, count: int, oversample: int = 1) -> list[Job]:
+def jobs(group: str, seed: int, count: int, oversample: int = 1) -> list[Job]:
     """Return the jobs of a group of records.
 
     Parameters
@@ -48,8 +48,8 @@ def jobs(group: str, seed: int, first: int, count: int, oversample: int = 1) -> 
         "family", one discrepancy, or "discrepant" for all ten discrepancies in turn.
     seed : int
         Seed of the records.
-    first, count : int
-        Number of the first record, and how many records.
+    count : int
+        Number of records.
     oversample : int
         Multiplies the sampling rate.
 
@@ -60,12 +60,12 @@ def jobs(group: str, seed: int, first: int, count: int, oversample: int = 1) -> 
     """
     if group == DISCREPANT:
         kinds = KINDS[1:]
-        return [Job(kinds[i % 10], seed, i // 10, oversample) for i in range(first, first + count)]
+        return [Job(kinds[i % 10], seed, i // 10, oversample) for i in range(count)]
     if group not in KINDS:
         raise InputError(
             f"--group {group!r} is unknown: it must be {DISCREPANT} or one of {', '.join(KINDS)}"
         )
-    return [Job(group, seed, i, oversample) for i in range(first, first + count)]
+    return [Job(group, seed, i, oversample) for i in range(count)]
 
 
 def answering_of(path: str) -> Callable:
@@ -122,7 +122,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.run", description=__doc__)
     parser.add_argument("--group", default=FAMILY, help=f"{DISCREPANT} (all in turn), or {', '.join(KINDS)}")
     parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0, help="number of the first record")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--oversample", type=int, default=1, help="multiplies the number of samples of the same records"
@@ -137,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     given = parser.parse_args(arguments)
     try:
-        todo = jobs(given.group, given.seed, given.first, given.count, given.oversample)
+        todo = jobs(given.group, given.seed, given.count, given.oversample)
         rows = run(todo, given.answer, given.deviation, given.out, given.workers)
     except InputError as fault:
         print(fault, file=sys.stderr)

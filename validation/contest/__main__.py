@@ -32,18 +32,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("reports/contest"))
     parser.add_argument("--rows", type=Path, help="table of the rows; by default OUT/rows.csv")
     parser.add_argument("--kept", type=Path, help="table from which the rows of the other peers are copied")
-    parser.add_argument("--page", action="store_true", help="only write the page from the existing rows")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.peers if name not in ROSTER]
     if unknown or options.seed < 0 or options.count < 0:
         wrong = f"{unknown[0]!r} is not a peer" if unknown else "--seed and --count must not be negative"
         print(f"{wrong}; peers are {', '.join(ROSTER)}", file=sys.stderr)
         return 2
-    missing = {} if options.page else _missing(options.peers)
+    missing = _missing(options.peers)
     table = options.rows or options.out / "rows.csv"
     try:
-        if not options.page:
-            _run(options, table, missing)
+        _run(options, table, missing)
         answers = rows.read(table)
         if options.kept:
             others = rows.of_others(rows.read(options.kept), _records(options), options.peers)

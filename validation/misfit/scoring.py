@@ -1,6 +1,6 @@
 """Score the answers of `bayesdamp compare --quick` on simulated records, and write the page.
 
-`python -m validation.misfit.scoring TABLE FOLDER --seed 21 [--count 4 --kinds clean,beats]`.
+`python -m validation.misfit.scoring TABLE FOLDER --seed 21 [--count 4]`.
 """
 
 from __future__ import annotations
@@ -130,12 +130,11 @@ def main() -> None:
     parser = page_options(__doc__)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=1)
-    parser.add_argument("--kinds", default=",".join((*INSIDE, *OUTSIDE)))
     given = parser.parse_args()
     todo = {
         f"{kind}-{given.seed}-{number}": (kind, number, given.seed)
         for number in range(given.count)
-        for kind in given.kinds.split(",")
+        for kind in (*INSIDE, *OUTSIDE)
     }
     make_page(given, "scored.csv", COLUMNS, todo, row, page)
 
