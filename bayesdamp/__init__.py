@@ -1,15 +1,16 @@
 """bayesdamp: how large is the damping of a decaying oscillation, of which kind is it, and how certain is that?
 
-The public interface; each name is loaded at its first use (docs/python.md has examples):
+This is the public interface. Each name is loaded at its first use; docs/python.md has examples:
 
-- records: `read(path)` returns a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` from arrays;
-`simulate(...)`.
+- the answer: `compare(...)` compares damping models on a record.
+- records: `read(path)` returns a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` makes a signal from
+arrays; `simulate(...)` simulates one.
 - one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
 `Uniform`); `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`,
 `model.bind(signal)`.
-- `read_envelope(path)`: where only the amplitude was recorded.
+- `read_envelope(path)`: reads a record of the amplitude only.
 - studies: `load_study(path)`, `run_study(study)`.
-- `load(path)`: what a result's `save` wrote. `InputError`, `Refusal`: the exceptions.
+- `load(path)`: loads a result that `save` wrote. `InputError`, `Refusal`: the exceptions.
 - lower level: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
 """
 
@@ -18,7 +19,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-# Double precision everywhere, before any array exists. JAX takes a second to load, and reads this when it does.
+# JAX reads this when it is loaded (which takes a second): use double precision everywhere.
 os.environ["JAX_ENABLE_X64"] = "1"
 if "jax" in sys.modules:
     sys.modules["jax"].config.update("jax_enable_x64", True)
@@ -51,10 +52,10 @@ _NAMES = {
     "types": ("InputError", "Refusal"),
     "verdict.types": ("Verdict",),
 }
-"""The public names, by their module in this package."""
+"""The public names of each module of this package."""
 _HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
 _NAME_THERE = {"trajectory": "simulate"}
-"""The name in its module, where that differs from the public one."""
+"""Names in the module that differ from the public name."""
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Check calls of public functions: a wrong argument is refused in one line that names the keyword."""
+"""Check the arguments of public functions; a wrong one raises an InputError of one line that names the keyword."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "quantity": ((str,), "a quantity's name"),
     "rate": ((Real,), "a number, in Hz"),
 }
-"""Types of the arguments with these names in all functions, and their description; the default is valid too."""
+"""Allowed types of arguments with these names, in all functions, and their description. Defaults are always allowed."""
 
 
 class CheckedMethods:
@@ -41,10 +41,10 @@ class CheckedMethods:
 
 
 def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
-    """Return the function with a check of its arguments, under its public name.
+    """Return the function with a check of its arguments; `name` is its public name, for messages.
 
-    It then raises InputError for an unknown keyword, a missing argument, or one of `KINDS` of another type. Its own
-    errors name keywords instead of the command's options.
+    The result raises InputError for an unknown keyword, a missing argument, or an argument of `KINDS` with a wrong
+    type. Input errors that the function raises name Python keywords instead of options of the command.
     """
     signature = inspect.signature(function)
 

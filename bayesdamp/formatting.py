@@ -19,7 +19,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number to so many significant digits; a dash where there is none."""
+    """Return a number with `digits` significant digits; a dash for None or NaN."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -33,28 +33,28 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def short(error: float) -> str:
-    """Return an error in little space: two digits, below a ten-thousandth one digit and a power."""
+    """Return an error as short text: two digits; below 1e-4 one digit and an exponent."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
         return number(error, 2)
     return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
 
 
 def fixed(value: float, places: int) -> str:
-    """Return a number to so many decimals."""
+    """Return a number with `places` decimals."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
 def given(value: float) -> str:
-    """Return a number that a user specified, without further digits."""
+    """Return a number that a user specified, without trailing zeros."""
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
 NEGLIGIBLE = 1e-7
-"""Share of a value below which its error is that of a record without noise, and omitted."""
+"""Errors below this fraction of the value (records without noise) are not shown."""
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """Return value ± error, to two significant digits of the error; the value alone where that is missing or tiny."""
+    """Return value ± error with two significant digits of the error; only the value if the error is missing or tiny."""
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
     if error < NEGLIGIBLE * abs(value):
@@ -70,7 +70,7 @@ def with_error(value: float | None, error: float | None) -> str:
 
 
 def nats(value: float | None, error: float = math.nan) -> str:
-    """Return a logarithm of probability, to a hundredth at most, as no decision depends on more."""
+    """Return a log probability (nats) with at most two decimals, because no decision needs more; ± error if given."""
     if value is None or not math.isfinite(value):
         return number(value)
     places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
@@ -81,7 +81,7 @@ def nats(value: float | None, error: float = math.nan) -> str:
 
 
 def interval(low: float | None, high: float | None) -> str:
-    """Return [low, high] to two significant digits of the width."""
+    """Return [low, high] with two significant digits of a quarter of the width; a dash if an end is missing."""
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return NONE
     width = high - low
@@ -94,18 +94,18 @@ def interval(low: float | None, high: float | None) -> str:
 
 
 AGREE = 1e-6
-"""Relative difference below which values are equal."""
+"""Values count as equal if their relative difference is smaller."""
 
 
 def spread(values: Sequence[float]) -> str:
-    """Return the least and the largest value; a single value where they agree."""
+    """Return "smallest to largest" of values, or a single value if they agree."""
     low, high = min(values), max(values)
     agree = high - low <= AGREE * abs(high)
     return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
 
 
 def probability(value: float | None) -> str:
-    """Return a probability: two decimals, near 0 and 1 three, and a bound rather than 0 or 1."""
+    """Return a probability with two decimals, near 0 and 1 with three; "< 0.001" and "> 0.999" instead of 0 and 1."""
     if value is None or math.isnan(value):
         return NONE
     if value >= 0.9995:
@@ -130,18 +130,18 @@ def duration(seconds: float | None) -> str:
 
 
 def listing(items: Iterable[str], last: str = "and") -> str:
-    """Return "a, b and c"."""
+    """Return the items as "a, b and c"; `last` replaces "and"."""
     texts = list(items)
     return f"{', '.join(texts[:-1])} {last} {texts[-1]}" if len(texts) > 1 else "".join(texts)
 
 
 def _power(value: float, digits: int) -> int:
-    """Return the decimal exponent of a number once it is rounded to so many digits."""
+    """Return the decimal exponent of a number after rounding to `digits` significant digits."""
     return int(f"{value:.{digits - 1}e}".split("e")[1])
 
 
 def _signed(text: str) -> str:
-    """Return text with a minus sign in place of each hyphen."""
+    """Return text with hyphens replaced by minus signs."""
     return text.replace("-", "−")
 
 
@@ -150,17 +150,17 @@ def _times_ten(power: int) -> str:
 
 
 def compact(value: float, digits: int = 4) -> str:
-    """Return a number to so many digits, as short as it can be; a dash where there is none."""
+    """Return a number with at most `digits` significant digits, as short as possible; a dash for NaN."""
     return NONE if math.isnan(value) else f"{value:.{digits}g}"
 
 
 FIXED, SMALL, LARGE = 8, 1e-3, 1e6
-"""Places up to which a small number has no exponent, the size of small numbers, and the size from which a number may
-have an exponent."""
+"""A number has an exponent if its absolute value is at least `LARGE`, or if it is below `SMALL` and needs more than
+`FIXED` decimals."""
 
 
 def digits(value: float, width: float) -> str:
-    """Return a value with as many digits as its interval's width allows."""
+    """Return a value with two significant digits of `width`, the uncertainty."""
     if not width > 0 or value == 0:
         return f"{value:.3g}"
     places = 1 - math.floor(math.log10(width))
@@ -171,12 +171,15 @@ def digits(value: float, width: float) -> str:
 
 
 def rounded(percent: float) -> str:
-    """Return an uncertain percentage: whole, below ten to one digit."""
+    """Return an uncertain percentage as an integer, below 10 with one significant digit."""
     return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
 
 
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """Return `0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
+    """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash without a value.
+
+    scale: factor for the three numbers.
+    """
     if not math.isfinite(value):
         return NONE
     if not (math.isfinite(low) and math.isfinite(high)):
@@ -187,22 +190,22 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
 
 
 def by_ten(text: str) -> str:
-    """Return text with `3.57 × 10⁷` in place of `3.57e+07`."""
+    """Return text with exponents such as `3.57e+07` replaced by `3.57 × 10⁷`."""
     return re.sub(r"e([+-]\d+)\b", lambda match: _times_ten(int(match[1])), text)
 
 
 T = TypeVar("T")
 LONG = 24
-"""Letters above which a cell of text may wrap."""
+"""A table cell with more characters than this may wrap."""
 
 
 class TableLine(tuple[str, ...]):
-    """A row of a table, with its kind: "" or "best", "quiet" (refused, not applicable), "alert"."""
+    """A row of a table. Its `kind` selects the style: "", "best", "quiet" (refused, not applicable) or "alert"."""
 
     kind: str
 
     def __new__(cls, cells: Iterable[str], kind: str = "") -> Self:
-        """Return a line of these cells."""
+        """Return a row with these cells."""
         line = super().__new__(cls, cells)
         line.kind = kind
         return line
@@ -210,11 +213,11 @@ class TableLine(tuple[str, ...]):
 
 @dataclass(frozen=True)
 class Table:
-    """Headers and lines of text.
+    """A table of text cells, which can be shown as HTML, plain text or on the terminal.
 
-    left: indices of the columns of text; the others are numbers, aligned to the right. groups: cells of a line above
-    the headers, each with the number of columns that it spans. foot: the same below all lines, where it stays when the
-    table is sorted. notes: sentences below the table.
+    left: indices of the columns that contain text (aligned to the left); the others contain numbers. groups: cells of a
+    row above the headers, each with the number of columns that it spans. foot: the same for a row below, which stays
+    there if the table is sorted. notes: sentences below the table.
     """
 
     headers: Sequence[str] = ()
@@ -234,12 +237,15 @@ class Table:
         caption: str = "",
         kind: Callable[[T], str] = lambda _: "",
     ) -> Self:
-        """Build a table with a line for each row. columns: headers, with the functions that return a row's cell."""
+        """Make a table with a line for each row.
+
+        columns: header, and function that returns the cell of a row. kind: function that returns the `TableLine` kind.
+        """
         lines = [TableLine((cell(row) for cell in columns.values()), kind(row)) for row in rows]
         return cls(list(columns), lines, left, caption)
 
     def __html__(self) -> str:
-        """Return the table as HTML: the text is escaped and the index of a symbol is a subscript."""
+        """Return the table as HTML; text is escaped, and indices of symbols are subscripts."""
         text = set(self.left)
         groups = "".join(f'<th class="g" colspan="{n}">{symbols(cell)}</th>' for cell, n in self.groups)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))
@@ -260,7 +266,7 @@ class Table:
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
     def text(self) -> str:
-        """Return the table in lines of plain text."""
+        """Return the table as plain text."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines = []
@@ -271,7 +277,7 @@ class Table:
         return "\n".join([self.caption, *lines, *self.notes])
 
     def rich(self, **look: object) -> RichTable:
-        """Return the table for the terminal. look: options of rich's table."""
+        """Return the table for the terminal. look: options of `rich.table.Table`."""
         from rich.table import Table as RichTable
 
         table = RichTable(*self.headers, **look)  # type: ignore[arg-type]
@@ -281,14 +287,14 @@ class Table:
 
 
 def _look(is_text: bool, cell: str = "") -> str:
-    """Return the attribute for the class of a cell of text; a long one may wrap."""
+    """Return the HTML class attribute of a cell; "" for numbers. Long text cells may wrap."""
     if not is_text:
         return ""
     return ' class="t w"' if len(Markup(cell).striptags()) > LONG else ' class="t"'
 
 
 def symbols(text: str) -> Markup:
-    """Return escaped text in which the index of a symbol is a subscript."""
+    """Return escaped text with indices of symbols as HTML subscripts."""
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")
@@ -296,9 +302,6 @@ def symbols(text: str) -> Markup:
 
 
 def markdown_table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table with a line for its headers and a line for each row.
-
-    Vertical bars in cells are escaped.
-    """
+    """Return a Markdown table; vertical bars in cells are escaped."""
     lines = [headers, ["---"] * len(headers), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,4 +1,4 @@
-"""Resources of the computer that a run uses: its cache folder, signals, processes and threads."""
+"""Manage resources of the computer: cache folder, signals, threads and processes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that end a run, where the system has them."""
+"""Signals that end a run, as far as the system has them."""
 
 
 def cache_folder() -> Path:
-    """Return the folder for what is computed once for a machine; it may not exist yet.
+    """Return the folder for results that are computed once for a machine, such as kernels; it may not exist yet.
 
-    It is `BAYESDAMP_CACHE`, or the system's folder for caches of programs.
+    It is the environment variable `BAYESDAMP_CACHE`, else the system's cache folder for programs.
     """
     from platformdirs import user_cache_dir
 
@@ -31,9 +31,9 @@ def cache_folder() -> Path:
 
 @contextmanager
 def kill_as_interrupt() -> Iterator[None]:
-    """Treat a signal that ends a run, or the closing of its terminal, like an interrupt from the keyboard.
+    """Raise KeyboardInterrupt for signals that end a run (also if its terminal is closed), within this context.
 
-    A signal that is already handled or ignored, as under `nohup`, stays so.
+    Signals that are already handled or ignored, as under `nohup`, are not changed.
     """
 
     def interrupt(*_: object) -> None:
@@ -55,8 +55,8 @@ def kill_as_interrupt() -> Iterator[None]:
 T = TypeVar("T")
 R = TypeVar("R")
 
-MOST = 8
-"""Threads beyond which all of them wait for the interpreter."""
+MAX_THREADS = 8
+"""Largest number of threads; more threads only wait for the interpreter (conventional)."""
 
 
 def cores() -> int:
@@ -65,9 +65,9 @@ def cores() -> int:
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Return `function` of each item, in order, computed on as many cores as there are. Raises the first exception."""
+    """Apply `function` to each item in parallel threads; return the results in order. Raises the first exception."""
     work = list(items)
-    threads = min(cores(), MOST, len(work))
+    threads = min(cores(), MAX_THREADS, len(work))
     if threads < 2:
         return [function(item) for item in work]
     with futures.ThreadPoolExecutor(threads) as pool:
@@ -75,14 +75,14 @@ def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
 
 
 GARBAGE = 100_000
-"""New objects after which Python collects garbage: every 700, the default, takes a tenth of a short run, because the
-hundred thousand objects of JAX are traversed again and again."""
+"""Number of new objects after which Python collects garbage. The default, 700, takes a tenth of a short run, because
+each collection traverses the 100,000 objects of JAX (measured)."""
 
 
 class Processes(Executor):
-    """Spawned processes that can be replaced after one of them was killed, which breaks them all.
+    """A pool of spawned processes that can be restarted after one of them was killed, which breaks the whole pool.
 
-    width: their number.
+    width: number of processes.
     """
 
     def __init__(self, width: int) -> None:
@@ -95,16 +95,16 @@ class Processes(Executor):
         )
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Schedule a call, as any executor. Raises BrokenExecutor after a process was killed, until `restart`."""
+        """Schedule a call, as any executor does. Raises BrokenExecutor after a process was killed, until `restart`."""
         return self._pool.submit(fn, *args, **kwargs)
 
     def restart(self) -> None:
-        """Replace the processes by new ones."""
+        """Replace all processes by new ones."""
         self.end()
         self._start()
 
     def end(self) -> None:
-        """End the processes at once: finished tasks are stored, and running ones are given up."""
+        """End the processes immediately; running tasks are aborted."""
         for process in list((self._pool._processes or {}).values()):
             process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
@@ -112,9 +112,10 @@ class Processes(Executor):
 
 @contextmanager
 def processes(workers: int) -> Iterator[Processes]:
-    """Start processes, and end them afterwards.
+    """Start a pool of processes for a context, and end it afterwards.
 
-    They are spawned, not forked (a library may have started threads), and have one thread each: they share the cores.
+    Processes are spawned, not forked, because a library may have started threads. Each uses one thread, because they
+    share the cores.
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"
@@ -129,7 +130,7 @@ def processes(workers: int) -> Iterator[Processes]:
 
 
 def _begin(parent: int) -> None:
-    """Prepare a process, which is to end as soon as the run that started it does: a killed run leaves none behind."""
+    """Prepare a process of the pool; it ends itself if its parent ends, so that a killed run leaves no processes."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -1,7 +1,7 @@
-"""The outcome of a task, and whether a model fits: as values, and as the text of tables.
+"""Convert the outcome of a task, and whether a model fits, between values and the text in tables.
 
-In a table an outcome is `ok`, or a sentence that begins with the words of its status. A sentence without these is a
-method's own refusal. No other module writes or reads these words.
+In a table an outcome is `ok`, or a sentence that begins with the words of its status. A sentence that does not is a
+method's refusal. Only this module writes and interprets these words.
 """
 
 from __future__ import annotations
@@ -9,23 +9,24 @@ from __future__ import annotations
 from enum import Enum
 
 P_LIMIT = 0.01
-"""Predictive p below which, or above 1 − it, records drawn from a model look different from the record."""
+"""A model does not fit if its posterior predictive p is below this or above 1 minus this (conventional)."""
 
 
 class _Beginning(Enum):
-    """Values are the beginnings of sentences."""
+    """Base of enumerations whose values are the beginnings of sentences."""
 
     def because(self, reason: str) -> str:
-        """Return the sentence with this beginning and a reason."""
+        """Return the sentence that begins with this value and states a reason."""
         return f"{self.value}: {reason}"
 
 
 class Status(_Beginning):
     """The outcome of a task; the value is the beginning of its sentence.
 
-    FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are tried again. PRUNED: a
-    model of far lower evidence. NOT_SAMPLED: a model whose evidence suffices. NOT_APPLICABLE: there is nothing to infer
-    from. REFUSED: a method cannot work on this record; the sentence is the reason.
+    FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are computed again in the
+    next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED: the evidence of the model is known
+    without sampling. NOT_APPLICABLE: the record has no data for it. REFUSED: a method cannot work on this record; the
+    sentence is the reason.
     """
 
     OK = "ok"
@@ -45,7 +46,7 @@ class Fitting(_Beginning):
 
 
 def status_of(outcome: str) -> Status:
-    """Return the status of an outcome."""
+    """Return the status that an outcome's text states."""
     if outcome == Status.OK.value:
         return Status.OK
     named = (s for s in Status if s not in (Status.OK, Status.REFUSED))
@@ -53,12 +54,12 @@ def status_of(outcome: str) -> Status:
 
 
 def fitting_of(sentence: str) -> Fitting | None:
-    """Return whether a model fits, by the sentence on its fit; None where nothing was checked."""
+    """Return whether a model fits, according to the sentence on its fit; None if nothing was checked."""
     return next((fitting for fitting in Fitting if sentence.startswith(fitting.value)), None)
 
 
 def reason_of(sentence: str) -> str:
-    """Return the reason in a sentence, without the words of the status or of the fit."""
+    """Return the reason in a sentence, without the words of the status or fit at its beginning."""
     for beginning in (*Status, *Fitting):
         if beginning.value and sentence.startswith(f"{beginning.value}:"):
             return sentence.removeprefix(f"{beginning.value}:").lstrip()
@@ -66,9 +67,10 @@ def reason_of(sentence: str) -> str:
 
 
 def following(name: str, outcome: str) -> str:
-    """Return the outcome of a task that depends on another one, of this name and outcome, which is not ok.
+    """Return the outcome of a task that depends on another task whose outcome is not ok.
 
-    Where the other one failed, the outcome names it.
+    name, outcome: of the other task. If that task failed, the result is "not computed" and names it; else the outcome
+    is the same.
     """
     if status_of(outcome) is Status.FAILED:
         return Status.NOT_COMPUTED.because(f"{name} {outcome}")

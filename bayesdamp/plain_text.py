@@ -1,4 +1,4 @@
-"""Read small text files of the user, only where they are plain files."""
+"""Read small text files of the user."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 from bayesdamp.types import InputError
 
 LARGEST = 2**24
-"""Bytes of such a file (conventional)."""
+"""Largest size of such a file in bytes (conventional)."""
 
 
 def read_plain(path: Path, right: str) -> str:
-    """Return a file's text in UTF-8.
+    """Return the text of a file in UTF-8.
 
-    right: in the message, what to give instead. Raises InputError where it is not a plain file in UTF-8 of at most
+    right: what to give instead, for error messages. Raises InputError if it is not a regular file in UTF-8 of at most
     LARGEST bytes.
     """
     try:
@@ -35,7 +35,7 @@ def read_plain(path: Path, right: str) -> str:
 
 
 def at_home(path: Path) -> Path:
-    """Return a path with `~` expanded, or as it is where there is no such home folder."""
+    """Return a path with `~` expanded; unchanged if there is no such home folder."""
     try:
         return path.expanduser()
     except RuntimeError:

@@ -1,6 +1,6 @@
-"""Find plug-ins by name: in the package, in modules that a user names, or by entry points.
+"""Find plug-ins by name: in the package, in a user's modules, or among entry points of installed packages.
 
-A plug-in is imported at the first request by its name.
+A plug-in is imported when its name is first requested.
 """
 
 from __future__ import annotations
@@ -40,21 +40,24 @@ GROUPS = {
     "bayesdamp.records.readers": "bayesdamp.readers",
     "bayesdamp.report.sections": "bayesdamp.sections",
 }
-"""The group of entry points of each package of plug-ins."""
+"""Group of entry points for each package of plug-ins."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
-"""Modules whose functions cache results of plug-ins under the plug-ins' names."""
+"""Modules whose `lru_cache` functions may cache results under names of plug-ins."""
 
 _EXTENDED: list[str] = []
+"""Names of all plug-ins that were ever added in this process."""
 _REGISTRIES: dict[str, Registry[Any]] = {}
+"""All registries, by package."""
 _USED: list[PluginModule] = []
+"""The user's modules whose plug-ins are registered."""
 
 
 @dataclass(frozen=True)
 class PluginModule:
-    """A user's module of plug-ins, with its source, which every process receives.
+    """A user's module of plug-ins; its source is sent to every process.
 
-    file: its path as the user wrote it.
+    file: path as the user wrote it.
     """
 
     file: str
@@ -67,9 +70,10 @@ class PluginModule:
 
 
 class Registry(Generic[T]):
-    """Plug-ins of one kind: each module of `package` contains one, with the name `PLUGIN`.
+    """The plug-ins of one kind. Each module of `package` contains one, assigned to the name `PLUGIN`.
 
-    home: the package of the base class, which identifies a user's plug-in as one of this kind.
+    kind: what the plug-ins are called in messages. home: package of the base class, by which a user's plug-in is
+    recognised as one of this kind.
     """
 
     def __init__(self, package: str, kind: str, home: str | None = None) -> None:
@@ -81,20 +85,20 @@ class Registry(Generic[T]):
         _REGISTRIES[package] = self
 
     def names(self) -> list[str]:
-        """Return all names, sorted; nothing is imported."""
+        """Return all names, sorted, without importing anything."""
         return sorted({*self._modules, *self._added, *self._entries})
 
     def present(self) -> list[str]:
-        """Return the shipped and the added names, without those that are merely installed; nothing is imported."""
+        """Return shipped and added names, sorted, but not unused ones of installed packages; nothing is imported."""
         return sorted({*self._modules, *self._added})
 
     def added(self) -> list[str]:
-        """Return the added names, which do not ship; nothing is imported."""
+        """Return the names of added plug-ins, which do not ship with bayesdamp; nothing is imported."""
         return sorted(self._added)
 
     @cached_property
     def _modules(self) -> dict[str, str]:
-        """Map names to modules of the shipped plug-ins, in the package or in a folder of it."""
+        """Return the modules of shipped plug-ins, by name."""
         path = importlib.import_module(self.package).__path__
         modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
         names = {module.rpartition(".")[2]: module for module in modules}
@@ -102,23 +106,23 @@ class Registry(Generic[T]):
 
     @cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
-        """Map names to plug-ins of installed packages; these do not replace a shipped one."""
+        """Return the entry points of installed packages, by name; they cannot replace shipped plug-ins."""
         group = GROUPS.get(self.package)
         entries = _entry_points(tuple(sys.path)).select(group=group) if group else ()
         return {e.name: e for e in entries if e.name not in self._modules}
 
     def ships(self, name: str) -> bool:
-        """Return whether a plug-in is the package's own."""
+        """Return whether a plug-in ships with bayesdamp."""
         return name in self._modules and name not in self._added
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
-        """Add a plug-in that has no module in the package (a user's own).
+        """Add a user's plug-in.
 
-        source: of its code; by default that of the module of its class, or the class's name where it has no file.
-        Raises InputError for a shipped name.
+        source: its source code; by default that of the module of its class, or the name of the class if it has no file.
+        Raises InputError if a plug-in with this name ships with bayesdamp.
         """
         if name in self._modules:
-            raise InputError(f"a {self.kind} {name!r} ships already; give it another name")
+            raise InputError(f"a {self.kind} {name!r} ships with bayesdamp; give yours another name")
         if source is None:
             cls = type(plugin)
             try:
@@ -134,7 +138,7 @@ class Registry(Generic[T]):
         self._sources.pop(name, None)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name. Raises InputError with the nearest valid name."""
+        """Return the plug-in with a name. Raises InputError, with a similar valid name, if there is none."""
         if name in self._added:
             return self._added[name]
         if name in self._modules:
@@ -146,7 +150,7 @@ class Registry(Generic[T]):
         raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
 
     def source(self, name: str) -> str:
-        """Return a digest of the source of a plug-in; for a shipped one with all that it imports from the package.
+        """Return a digest of the source of a plug-in, and of the modules that it imports if it ships.
 
         Raises InputError for an unknown name.
         """
@@ -157,15 +161,15 @@ class Registry(Generic[T]):
 
 
 def sources_below(package: str) -> list[str]:
-    """Return digests of the sources of all plug-ins that are present, of the kinds below this package."""
+    """Return digests of the sources of all `present` plug-ins in the registries below a package."""
     registries = [_REGISTRIES[p] for p in sorted(_REGISTRIES) if p.startswith(f"{package}.")]
     return [registry.source(name) for registry in registries for name in registry.present()]
 
 
 def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tuple[PluginModule, ...]:
-    """Read modules of plug-ins, without running them. Raises InputError where one cannot be read.
+    """Read modules of plug-ins, without running them. Raises InputError if a file cannot be read.
 
-    folder: the start of relative paths; by default the working folder.
+    folder: folder of relative paths; by default the working folder.
     """
     modules: list[PluginModule] = []
     for file in dict.fromkeys(str(f) for f in files):
@@ -178,9 +182,9 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
 
 
 def use(modules: Sequence[PluginModule]) -> None:
-    """Use the plug-ins of these modules, and of no others, in this process.
+    """Register the plug-ins of these modules in this process, and remove those of all other modules.
 
-    Raises InputError where a module cannot be run, or contains something other than a plug-in.
+    Raises InputError if a module cannot be run or does not contain valid plug-ins.
     """
     if list(modules) == _USED:
         return
@@ -197,20 +201,20 @@ def use(modules: Sequence[PluginModule]) -> None:
 
 
 def _forget() -> None:
-    """Remove all modules' plug-ins, and the cached results under their names."""
+    """Remove the plug-ins of all modules, and clear caches that may contain results under their names."""
     sources = {module.source for module in _USED}
     for registry in _REGISTRIES.values():
         for name in [n for n, source in registry._sources.items() if source in sources]:
             registry.remove(name)
     _USED.clear()
     for value in gc.get_objects():
-        # By type: isinstance may run code of the object.
+        # Compare types, because isinstance may run code of the object.
         if type(value) is functools._lru_cache_wrapper and (value.__module__ or "").startswith(_COMPILED):
             value.cache_clear()
 
 
 def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
-    """Run a module, and return the registry and the name of each of its plug-ins, with the plug-in."""
+    """Run a module; return registry, name and object of each of its plug-ins. Raises InputError for invalid ones."""
     loaded = _run(module)
     plugins: list[object] = list(getattr(loaded, "PLUGINS", ()))
     plugins += [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []
@@ -237,7 +241,9 @@ def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
                 f"{where}: the name of a {registry.kind} is {name!r}; it must be letters, digits and _"
             )
         if registry.ships(name):
-            raise InputError(f"{where}: a {registry.kind} {name!r} ships already; give it another name")
+            raise InputError(
+                f"{where}: a {registry.kind} {name!r} ships with bayesdamp; give yours another name"
+            )
         if (registry, name) in [(r, n) for r, n, _ in checked] or name in registry._added:
             raise InputError(f"{where}: there is another {registry.kind} {name!r}; give it another name")
         checked.append((registry, name, plugin))
@@ -245,7 +251,7 @@ def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
 
 
 def _run(module: PluginModule) -> ModuleType:
-    """Run a module's source under its own name, so that its classes can be pickled and traced."""
+    """Run the source of a module; it is registered in `sys.modules`, so that its classes can be pickled."""
     name = f"bayesdamp_plugin_{module.digest[:12]}"
     loaded = ModuleType(name)
     loaded.__file__ = module.file
@@ -274,13 +280,13 @@ def _in_one_line(error: Exception) -> str:
 
 @lru_cache(maxsize=2)
 def _entry_points(path: tuple[str, ...]) -> Any:
-    """Return the entry points of all packages on a path: one group takes as long as all of them."""
+    """Return the entry points of all packages on a path (reading one group would take as long)."""
     del path
     return importlib.metadata.entry_points()
 
 
 def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
-    """Return the plug-in of an entry point, which is an instance, its class, or a module with PLUGIN."""
+    """Return the plug-in of an entry point, which may be an instance, a class, or a module with PLUGIN."""
     try:
         value = entry.load()
     except Exception as error:
@@ -295,11 +301,11 @@ def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
 
 
 def extended() -> bool:
-    """Return whether this process has ever had a plug-in that is not in the package."""
+    """Return whether a plug-in that does not ship has ever been added in this process."""
     return bool(_EXTENDED)
 
 
 def nearest(name: str, valid: list[str]) -> str:
-    """Return a clause with the nearest valid name, or all of them."""
+    """Return a clause for a message with the most similar valid name, else with all valid names."""
     close = get_close_matches(name, valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

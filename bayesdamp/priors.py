@@ -1,7 +1,8 @@
-"""Priors of a parameter, as in a study file.
+"""Define the prior distributions of parameters.
 
-Every prior is a monotone map of a standard normal score z (a half-normal is a reflected one, x = scale·|z|), so that
-any model's prior in the scores is N(0, 1) in each direction, with a normalised density.
+Each prior is defined by a transformation x(z) of a standard normal variable z, called the (normal) score of the
+parameter: if z ~ N(0, 1), then x has this prior. For a half-normal, x = scale · |z|. Samplers work with the scores, in
+which every independent prior is N(0, 1).
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ _HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
 )
-"""The same for a single number, several times faster; exponentials stay finite."""
+"""These functions for a single float, which is several times faster; exp does not overflow."""
 
 
 def _is_traced(value: object) -> bool:
-    """Return whether a value is an array of JAX, as in NumPyro's models; loads nothing."""
+    """Return whether a value is a JAX array, as in NumPyro models, without importing JAX."""
     return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
 
 
 def _functions(z: Any) -> SimpleNamespace:
-    """Return the functions exp, log and ndtr for values of this type."""
+    """Return the functions exp, log and ndtr for the type of z: float, NumPy array or JAX array."""
     if isinstance(z, float):
         return _NUMBER
     if not _is_traced(z):
@@ -50,19 +51,21 @@ def _functions(z: Any) -> SimpleNamespace:
 
 @cache
 def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
-    """Return the names of the numbers of a kind of prior."""
+    """Return the names of the numbers (mean, sd, ...) that define a prior of this class."""
     return tuple(name for name, field in kind.model_fields.items() if name != "prior" and not field.exclude)
 
 
 class _Prior(BaseModel):
+    """Base class of priors."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     reflected: bool = Field(default=False, exclude=True, init=False, repr=False)
 
     def _begin(self, **numbers: float) -> None:
-        """Make a prior in Python. Raises InputError with one line.
+        """Validate the numbers of a prior that is made in Python. Raises InputError with a message of one line.
 
-        The reader of study files validates tables in another way.
+        Tables of study files are validated directly by pydantic.
         """
         try:
             super().__init__(**numbers)
@@ -74,32 +77,32 @@ class _Prior(BaseModel):
             raise InputError(f"{type(self).__name__}: {shown}{right}") from None
 
     def __init_subclass__(cls, **options: Any) -> None:
-        # So that pydantic continues to validate tables by itself, strictly where a model demands that.
+        # With this mark, pydantic validates tables itself instead of calling our __init__.
         cls.__init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
         super().__init_subclass__(**options)
 
     transform: ClassVar[Callable[..., Any]]
-    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers, traced for arrays
-    of JAX."""
+    """Function (z, *numbers) that returns the parameter value at the score z, for a prior with these numbers; z may be
+    a float, a NumPy array or a JAX array."""
     derivative: ClassVar[Callable[..., Any]]
-    """(z, *numbers): the derivative of `transform` by z."""
+    """Function (z, *numbers) that returns the derivative of `transform` by z."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return the numbers of this prior, in the order of `transform`."""
+        """Return the numbers that define this prior, in the order of the arguments of `transform`."""
         return tuple(getattr(self, name) for name in _field_names(type(self)))
 
     def value(self, z: ArrayLike) -> np.ndarray:
-        """Return the parameter at the normal score z (any shape)."""
+        """Transform a standard normal score z (any shape) to the parameter; z ~ N(0, 1) gives this prior."""
         return self.transform(np.asarray(z, float), *self.numbers)
 
     def rate(self, z: ArrayLike) -> np.ndarray:
-        """Return the derivative of `value` by the score z (any shape)."""
+        """Return the derivative of `value` at the score z (any shape)."""
         z = np.asarray(z, float)
         return np.broadcast_to(self.derivative(z, *self.numbers), z.shape)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return a normal score of the value x, the non-negative one where the prior is reflected."""
+        """Return the standard normal score z of the value x, the inverse of `value`; z ≥ 0 for half-normal priors."""
         raise NotImplementedError
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
@@ -107,11 +110,11 @@ class _Prior(BaseModel):
         raise NotImplementedError
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return the derivative of `log_density` at x inside the support."""
+        """Return the derivative of `log_density` at x, which must be inside the support."""
         raise NotImplementedError
 
     def describe(self) -> str:
-        """Return it in words, for tables."""
+        """Return the prior as text for tables, such as "normal(mean 0, sd 1)"."""
         body = self.model_dump(exclude={"prior"})
         return f"{self.prior}({', '.join(f'{k} {v:.4g}' for k, v in body.items())})"  # type: ignore[attr-defined]
 
@@ -120,12 +123,12 @@ _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 
 
 def _density(z: Any) -> Any:
-    """Return φ(z), the standard normal density."""
+    """Return the standard normal density at z."""
     return _functions(z).exp(-0.5 * z**2 - _HALF_LOG_2PI)
 
 
 class Normal(_Prior):
-    """Normal with mean and sd."""
+    """Normal distribution with mean and standard deviation."""
 
     prior: Literal["normal"] = "normal"
     mean: float = Field(description="a number")
@@ -136,29 +139,29 @@ class Normal(_Prior):
 
     @staticmethod
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
-        """mean + sd z."""
+        """Return mean + sd z."""
         return mean + sd * z
 
     @staticmethod
     def derivative(z: Any, mean: Scalar, sd: Scalar) -> Any:
-        """sd."""
+        """Return sd."""
         return sd
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """(x − mean)/sd."""
+        """Return (x − mean)/sd."""
         return np.asarray((np.asarray(x, float) - self.mean) / self.sd)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """log N(x; mean, sd²)."""
+        """Return log N(x; mean, sd²)."""
         return -0.5 * self.score(x) ** 2 - _HALF_LOG_2PI - math.log(self.sd)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """−(x − mean)/sd²."""
+        """Return −(x − mean)/sd²."""
         return -self.score(x) / self.sd
 
 
 class HalfNormal(_Prior):
-    """|Normal(0, scale)|: it includes zero without a boundary in the score."""
+    """Half-normal distribution, |N(0, scale²)|. In the score z, zero is not a boundary."""
 
     prior: Literal["halfnormal"] = "halfnormal"
     scale: PositiveFloat = Field(description="a number above 0")
@@ -169,40 +172,41 @@ class HalfNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, scale: Scalar) -> Any:
-        """scale · |z|: reflected at zero."""
+        """Return scale · |z|."""
         return scale * abs(z)
 
     @staticmethod
     def derivative(z: Any, scale: Scalar) -> Any:
-        """scale · sign z."""
+        """Return scale · sign z."""
         return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """|x|/scale."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # a coefficient that is absent has a scale of 0
+        """Return |x|/scale."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # the coefficient of an absent term has scale 0
             return np.asarray(np.abs(x) / self.scale)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """log 2 N(x; 0, scale²) at x ≥ 0, −∞ below."""
+        """Return log(2 N(x; 0, scale²)) at x ≥ 0, −∞ below."""
         x = np.asarray(x, float)
         inside = -0.5 * (x / self.scale) ** 2 - _HALF_LOG_2PI - math.log(self.scale) + math.log(2)
         return np.where(x >= 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """−x/scale²."""
+        """Return −x/scale²."""
         return -np.asarray(x, float) / self.scale**2
 
 
 class SharedHalfNormal(_Prior):
-    """Half-normal of an equivalent damping ratio, whose scale is unknown and the same for all terms of a model.
+    """Half-normal prior of an equivalent damping ratio, with an unknown scale that all terms of a model share.
 
     The scale is one of `SHARED_SCALES`, all equally probable, so that the evidence does not depend on how small the
-    damping is. As the terms share it, their joint density is not a product: it is `shared_log_density`.
+    damping is. Because of the common scale, the joint prior density of the terms is not a product; it is given by
+    `shared_log_density`.
 
     Parameters
     ----------
     per_ratio
-        The coefficient at an equivalent damping ratio of 1, in the coefficient's own unit.
+        Coefficient that gives an equivalent damping ratio of 1, in the unit of the coefficient.
     """
 
     prior: Literal["shared_halfnormal"] = "shared_halfnormal"
@@ -214,21 +218,23 @@ class SharedHalfNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, per_ratio: Scalar) -> Any:
-        """Return the coefficient at a score z, the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
+        """Return the coefficient at a score z: its damping ratio is |z| · `SCORE_RATIO`."""
         return SCORE_RATIO * per_ratio * abs(z)
 
     @staticmethod
     def derivative(z: Any, per_ratio: Scalar) -> Any:
-        """Return the coefficient at a score of 1, with the sign of z."""
+        """Return the derivative of `transform`: the coefficient at z = 1, with the sign of z."""
         return SCORE_RATIO * per_ratio * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return the damping ratio of the coefficient x in units of `SCORE_RATIO`."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # a coefficient that is absent has `per_ratio` 0
+        """Return the score of the coefficient x: its damping ratio over `SCORE_RATIO`."""
+        with np.errstate(
+            divide="ignore", invalid="ignore"
+        ):  # the coefficient of an absent term has `per_ratio` 0
             return np.asarray(np.abs(x) / (SCORE_RATIO * self.per_ratio))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return the marginal log density of a single coefficient x; −∞ below 0."""
+        """Return the marginal log density of one coefficient x, averaged over the scales; −∞ below 0."""
         x = np.asarray(x, float)
         inside = shared_log_density(self.score(x) ** 2, 1) - math.log(SCORE_RATIO * self.per_ratio)
         return np.where(x >= 0, inside, -np.inf)
@@ -239,7 +245,7 @@ class SharedHalfNormal(_Prior):
         return -shared_precision(z**2, 1) * z / (SCORE_RATIO * self.per_ratio)
 
     def describe(self) -> str:
-        """Return it in words, for tables."""
+        """Return the prior in words, for tables."""
         return (
             f"half-normal on the damping ratio, its scale shared by the terms and unknown between "
             f"{LEAST_SCALE:g} and {MOST_SCALE:g}"
@@ -247,43 +253,43 @@ class SharedHalfNormal(_Prior):
 
 
 SCORE_RATIO = 0.1
-"""Equivalent damping ratio at a score of 1: a unit of computation, on which no result depends (conventional)."""
+"""Equivalent damping ratio at a score of 1. It is only a unit; no result depends on it (conventional)."""
 LEAST_SCALE, MOST_SCALE = 1e-8, 0.3
-"""Scales of the damping ratio between which the prior is uniform in the logarithm: Q from 1.7 to 5e7
-(conventional)."""
+"""Smallest and largest scale of the damping ratio (Q from 5e7 to 1.7); the prior of the scale is uniform in its
+logarithm between these (conventional)."""
 SHARED_SCALES = LEAST_SCALE * (MOST_SCALE / LEAST_SCALE) ** ((np.arange(25) + 0.5) / 25)
-"""Scales that are summed over, equally probable: the middles of 25 cells, each scale about twice the one before. The
-sum follows the integral to 0.02 nats for three terms and far better for fewer (the Fourier transform of the integrand,
-a gamma function, bounds the error of the midpoint rule)."""
+"""Equally probable scales, over which we sum: the middles of 25 intervals in the logarithm, each about twice the one
+before. The sum differs from the integral by at most 0.02 nats for three terms and far less for fewer (the error of the
+midpoint rule is bounded by the Fourier transform of the integrand, a gamma function)."""
 SHARED_SIGMAS = SHARED_SCALES / SCORE_RATIO
-"""The same scales as scores."""
+"""These scales in units of the score."""
 
 
 def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Return the log density of the scores of `count` coefficients that share a scale, each ≥ 0.
+    """Return the joint log prior density of the scores (each ≥ 0) of `count` coefficients that share a scale.
 
     Parameters
     ----------
     squares
-        Sum of the squared scores, any shape. For arrays of JAX the result is traced.
+        Sum of the squared scores, any shape; may be a JAX array.
     count
-        Number of the coefficients; traced too where it depends on traced numbers.
+        Number of coefficients.
     scales
-        Scales in scores, (s,), all equally probable.
+        Equally probable scales, in units of the score, (s,).
     """
     return _over_scales(squares, count, scales)[0]
 
 
 def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Return the mean of 1/σ² over the scales, given the sum of squares. Arguments as for `shared_log_density`.
+    """Return the posterior mean of 1/σ² for the shared scale σ, given the sum of squared scores.
 
-    The slope of the log density by a score is minus the score times this.
+    The derivative of `shared_log_density` by a score is minus the score times this. The arguments are the same.
     """
     return _over_scales(squares, count, scales)[1]
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    """Return `shared_log_density` and `shared_precision`."""
+    """Return the results of `shared_log_density` and of `shared_precision`."""
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
@@ -298,10 +304,10 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
 def log_prior_of(
     z: np.ndarray, positive: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Return the log prior density of scores z, (..., d), shape (...).
+    """Return the log prior density, shape (...), of scores z, (..., d).
 
-    They are standard normal, or have a common unknown scale where `shared`, (d,). They are folded where `positive`,
-    (d,), and the density is −∞ where one of these is negative.
+    positive: mask (d,) of scores that are not negative (half-normal priors); the density is −∞ if one of them is
+    negative. shared: mask (d,) of scores with a common unknown scale, one of `scales`; the others are standard normal.
     """
     plain = z[..., ~shared]
     value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
@@ -316,9 +322,9 @@ def log_prior_of(
 def joint_log_density(
     priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Return the normalised log density of parameters x, (..., d), shape (...); −∞ outside the support.
+    """Return the joint log prior density, shape (...), of parameters x, (..., d); −∞ outside the support.
 
-    The priors are independent except for those that share an unknown scale, one of `scales` (in scores).
+    The priors are independent, except for those that share an unknown scale, one of `scales` (in units of the score).
     """
     shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
     total = np.zeros(x.shape[:-1])
@@ -352,7 +358,7 @@ def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHAR
 
 
 class LogNormal(_Prior):
-    """exp Normal(log median, sigma)."""
+    """Lognormal distribution: log x is normal with mean log median and standard deviation sigma."""
 
     prior: Literal["lognormal"] = "lognormal"
     median: PositiveFloat = Field(description="a number above 0")
@@ -363,32 +369,34 @@ class LogNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, median: Scalar, sigma: Scalar) -> Any:
-        """median · exp(sigma z)."""
+        """Return median · exp(sigma z)."""
         return median * _functions(z).exp(sigma * z)
 
     @staticmethod
     def derivative(z: Any, median: Scalar, sigma: Scalar) -> Any:
-        """sigma times the value."""
+        """Return sigma · median · exp(sigma z)."""
         return sigma * median * _functions(z).exp(sigma * z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """log(x/median)/sigma."""
+        """Return log(x/median)/sigma."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.log(np.asarray(x, float) / self.median) / self.sigma
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """log N(log x; log median, sigma²) − log x at x > 0, −∞ below."""
+        """Return log N(log x; log median, sigma²) − log x at x > 0, −∞ below."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.median)
         inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
         return np.where(x > 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """−(1 + score/sigma)/x."""
+        """Return −(1 + z/sigma)/x with the score z of x."""
         return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
 
 
 class _Between(_Prior):
+    """Base class of priors with two bounds."""
+
     low: float = Field(description="a number")
     high: float = Field(description="a number")
 
@@ -400,7 +408,7 @@ class _Between(_Prior):
 
 
 class Uniform(_Between):
-    """Uniform between low and high."""
+    """Uniform distribution between low and high."""
 
     prior: Literal["uniform"] = "uniform"
 
@@ -409,31 +417,31 @@ class Uniform(_Between):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
-        """low + (high − low) Φ(z)."""
+        """Return low + (high − low) Φ(z), with the normal distribution function Φ."""
         return low + (high - low) * _functions(z).ndtr(z)
 
     @staticmethod
     def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
-        """(high − low) φ(z)."""
+        """Return (high − low) φ(z), with the normal density φ."""
         return (high - low) * _density(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Φ⁻¹((x − low)/(high − low))."""
+        """Return Φ⁻¹((x − low)/(high − low))."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
         return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """−log(high − low) within, −∞ outside."""
+        """Return −log(high − low) between the bounds, −∞ outside."""
         x = np.asarray(x, float)
         return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """0 within."""
+        """Return 0."""
         return np.zeros_like(np.asarray(x, float))
 
 
 class LogUniform(_Between):
-    """Uniform in the logarithm between low and high."""
+    """Distribution between low and high whose logarithm is uniform."""
 
     prior: Literal["loguniform"] = "loguniform"
     low: PositiveFloat = Field(description="a number above 0")
@@ -444,56 +452,56 @@ class LogUniform(_Between):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
-        """low · (high/low)^Φ(z)."""
+        """Return low · (high/low)^Φ(z), with the normal distribution function Φ."""
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
 
     @staticmethod
     def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
-        """log(high/low) φ(z) times the value."""
+        """Return log(high/low) φ(z) x(z), with the normal density φ and the value x(z)."""
         f = _functions(z)
         return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Φ⁻¹(log(x/low)/log(high/low))."""
+        """Return Φ⁻¹(log(x/low)/log(high/low))."""
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
         return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """−log x − log log(high/low) within, −∞ outside."""
+        """Return −log x − log log(high/low) between the bounds, −∞ outside."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.low)
         inside = -np.log(safe) - math.log(math.log(self.high / self.low))
         return np.where((x >= self.low) & (x <= self.high), inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """−1/x within."""
+        """Return −1/x."""
         return -1.0 / np.asarray(x, float)
 
 
 GivenPrior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, Field(discriminator="prior")]
-"""The priors that a user may specify."""
+"""Priors that a user may specify."""
 Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUniform
-"""The priors that a model may have."""
+"""All priors that a model may have."""
 
 
 FURTHER_TERM = 0.125
 """Factor of a model's prior probability for each term beyond the first. Measured on 82 simulated records with a damping
-ratio of 0.01 (three sevenths of them single terms, three sums of two, one of three): with it nearly as many are
-decided, and as many correctly, as under half-normal priors with a fixed scale of 0.1."""
+ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor nearly as many records are
+decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
 OTHERS = 0.1
-"""Prior weight of all other forms of damping together, relative to a single term."""
+"""Prior odds of all other forms of damping together, relative to a single term (conventional)."""
 
 
 def odds(damping: Sequence[str], others: int = 0) -> float:
-    """Return the prior odds of a damping against a single term.
+    """Return the prior odds of a damping model against a model with a single term.
 
     Parameters
     ----------
     damping
-        Its terms.
+        Damping terms of the model.
     others
-        Number of the other forms of damping, where it is one of these; 0 for a sum that is compared.
+        If the model is one of the other forms of damping, the number of these; 0 for a sum among the compared models.
     """
     return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / others if others else 1.0)

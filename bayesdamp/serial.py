@@ -1,4 +1,4 @@
-"""Convert values to JSON and named arrays, and back, by the types of a dataclass's fields."""
+"""Convert values to JSON and named arrays, and back; the types of dataclass fields determine how."""
 
 from __future__ import annotations
 
@@ -20,32 +20,38 @@ UNIONS = (Union, UnionType)
 
 
 class Reduced:
-    """A value that is stored as another one, of the class `_STORED`, and restored from it."""
+    """Base of classes whose instances are stored as, and restored from, an instance of the class `_STORED`."""
 
     _STORED: type
 
     def _reduced(self) -> Any:
-        """Return the value to store."""
+        """Return the `_STORED` instance."""
         raise NotImplementedError
 
     @classmethod
     def _restored(cls, stored: Any) -> Any:
-        """Return the value from the stored one."""
+        """Return an instance from the `_STORED` instance."""
         raise NotImplementedError
 
 
 def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Return a value in the types of JSON.
+    """Convert a value to types of JSON.
 
     Parameters
     ----------
     value
-        Of dataclasses, pydantic models, mappings, sequences, arrays and the types of JSON. Numbers that are not finite
-        stay floats.
+        Value that consists of dataclasses, pydantic models, mappings, sequences, arrays and types of JSON. Floats that
+        are not finite stay floats.
     arrays
-        Receives each array under its path in the value, such as `signal/t`; without it, arrays become lists.
+        Each array is stored in this mapping under its path, such as `signal/t`, and replaced by None; without the
+        mapping, arrays become lists.
     path
-        The path of the value.
+        Path of the value.
+
+    Returns
+    -------
+    object
+        The converted value. Raises TypeError if a part cannot be converted.
     """
     below = f"{path}/" if path else ""
     if isinstance(value, Reduced):
@@ -75,9 +81,9 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
 
 
 def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Return a value of a type from JSON and arrays that `split` made; a number that is None becomes NaN.
+    """Convert JSON and arrays from `split` back to a value of the type `kind`. None becomes NaN if a float is expected.
 
-    Raises KeyError, TypeError or ValueError where the value is not of that type.
+    Raises KeyError, TypeError or ValueError if the value does not match the type.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:
@@ -110,7 +116,7 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 
 
 def _member(kind: Any, value: object) -> Any:
-    """Return the type of a value among several; Any for plain numbers and text, the union for pydantic models."""
+    """Return the member of a union that matches a value; Any for plain values, the union for pydantic models."""
     kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):
         return NoneType
@@ -123,5 +129,5 @@ def _member(kind: Any, value: object) -> Any:
 
 @cache
 def _hints(kind: type) -> dict[str, Any]:
-    """Return the types of a dataclass's fields; some modules import NumPy for type checkers alone."""
+    """Return the types of a dataclass's fields, also if its module imports NumPy only for type checkers."""
     return get_type_hints(kind, localns={"np": np, "NDArray": NDArray})

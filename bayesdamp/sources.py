@@ -1,4 +1,4 @@
-"""Digest the source of the code that a computation can reach, on which its stored results depend."""
+"""Compute digests of the source code that a computation uses; they are part of the keys of stored results."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ OUTSIDE = (
     "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
     "bayesdamp.sources", "bayesdamp.store",
 )  # fmt: skip
-"""Modules that decide where and when something is computed, and how it is shown, but not the result itself; settings
-are part of a key by their values."""
+"""Modules that do not affect results, but only where and when something is computed and how it is shown; they are not
+part of a digest. (The values of settings are part of a key.)"""
 LEAVES = (
     "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells",
     "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
-"""Modules that combine many computations: each counts with its own source, without its imports."""
+"""Modules that combine many computations: their source is part of a digest, but the modules that they import are
+not."""
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(bayesdamp[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)|import[ \t]+(bayesdamp[\w.]*))",
@@ -28,7 +29,7 @@ _IMPORT = re.compile(
 )
 _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M)
 _TEXTS: dict[str, str | None] = {}
-"""Each module's source at its first request: a process computes with what it has loaded."""
+"""Source of each module when it was first requested; a later change of the file does not affect this process."""
 _IMPORTED: dict[str, frozenset[str]] = {}
 
 
@@ -36,7 +37,7 @@ _IMPORTED: dict[str, frozenset[str]] = {}
 def code_digest(*modules: str) -> str:
     """Return the SHA-256 of the sources of modules and of all modules of the package that they import, at any depth.
 
-    A plug-in that is found by its name is not an import: its own source must be added where it is used.
+    Plug-ins that are found by name are not imports; a caller must add their sources.
     """
     digest = hashlib.sha256()
     for name in sorted(reached(modules)):
@@ -51,7 +52,7 @@ def package_digest() -> str:
 
 
 def reached(modules: Iterable[str]) -> set[str]:
-    """Return these modules and all that they import, at any depth; of the modules `OUTSIDE` only the given ones."""
+    """Return the modules and all that they import, at any depth, without those `OUTSIDE` unless given explicitly."""
     waiting = list(modules)
     names = {name for name in waiting if _is_outside(name)}
     while waiting:
@@ -71,7 +72,7 @@ def _is_outside(name: str) -> bool:
 
 
 def imported(name: str) -> frozenset[str]:
-    """Return the modules of the package that a module imports directly, when it is loaded or later."""
+    """Return the modules of the package that a module imports directly, at its top or in functions."""
     if name not in _IMPORTED:
         text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
         for base, names, plain in _IMPORT.findall(text):
@@ -84,7 +85,7 @@ def imported(name: str) -> frozenset[str]:
 
 
 def _text(name: str) -> str | None:
-    """Return a module's source; None where the package has no such module."""
+    """Return the source of a module; None if the package has no such module."""
     if name not in _TEXTS:
         file = _files().get(name)
         _TEXTS[name] = file.read_text(encoding="utf-8") if file else None
@@ -93,6 +94,6 @@ def _text(name: str) -> str | None:
 
 @cache
 def _files() -> dict[str, Path]:
-    """Map the package's modules to their files: a test of each file that an import may mean takes ten times as long."""
+    """Return the files of all modules of the package, by module name (faster than testing each import)."""
     parts = {path: path.relative_to(ROOT.parent).with_suffix("").parts for path in ROOT.rglob("*.py")}
     return {".".join(part for part in each if part != "__init__"): path for path, each in parts.items()}

@@ -1,4 +1,4 @@
-"""The values that pass from one stage to the next: frozen, with hardly any behaviour."""
+"""Define the data types that all parts of the package share. They are frozen and have hardly any methods."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ if TYPE_CHECKING:
     import numpy as np
 
 OK = "ok"
+"""Outcome of a task that succeeded."""
 VERDICT_SCHEMA = 1
-"""Version of the objects of verdict.json: it increases when a field is renamed, removed, or changes its meaning."""
+"""Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 LAW_MARK = "@"
-"""Separates a damping sum from its restoring law where a study compares several laws."""
+"""Separator between damping sum and restoring law in the name of a candidate."""
 _OPTIONS = {"value": "angle", "channels": "channel"}
-"""The command's options whose names differ from the arguments of `read`."""
+"""Names of command line options that differ from those of the arguments of `read`."""
 
 
 class BayesdampError(Exception):
-    """Base of the errors that a user can correct; the text is one clear line."""
+    """Base class of errors that a user can correct; the message is one line."""
 
 
 class InputError(BayesdampError):
-    """The input is wrong: the text contains where, what, and what would be right (exit status 2).
+    """An error in the input. The message says where it is, what is wrong, and what to do (exit status 2).
 
-    what: the fault. where: the file, the record, the option or the argument; at: the place in it, such as a line; both
-    may be empty. arguments: those of `read` that resolve it, which the text names as the command's options. likely: the
-    likeliest values of some of them.
+    what: the fault, and what to do. where: the file, record, option or argument; at: the position in it, such as a
+    line; both may be empty. arguments: arguments of `read` that resolve it; the message names the corresponding command
+    line options. likely: most probable values of some of these arguments.
     """
 
     def __init__(
@@ -47,21 +48,22 @@ class InputError(BayesdampError):
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
-        """Return the error with arguments named by a function, for example as keywords or keys of a study."""
+        """Return the error with arguments in the message as `name(argument)`, such as keywords or keys of a study."""
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
-    """A method cannot work on this record; the text is the sentence in the tables."""
+    """A method cannot work on this record; the message, a sentence, is shown in tables."""
 
 
 Fact = str | float
+"""A number or text that a file states."""
 
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """A free decay in a record: start and stop in s of the record's own times."""
+    """A free decay in a record: start and stop in s, in the times of the record."""
 
     start: float
     stop: float
@@ -71,12 +73,13 @@ class FreeDecay:
 class Provenance:
     """How a record was read, and what was done to it.
 
-    warnings: sentences that a user must know; notes: sentences on what was done; header_lines: how many were skipped.
-    facts: metadata in the file. time_column, value_column: labels in the file; time_unit: the source of the unit of the
-    times, "given", "file", or empty; first_line: line of the file (from 1) with the first row of numbers;
-    constant_columns: columns that were left out. unit: of the record, a name in UNITS. start, stop: of the part that is
-    used, in s of the record's own times; offset: what was subtracted from all values (unit of the signal's y); decays:
-    all free decays of the record, with the one that is used. more: numbers and words for run.json alone.
+    warnings: sentences that the user must see; notes: sentences on what was done; header_lines: number of skipped
+    lines. facts: metadata in the file, by name. time_column, value_column: labels of the columns in the file;
+    time_unit: who stated the unit of the times: "given" (the user), "file", or ""; first_line: line number (from 1) of
+    the first row of numbers; constant_columns: columns left out because they do not change. unit: unit of the record, a
+    name in UNITS. start, stop: of the part that is used, in s, in the times of the record; offset: constant that was
+    subtracted from all values (in the unit of y); decays: all free decays in the record, including the used one. more:
+    further numbers and texts for run.json.
     """
 
     warnings: tuple[str, ...] = ()
@@ -97,14 +100,14 @@ class Provenance:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Return the sentences for the user: warnings, the number of header lines, notes."""
+        """Return the sentences for the user: warnings, number of header lines, notes."""
         head = self.header_lines
         lines = [f"Beware: {text}" for text in self.warnings]
         lines += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
         return (*lines, *self.notes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as in run.json, without empty fields; `of` is the inverse."""
+        """Return the provenance as a dictionary for run.json, without empty fields; `of` is the inverse."""
         values = asdict(self)
         always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
         more = values.pop("more")
@@ -112,7 +115,7 @@ class Provenance:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """Return the provenance of which `to_dict` made this, also after it was a file."""
+        """Return the provenance from a dictionary of `to_dict`, also after it was stored as JSON."""
         own = {f.name for f in fields(cls)} - {"more"}
         values = {name: value for name, value in given.items() if name in own and value is not None}
         more = {name: value for name, value in given.items() if name not in own}
@@ -121,14 +124,15 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A record after cleaning, in SI units, without the truth; equal only to itself.
+    """A record after cleaning, in SI units. Instances compare by identity.
 
     t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first sample.
     y: the recorded quantity, shape (n,): rad or m, per s or per s² for velocity or acceleration.
     quantity: "angle", "velocity" or "acceleration".
-    unit: "rad" or "m": the unit of the displacement itself.
-    step: the recording step (quantisation) in the unit of y, 0 where none is detected.
-    provenance: how it was read and what was done to it.
+    unit: unit of the displacement, "rad" or "m".
+    name: name of the record.
+    step: recording step (quantisation) in the unit of y; 0 if none is detected.
+    provenance: how the record was read, and what was done to it.
     """
 
     t: np.ndarray
@@ -141,21 +145,21 @@ class Signal:
 
     @property
     def uniform(self) -> bool:
-        """Whether the samples are equally spaced to a thousandth of the spacing."""
+        """Return whether the samples are equally spaced, within 1/1000 of the spacing."""
         gaps = self.t[1:] - self.t[:-1]
         return bool((abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()).all())
 
 
 @dataclass(frozen=True)
 class FeaturesSeen:
-    """Features of an oscillation, in numbers.
+    """Features of an oscillation, as numbers.
 
-    rest: the midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
-    amplitude, final_amplitude: displacement amplitude at the first and last sample (rad or m).
-    frequency (rad/s) and period (s): mean over the record, with more weight where the crossings are sharp.
-    cycles: cycles in the record, as far as turning points stand out of the noise.
-    samples_per_cycle: samples in a mean period.
-    roughness: sd of the noise, in the unit of the recorded quantity.
+    rest: median midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
+    amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
+    frequency, period: mean over the record, in rad/s and s, weighted by the precision of the midline crossings.
+    cycles: number of cycles whose turning points stand out of the noise.
+    samples_per_cycle: number of samples in a mean period.
+    roughness: standard deviation of the noise, in the unit of the recorded quantity.
     """
 
     rest: float
@@ -172,7 +176,7 @@ class FeaturesSeen:
 class Symbol:
     """The notation of a parameter or a derived quantity.
 
-    text: in sentences and tables. math: in figures. meaning: in words.
+    text: symbol in sentences and tables. math: LaTeX symbol in figures. meaning: description in words.
     """
 
     text: str
@@ -182,12 +186,12 @@ class Symbol:
 
 @dataclass(frozen=True)
 class System:
-    """What is known of the oscillator, without the truth of what is estimated.
+    """What is known about the oscillator before inference.
 
     restoring: name of the restoring law.
-    known: parameter name to its specified value (restoring parameters, theta0, omega0, epsilon, noise_sd, ...).
-    free: parameter name to a prior, or None for the default prior.
-    amplitude, frequency: the study's reference amplitude (unit of displacement) and frequency (rad/s).
+    known: specified values of parameters (of the restoring law, theta0, omega0, epsilon, noise_sd, ...), by name.
+    free: priors of unknown parameters, by name; None for the default prior.
+    amplitude, frequency: reference amplitude (unit of displacement) and frequency (rad/s), if specified.
     """
 
     restoring: str
@@ -201,11 +205,14 @@ class System:
 class Estimate:
     """A point estimate of one method at one stage.
 
-    values: parameter name to value, only those that the method itself computes (SI units).
-    stderr: parameter name to the method's own standard error, where it has one.
-    trace: named convergence curves, each an array.
+    estimator, stage: names of the method and of the stage.
+    values: parameter values that the method computes, by name (SI units).
+    stderr: standard errors that the method computes, by parameter.
+    trace: convergence curves by name, each an array.
     details: further results of the method (selected terms, eigenvalues, a Pareto front, a learnt force), as strings,
     numbers and lists of these.
+    evaluations, seconds: number of evaluations, and computing time.
+    outcome: `ok`, or why the method failed.
     """
 
     estimator: str
@@ -221,11 +228,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Seed:
-    """The start of a search for the mode.
+    """Where the starting point of a search for the posterior mode comes from.
 
-    source: of the values: an estimator, or in words a part of the record or a fit; stage: the estimator's. drawn:
-    whether they are a draw from the prior. grown: whether the start was then refined along a window that grew from two
-    cycles.
+    source: an estimator, or a description such as a part of the record or another fit; stage: stage of the estimator.
+    drawn: whether the point was drawn from the prior. grown: whether it was refined on a window that grew from two
+    cycles to the whole record.
     """
 
     source: str
@@ -236,9 +243,10 @@ class Seed:
 
 @dataclass(frozen=True)
 class PartialFit:
-    """The mode on a part of the record, from start to stop in s.
+    """The posterior mode for a part of the record, from start to stop (s).
 
-    values, sd: of the parameters, by Laplace's approximation, as is the part's log evidence (nats).
+    values, sd: mode and standard deviation of each parameter, by the Laplace approximation. log_evidence: log evidence
+    of the part (nats), by the same approximation.
     """
 
     label: str
@@ -253,8 +261,8 @@ class PartialFit:
 class Forecast:
     """The prediction of the second half of a record from the first.
 
-    rms, expected: of its error, and the expected one, in the record's unit. coverage: share inside the 95 % interval.
-    log_predictive: log density given the first half (nats).
+    rms, expected: rms error of the prediction, and its expected value, in the unit of the record. coverage: fraction of
+    samples inside the 95 % interval. log_predictive: log density of the second half, given the first (nats).
     """
 
     rms: float
@@ -265,7 +273,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class AddedForm:
-    """The model with another form of damping: its log Bayes factor in nats against the model without it."""
+    """A model with another form of damping added, and its log Bayes factor (nats) against the model without it."""
 
     words: str
     log_bayes: float
@@ -273,33 +281,33 @@ class AddedForm:
 
 @dataclass(frozen=True)
 class FitCheck:
-    """The checks of a model at its mode.
+    """The checks of how well a model fits, at its posterior mode.
 
     Attributes
     ----------
     windows
-        Fits of the whole record and of three halves of it.
+        Fits of the whole record and of its first, middle and last half.
     rms, share
-        Of the residuals, in the unit of the record, and as a share of half the fit's range.
+        Rms of the residuals, in the unit of the record, and as a fraction of half the range of the fit.
     residual_autocorrelation
-        Of the residuals at one lag.
+        Autocorrelation of the residuals at lag one.
     predictive_p, tails_p
-        Posterior predictive p of the structure in whitened residuals, and of their kurtosis.
+        Posterior predictive p-values of the structure in the whitened residuals, and of their kurtosis.
     line_p
-        Chance of the part of their spectrum that stands out most.
+        p-value of the strongest line in the spectrum of the whitened residuals.
     form_p
-        Chance of the force, of those that no candidate has, which they show most.
+        p-value of the most significant other force (which no candidate contains) in the whitened residuals.
     kurtosis
-        Of the whitened residuals, in excess of a normal's.
+        Excess kurtosis of the whitened residuals.
     window_spread, window_p
-        Largest shift of a damping coefficient between a half and the whole record, in the sds that it has by chance,
-        and the chance of a shift as large.
+        Largest shift of a damping coefficient between a half and the whole record, in standard deviations of its chance
+        distribution, and the p-value of this shift.
     forecast
-        Of the second half by the first, where the first half determines it.
+        Prediction of the second half from the first; None if the first half does not determine it.
     rivals
         The model with other forms of damping added.
     verdict
-        Whether the model fits, and why not.
+        Whether the model fits, and the reason if not.
     """
 
     windows: tuple[PartialFit, ...] = ()
@@ -320,9 +328,9 @@ class FitCheck:
 
 @dataclass(frozen=True)
 class NestedRatio:
-    """Log Bayes factor (nats) of a model without a damping term against the one with it, by Savage and Dickey.
+    """Log Bayes factor (nats) of a model without a damping term against the model with it, by the Savage–Dickey ratio.
 
-    stderr: its standard error. outcome: `ok`, or why it is not valid.
+    stderr: standard error of the log. outcome: `ok`, or why it is not valid.
     """
 
     log_bayes_factor: float = float("nan")
@@ -334,7 +342,8 @@ class NestedRatio:
 class Ratio:
     """Equivalent viscous damping ratio at an amplitude (rad or m).
 
-    value: median. low, high: 95 % interval. sd_noise, sd_law: parts of its standard deviation.
+    value: median. low, high: 95 % interval. sd_noise, sd_law: contributions to its standard deviation by the noise and
+    by deviations from the model.
     """
 
     amplitude: float
@@ -349,8 +358,8 @@ class Ratio:
 class ChainStart:
     """The starting point of a chain.
 
-    seed: its source. seed_distance, distance: of the seed and of the point from the mode, in posterior sds. shift: the
-    largest distance of the chain's mean from that of all chains, in posterior sds.
+    seed: source of the point. seed_distance, distance: distances of the seed, and of the starting point, from the mode.
+    shift: largest distance between the means of this chain and of all chains. All are in posterior standard deviations.
     """
 
     seed: Seed
@@ -360,18 +369,18 @@ class ChainStart:
 
 
 FRICTION_WIDTH = 0.02
-"""Default of the velocity ε within which friction changes its sign, as a share of the peak velocity (conventional)."""
+"""Default of the width ε of dry friction's sign change, relative to the peak velocity (conventional)."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: prior widths scale with it."""
+    """Reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale."""
 
     amplitude: float
     frequency: float
 
     def scales(self, rest: float) -> dict[str, float]:
-        """Return the scales that damping terms may use, by name; rest: where the motion rests, rad or m."""
+        """Return the numbers in `damping.GIVEN` that damping terms may need, by name; rest: equilibrium, rad or m."""
         return {
             "rest": rest,
             "reference_velocity": self.peak_velocity,
@@ -380,20 +389,20 @@ class Reference:
 
     @property
     def peak_velocity(self) -> float:
-        """Return amplitude times frequency, rad/s or m/s."""
+        """Return the peak velocity, amplitude times frequency, in rad/s or m/s."""
         return self.amplitude * self.frequency
 
     @property
     def friction_width(self) -> float:
-        """Return the default of ε, rad/s or m/s."""
+        """Return the default of the width ε, in rad/s or m/s."""
         return FRICTION_WIDTH * self.peak_velocity
 
 
 @dataclass(frozen=True)
 class Friction:
-    """A width of friction ε (rad/s or m/s), with its posterior probability.
+    """A width ε (rad/s or m/s) of dry friction's sign change, with its posterior probability `weight`.
 
-    coefficients, further: of all damping terms at this width, and their further parameters.
+    coefficients, further: coefficients of all damping terms, and their further parameters, at this width.
     """
 
     epsilon: float
@@ -404,12 +413,14 @@ class Friction:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of a posterior: draws[chain, draw, parameter] in natural units.
+    """Draws from a posterior: draws[chain, draw, parameter] in natural units.
 
-    summaries: of each parameter. starts: of the chains. divergences: number of diverging transitions, None for samplers
-    without them. evaluations: of the likelihood. ensembles: number of groups of chains that share their moves.
-    effective: number of draws of the posterior that independent draws of an approximation are worth. running: the
-    parameters whose running estimates are in the arrays, `running/...`. diagnostics: further ones of the sampler.
+    names: of the parameters. log_likelihood: of each draw. stats: statistics of the sampler for each draw. summaries:
+    of each parameter. starts: starting points of the chains. divergences: number of divergent transitions, None for
+    samplers without them. evaluations: number of likelihood evaluations. ensembles: number of groups of chains that
+    share their moves. effective: effective number of posterior draws, if the draws come from an approximation. running:
+    parameters whose running estimates are in `arrays` as `running/...`. diagnostics: further diagnostics of the
+    sampler.
     """
 
     sampler: str
@@ -432,9 +443,9 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Log marginal likelihood of one model by one method (nats), with its standard error and diagnostic.
+    """Log marginal likelihood (nats) of one model by one method, with its standard error and diagnostic.
 
-    arrays: for further use, such as draws and their weights.
+    evaluations: number of likelihood evaluations. arrays: arrays for further use, such as draws and their weights.
     """
 
     model: str
@@ -449,20 +460,20 @@ class Evidence:
 
 
 def candidate_name(damping: str, restoring: str = "") -> str:
-    """Return the name of a candidate: `viscous+coulomb@pendulum`, or the damping sum where no law is given."""
+    """Return the name of a candidate, such as `viscous+coulomb@pendulum`; without a restoring law, the damping sum."""
     return f"{damping}{LAW_MARK}{restoring}" if restoring else damping
 
 
 def candidate_parts(name: str) -> tuple[str, str]:
-    """Return damping sum and restoring law of a candidate; the law is empty where the name has none."""
+    """Return damping sum and restoring law from the name of a candidate; the law is "" if the name has none."""
     damping, _, restoring = name.partition(LAW_MARK)
     return damping, restoring
 
 
 def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
-    """Sum candidates' probabilities over restoring laws, by damping, the likeliest first.
+    """Sum the probabilities of candidates over restoring laws; return them by damping sum, the largest first.
 
-    With `part` 1 they are summed over dampings, by law.
+    With `part` 1, sum over damping sums and return them by restoring law.
     """
     sums: dict[str, float] = {}
     for name, p in probabilities.items():
@@ -473,7 +484,7 @@ def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float
 
 @dataclass(frozen=True)
 class Problem:
-    """The task of an estimator: these damping terms, with what is known of the system."""
+    """The problem for an estimator: estimate the coefficients of these damping terms, given what is known."""
 
     damping: tuple[str, ...]
     system: System

@@ -1,4 +1,4 @@
-"""The units of records."""
+"""Define the units of recorded quantities."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import math
 from dataclasses import dataclass
 
 _PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
+"""Text after the unit of displacement, for each quantity."""
 
 
 @dataclass(frozen=True)
 class Unit:
     """A unit of displacement.
 
-    base: the unit of computation: rad, m, or the unit itself where a sensor's scale is not known. factor: its size in
-    the base. quantity: the only quantity that it is a unit of, without "/s" or "/s²"; None for a unit of displacement.
-    written: other names in the names of columns, in small letters.
+    base: unit in which we compute: rad, m, or the unit itself for a sensor of unknown scale. factor: size of the unit
+    in the base. quantity: if it is a unit of velocity or acceleration (rpm, g), that quantity; None for a unit of
+    displacement. written: other ways of writing it in column names, in small letters.
     """
 
     name: str
@@ -25,32 +26,32 @@ class Unit:
 
     @property
     def translates(self) -> bool:
-        """Whether the motion is along a line: a pendulum's laws need an angle."""
+        """Return whether the displacement is not an angle, so that laws of a pendulum do not apply."""
         return self.base != "rad"
 
     @property
     def physical(self) -> bool:
-        """Whether forces and energies follow from it with a known inertia."""
+        """Return whether the scale is known (rad or m), so that forces and energies follow if the inertia is known."""
         return self.base in ("rad", "m")
 
     @property
     def scale(self) -> float:
-        """Return the size of the base in this unit."""
+        """Return the size of the base unit in this unit, 1 / factor."""
         return 1.0 / self.factor
 
     @property
     def displacement(self) -> Unit:
-        """Return the unit of amplitudes: the base where this one is a unit of another quantity only."""
+        """Return the unit of displacement amplitudes: this unit, or its base for a unit of velocity or acceleration."""
         return self if self.quantity is None else UNITS[self.base]
 
     def called(self, quantity: str) -> str:
-        """Return the name of a quantity in this unit: angle, position, signal, or their derivative."""
+        """Return the name of a quantity in this unit: "angle", "position", "signal", "velocity" or "acceleration"."""
         if quantity != "angle":
             return quantity
         return {"rad": "angle", "m": "position"}.get(self.base, "signal")
 
     def of(self, quantity: str) -> str:
-        """Return the label of values of a quantity."""
+        """Return the unit of a quantity if the displacement has this unit, such as "mm/s"."""
         return self.name if quantity == self.quantity else self.name + _PER[quantity]
 
 
@@ -77,14 +78,14 @@ UNITS = {
         Unit("counts", "counts", 1.0, None, ("count", "adc", "lsb", "a.u.", "au", "arb. units", "arb.u.")),
     )
 }
-"""Units by name, as in a study or as an option."""
+"""Units by name, as in study files and options."""
 
 
 def unit_named(name: str) -> Unit:
-    """Return the unit with a name; one that only envelopes have, such as dBm, is its own base."""
+    """Return the unit with a name; an unknown one, such as dBm of an envelope, is its own base."""
     return UNITS.get(name) or Unit(name, name, 1.0)
 
 
 def quantity_unit(unit: str, quantity: str) -> str:
-    """Return the unit of the recorded quantity where the displacement has this unit."""
+    """Return the unit of the recorded quantity if the displacement has the given unit."""
     return UNITS[unit].of(quantity)

@@ -13,7 +13,7 @@ from rich.text import Text
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
 from bayesdamp.formatting import Table
 from bayesdamp.records.envelope.record import read_envelope
-from bayesdamp.records.envelope.window import bounded
+from bayesdamp.records.envelope.window import window_between
 from bayesdamp.records.files.contents import Contents
 from bayesdamp.records.files.names import seconds_of_unit, unit_of_column
 from bayesdamp.records.oscillation.features import holes
@@ -122,7 +122,7 @@ def view_envelope(
     t, level = record.t, record.level
     inside = None
     try:
-        window = bounded(t, level, *(end if isinstance(end, float) else None for end in ends))
+        window = window_between(t, level, *(end if isinstance(end, float) else None for end in ends))
     except Refusal as refusal:
         lines = [f"No free decay: {refusal}."]
     else:

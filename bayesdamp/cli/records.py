@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.cli.options import invalid_value, parse_time
-from bayesdamp.records.cleaning.clean import clean, decimated
+from bayesdamp.records.cleaning.clean import clean, decimate
 from bayesdamp.records.files.names import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
-from bayesdamp.records.record import RawRecord, read_as, unwrapped
+from bayesdamp.records.record import RawRecord, read_as, unwrap
 from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
 
@@ -167,7 +167,7 @@ def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
     """Return the record with the free decay in it, or with the reason why there is none."""
     try:
         signal = clean(
-            decimated(unwrapped(record.raw, record.unit, record.quantity)),
+            decimate(unwrap(record.raw, record.unit, record.quantity)),
             name=record.path.name,
             unit=record.unit,
             quantity=record.quantity,

@@ -92,7 +92,7 @@ class Motions:
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
             return None
-        p = self.osc.settled(self._numbers)
+        p = self.osc.with_equilibrium(self._numbers)
 
         def force(v: np.ndarray) -> np.ndarray:
             parts = (p[t.parameter] * t.force(self._rest, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
@@ -118,7 +118,7 @@ class Motions:
         for x, w in zip(*_HALVING, strict=True):
             a = self.amplitude * 2.0 ** (-0.5 * (x + 1.0))
             at = self.at(a)
-            time += 0.5 * np.log(2.0) * w * a * np.asarray(at.period * at.slope / at.lost)
+            time += 0.5 * np.log(2.0) * w * a * np.asarray(at.period * at.energy_slope / at.energy_lost)
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
@@ -157,9 +157,12 @@ QUANTITIES = (
     DerivedQuantity("equivalent_ratio", "1", "1", lambda m: _ratio(m.cycle)),
     DerivedQuantity("log_decrement", "1", "1", lambda m: _decrement(m.cycle, m.amplitude)),
     DerivedQuantity("half_life", "s", "s", lambda m: m.half_life),
-    DerivedQuantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.lost / m.cycle.energy)),
+    DerivedQuantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.energy_lost / m.cycle.energy)),
     DerivedQuantity(
-        "energy_lost", "J", "J", lambda m: None if m.inertia is None else m.inertia * np.asarray(m.cycle.lost)
+        "energy_lost",
+        "J",
+        "J",
+        lambda m: None if m.inertia is None else m.inertia * np.asarray(m.cycle.energy_lost),
     ),
     DerivedQuantity("viscous_coefficient", "N m s", "N s/m", lambda m: m.coefficient("zeta", 2.0)),
     DerivedQuantity("coulomb_torque", "N m", "N", lambda m: m.coefficient("mu_c")),
@@ -213,8 +216,8 @@ def against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
-    return np.asarray(at.lost / (4.0 * np.pi * at.energy))
+    return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 
 def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
-    return np.asarray(at.lost / (amplitude * at.slope))
+    return np.asarray(at.energy_lost / (amplitude * at.energy_slope))

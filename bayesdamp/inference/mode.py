@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.levenberg_marquardt import (
-    HIGHEST,
+    MAX_LAMBDA,
     Expansion,
     Maximum,
     Retract,
@@ -107,7 +107,7 @@ def maximise(
 
     def ended(step: Step) -> bool:
         if step.gain < 0:
-            return step.expected < HOPELESS or step.damping > HIGHEST
+            return step.expected < HOPELESS or step.damping > MAX_LAMBDA
         size = np.sqrt(max(float(step.move @ step.at.information @ step.move), 0.0))
         value = step.at.value + step.gain
         return bool(step.gain < close**3 * max(1.0, abs(value) * 1e-3) and size < close)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
-from bayesdamp.numerics.weights import effective, shares, summarise
+from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
 
 BINS = 150
@@ -89,10 +89,10 @@ class Kernels:
         Near a wall they are not moved: a shift would be worse than the few per cent that the width adds.
         """
         log_weights = sample.log_weights - sample.log_prior
-        w = shares(log_weights)
+        w = normalise(log_weights)
         mean = float(w @ sample.values)
         sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
-        share = 1.06 * effective(log_weights) ** -0.2
+        share = 1.06 * effective_size(log_weights) ** -0.2
         drawn = sample.values
         if not mean < 4 * sd:
             drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
@@ -172,7 +172,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         ratio = given / np.maximum(np.exp(kernel.log_density(x)), 1e-300)
         log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
         shrunk[sample.name] = summarise(x, given)
-        size[sample.name] = effective(sample.log_weights - sample.log_prior + log_ratio)
+        size[sample.name] = effective_size(sample.log_weights - sample.log_prior + log_ratio)
     worst, outcome = min(size, key=lambda name: size[name]), OK
     if size[worst] < LEAST:
         few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST}"

@@ -17,7 +17,7 @@ from bayesdamp.inference.checks import DRAWS, Ahead
 from bayesdamp.inference.diagnostics import effective_mean
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
-from bayesdamp.numerics.weights import effective, pareto_k, resampled
+from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 from bayesdamp.priors import (
     SHARED_SIGMAS,
     HalfNormal,
@@ -120,7 +120,7 @@ def against_width(
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
         log_evidence = float(logsumexp(weights) - np.log(weights.size))
         w = np.exp(weights - log_evidence)
-        size = effective(weights)
+        size = effective_size(weights)
         if size >= ENOUGH and pareto_k(weights) < K_LIMIT:
             return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
         try:
@@ -178,7 +178,7 @@ def predict(
         Where the first half has no posterior, or no draw a finite motion over the second.
     """
     evidence = Importance().evidence(model, half.likelihood.target, half, seed)
-    rows = resampled(evidence.arrays["log_weights"], DRAWS, np.random.default_rng(seed))
+    rows = resample(evidence.arrays["log_weights"], DRAWS, np.random.default_rng(seed))
     return replace(evidence, arrays={}), carry(evidence.arrays["y"][rows])
 
 

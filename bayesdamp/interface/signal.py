@@ -17,7 +17,7 @@ from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.names import by_name
 from bayesdamp.records.read import FASTEST, SLOWEST
-from bayesdamp.records.record import RawRecord, resolved_unit, unwrapped
+from bayesdamp.records.record import RawRecord, resolved_unit, unwrap
 from bayesdamp.types import InputError, Provenance
 from bayesdamp.units import UNITS, Unit
 
@@ -245,7 +245,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     InputError
         If the record does not contain a free decay.
     """
-    raw = unwrapped(raw, unit, quantity)
+    raw = unwrap(raw, unit, quantity)
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
     whole = np.asarray(clock_times(raw, window["clock"], name).t)
     return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)

@@ -1,1 +1,1 @@
-"""Numerical methods that know nothing of oscillations."""
+"""Provide general numerical methods that do not depend on oscillations."""

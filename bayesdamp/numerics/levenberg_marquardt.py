@@ -1,7 +1,8 @@
-"""Maximise a function within lower bounds by Levenberg–Marquardt's method.
+"""Maximise a function within lower bounds by the Levenberg–Marquardt method.
 
-The function is expanded to second order: a step s solves (H + λ diag H) s = g for gradient g and information H. λ falls
-where the step gains and grows where it does not (Levenberg 1944, Marquardt 1963; Moré 1977 for the scaling).
+A step s solves (H + λ diag H) s = g with the gradient g and the information H (minus the Hessian). λ shrinks after a
+step that increases the function, and grows after one that does not (Levenberg 1944, Marquardt 1963; Moré 1977 for the
+scaling).
 """
 
 from __future__ import annotations
@@ -12,25 +13,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-FIRST, LOWEST, HIGHEST = 1e-3, 1e-12, 1e12
-"""λ at first, and its bounds (conventional)."""
-AGAIN = 1e-9
-"""Least λ before it grows, so that it leaves the lowest at once."""
+FIRST_LAMBDA, MIN_LAMBDA, MAX_LAMBDA = 1e-3, 1e-12, 1e12
+"""Initial, smallest and largest λ (conventional)."""
+MIN_BEFORE_GROWTH = 1e-9
+"""A smaller λ is set to this before it grows, so that it need not grow through many tiny values (conventional)."""
 
 
 class Schedule(NamedTuple):
-    """Factors by which λ shrinks where a step gains, and grows where it does not (conventional)."""
+    """Factors by which λ changes: `less` after a step that increases the function, `more` otherwise (conventional)."""
 
     less: float = 0.2
     more: float = 6.0
 
 
 Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Maps a point (d,) and a step (d,) to the end of the curve that starts with this step."""
+"""A function that returns the end point, (d,), of a step (d,) from a point (d,); steps may follow a curve."""
 
 
 class Expansion(NamedTuple):
-    """A function at a point: its value, its gradient (d,) and its information, which is minus its Hessian, (d, d)."""
+    """Value of a function at a point, its gradient (d,), and its information (minus the Hessian) (d, d)."""
 
     value: float
     gradient: np.ndarray
@@ -43,8 +44,8 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step.
 
-    x: its start, (d,). move: how far it moved, (d,). at: the expansion at its start. gain: of the function. expected:
-    the first-order gain of a step that no bound shortens. damping: λ.
+    x: start point, (d,). move: displacement after the bounds are applied, (d,). at: expansion at the start point. gain:
+    increase of the function. expected: increase to first order, ignoring the bounds. damping: λ of the step.
     """
 
     x: np.ndarray
@@ -57,9 +58,10 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Maximum:
-    """The end of an ascent.
+    """Result of a maximisation.
 
-    x: (d,); value: the function's, −inf where that is not finite; information: (d, d); evaluations: of the function.
+    x: end point, (d,); value: function value there, −inf if it is not finite; information: minus the Hessian there,
+    (d, d); evaluations: number of function evaluations.
     """
 
     x: np.ndarray
@@ -70,7 +72,7 @@ class Maximum:
 
 
 def straight_on(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the end of a straight step."""
+    """Return the end point of a straight step from x."""
     return x + step
 
 
@@ -90,35 +92,40 @@ def levenberg_marquardt(
     Parameters
     ----------
     expand
-        The function's value, gradient and information at a point, (d,).
+        Function that returns the value, gradient and information at a point, (d,).
     x
-        Start, (d,).
+        Start point, (d,).
     floor
-        Lower bounds, (d,), −inf where there is none.
+        Lower bounds, (d,); −inf for an unbounded coordinate.
     ended
-        Whether the search has converged with a step, taken or not.
+        Convergence criterion: function that returns True if the search ends with this trial step.
     limit
-        Most steps.
+        Largest number of steps.
     longest
-        Largest component of a step.
+        Largest allowed component of a step.
     schedule
-        Factors of λ.
+        Factors by which λ changes.
     retract
-        Where steps end.
+        Function that returns the end point of a step.
+
+    Returns
+    -------
+    Maximum
+        The best point; its value is −inf if the function is not finite there.
     """
 
     def is_finite(at: Expansion) -> bool:
         return bool(np.isfinite(at.value) and np.all(np.isfinite(at.information)))
 
     x = np.maximum(x, floor)
-    at, damping, evaluations = expand(x), FIRST, 1
+    at, damping, evaluations = expand(x), FIRST_LAMBDA, 1
     for _ in range(limit):
         if not is_finite(at):
             break
-        # Where the slope holds a component at its bound, the others move without it.
+        # Components at their bound whose gradient points below it stay there.
         free = np.flatnonzero(~((x <= floor) & (at.gradient <= 0)))
         move = np.zeros_like(x)
-        # Each component has the unit that its own curvature sets.
+        # Scale each component by its curvature: then λ diag H is λ times the identity.
         information = at.information[np.ix_(free, free)]
         diagonal = np.diag(information)
         scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
@@ -130,11 +137,11 @@ def levenberg_marquardt(
         evaluations += 1
         gain = float(new.value - at.value) if np.isfinite(new.value) else -np.inf
         converged = ended(Step(x, end - x, at, gain, float(move @ at.gradient), damping))
-        over = converged or (damping if gain < 0 else damping * schedule.less) > HIGHEST
+        over = converged or (damping if gain < 0 else damping * schedule.less) > MAX_LAMBDA
         if gain >= 0:
-            x, at, damping = end, new, max(damping * schedule.less, LOWEST)
+            x, at, damping = end, new, max(damping * schedule.less, MIN_LAMBDA)
         else:
-            damping = max(damping, AGAIN) * schedule.more
+            damping = max(damping, MIN_BEFORE_GROWTH) * schedule.more
         if over:
             return Maximum(x, float(at.value), at.information, evaluations, converged)
     if not is_finite(at):

@@ -1,7 +1,7 @@
-"""Distributions of coordinates of which some are not negative.
+"""Compute with normal distributions some of whose coordinates must not be negative.
 
-The probability that a few normal coordinates are not negative, draws under this condition, and a heavy-tailed
-distribution that is reflected at zero.
+`log_probability` gives the probability that all coordinates are ≥ 0, `draw` draws under this condition, and
+`ReflectedT` is a heavy-tailed distribution that is reflected at zero.
 """
 
 from __future__ import annotations
@@ -12,26 +12,30 @@ import numpy as np
 from scipy.special import gammaln, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 POINTS = 24
-"""Nodes of the Gauss–Legendre rule (conventional)."""
-FAINTEST = 1e-280
-"""Probability above zero below which quantiles are computed from its logarithm (conventional)."""
-NESTED, LATTICE = 3, 256
-"""Most coordinates for which rules are nested, and points of the lattice for more."""
+"""Number of Gauss–Legendre nodes for each coordinate (conventional)."""
+MIN_PROBABILITY = 1e-280
+"""If the probability of values above zero is smaller, quantiles are computed from its logarithm (conventional)."""
+MAX_NESTED, LATTICE = 3, 256
+"""Up to this many coordinates nested Gauss rules are used; for more, a lattice of this many points (conventional)."""
 SURE = 7.0
-"""Standard deviations above zero of the least likely coordinate at which all are positive: to 1e-12 a coordinate."""
+"""If every mean is this many standard deviations above zero, the probability is taken as 1 (error 1e-12 a
+coordinate)."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
+"""Primes whose square roots generate the lattice, one for each coordinate."""
 DEGREES = 7.0
-"""Degrees of freedom of the reflected Student t."""
+"""Degrees of freedom of the reflected Student t (conventional)."""
 _X, _W = np.polynomial.legendre.leggauss(POINTS)
-SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
+LEVELS, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
+"""Gauss–Legendre nodes on [0, 1], used as quantile levels, and their weights."""
 
 
 def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
-    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability, the least
-    likely one first: the others, given it, are smooth in its share (G. J. Gibson, C. A. Glasbey and D. A. Elston, in
-    Advances in Numerical Methods and Applications, World Scientific 1994, 120).
+    The coordinate that is least likely to be positive is integrated first: over quantiles of its truncated
+    distribution, at Gauss–Legendre nodes. The probability of the others, given this coordinate, is computed recursively
+    and depends smoothly on the quantile (G. J. Gibson, C. A. Glasbey and D. A. Elston, in Advances in Numerical Methods
+    and Applications, World Scientific 1994, 120).
     """
     count, k = mean.shape
     if k == 0:
@@ -41,19 +45,21 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         order, rows = np.argsort(mean / sd, axis=1), np.arange(count)[:, None]
         mean = mean[rows, order]
         covariance = covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
+        # Rows that are surely positive have probability 1 and need no quadrature.
         unsure = mean[:, 0] < SURE * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
             logs = np.zeros(count)
             if unsure.any():
                 logs[unsure] = log_probability(mean[unsure], covariance[unsure])
             return logs
-    if k > NESTED:
+    if k > MAX_NESTED:
         return _log_probability_by_lattice(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
     first = log_ndtr(mean[:, 0] / sd)
     if k == 1:
         return first
-    at = truncated(mean[:, 0], sd, SHARES[None, :])
+    at = truncated_quantiles(mean[:, 0], sd, LEVELS[None, :])
+    # Mean and covariance of the other coordinates, given each value of the first.
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
     means = mean[:, None, 1:] + (at - mean[:, :1])[:, :, None] * slope[:, None, :]
@@ -66,37 +72,37 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the same for many coordinates, for which nested rules would have too many nodes.
+    """Return `log_probability` for many coordinates, for which nested rules would need too many nodes.
 
-    It is Geweke, Hajivassiliou and Keane's product of conditional probabilities over a lattice of shares
-    (R. D. Richtmyer 1951).
+    It is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the product of the coordinates'
+    conditional probabilities (Geweke, Hajivassiliou and Keane).
     """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
     part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
     lower, centres = np.linalg.cholesky(part), mean / scale
-    shares = np.mod(0.5 + np.arange(1, LATTICE + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
-    scores, log = np.zeros((count, LATTICE, k)), np.zeros((count, LATTICE))
+    levels = np.mod(0.5 + np.arange(1, LATTICE + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
+    z, log = np.zeros((count, LATTICE, k)), np.zeros((count, LATTICE))
     for i in range(k):
-        centre = centres[:, i, None] + np.einsum("cpj,cj->cp", scores[:, :, :i], lower[:, i, :i])
+        centre = centres[:, i, None] + np.einsum("cpj,cj->cp", z[:, :, :i], lower[:, i, :i])
         sd = np.broadcast_to(lower[:, i, i, None], centre.shape)
         log += log_ndtr(centre / sd)
-        at = np.broadcast_to(shares[:, i], centre.shape).reshape(-1, 1)
-        value = truncated(centre.ravel(), sd.ravel(), at)[:, 0].reshape(centre.shape)
-        scores[:, :, i] = (value - centre) / sd
+        at = np.broadcast_to(levels[:, i], centre.shape).reshape(-1, 1)
+        value = truncated_quantiles(centre.ravel(), sd.ravel(), at)[:, 0].reshape(centre.shape)
+        z[:, :, i] = (value - centre) / sd
     top = log.max(axis=1, keepdims=True)
     return top[:, 0] + np.log(np.mean(np.exp(log - top), axis=1))
 
 
-def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Return quantiles at `shares`, (c, p), of normals (c,) that are truncated at zero."""
+def truncated_quantiles(mean: np.ndarray, sd: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Return quantiles, (c, p), at `levels` in (0, 1) of normals with means and sds (c,) that are truncated to ≥ 0."""
     above = ndtr(mean / sd)[:, None]
-    if above.min(initial=1.0) > FAINTEST:
-        score = -ndtri(np.maximum((1 - shares) * above, 1e-300))
+    if above.min(initial=1.0) > MIN_PROBABILITY:
+        z = -ndtri(np.maximum((1 - levels) * above, 1e-300))
     else:
         with np.errstate(divide="ignore"):
-            score = -ndtri_exp(np.log1p(-shares) + log_ndtr(mean / sd)[:, None])
-    return np.maximum(mean[:, None] + sd[:, None] * score, 0.0)
+            z = -ndtri_exp(np.log1p(-levels) + log_ndtr(mean / sd)[:, None])
+    return np.maximum(mean[:, None] + sd[:, None] * z, 0.0)
 
 
 def draw(
@@ -106,26 +112,28 @@ def draw(
     places: np.ndarray,
     count: int | np.ndarray,
 ) -> np.ndarray:
-    """Draw from normals with means (c, d) and covariances factor·factorᵀ, factors (c, d, d), that are ≥ 0 at `places`.
+    """Draw from normal distributions under the condition that the coordinates `places` are ≥ 0.
 
-    The constrained coordinates are drawn one after the other, the least likely first, from truncated normals (Geweke,
-    Hajivassiliou and Keane) and resampled by their weights; the others follow by conditioning.
+    The constrained coordinates are drawn one after the other from truncated normals, the least likely first (Geweke,
+    Hajivassiliou and Keane), and resampled by their importance weights; the others follow by conditioning.
 
     Parameters
     ----------
     rng
-        The random generator.
-    mean, factor
-        Of each normal; for a single one also (d,) and (d, d).
+        Random generator.
+    mean
+        Mean of each normal, (c, d); for a single normal also (d,).
+    factor
+        Matrices whose product with their transpose is the covariance, (c, d, d); for a single normal also (d, d).
     places
-        Coordinates that are not negative.
+        Indices of the coordinates that must not be negative.
     count
         Number of draws from each normal, (c,).
 
     Returns
     -------
     np.ndarray
-        The draws, (sum of count, d), those of the first normal first.
+        The draws, (sum of count, d), ordered by normal.
     """
     mean, counts = np.atleast_2d(mean), np.atleast_1d(count)
     factor = factor.reshape(-1, *factor.shape[-2:])
@@ -137,6 +145,7 @@ def draw(
     rows = np.arange(counts.size)[:, None]
     spread = np.einsum("cij,cij->ci", factor, factor)[:, places]
     places = places[np.argsort(mean[:, places] / np.sqrt(spread + 1e-300), axis=1)]  # (c, k)
+    # `part` is the covariance of the constrained coordinates, `gain` the regression of all coordinates on them.
     own = factor[rows, places]
     part = own @ np.swapaxes(own, 1, 2)
     part = part + (1e-14 * np.diagonal(part, axis1=1, axis2=2) + 1e-300)[:, :, None] * np.eye(places.shape[1])
@@ -154,37 +163,38 @@ def draw(
 def _truncated_draws(
     rng: np.random.Generator, mean: np.ndarray, lower: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """Draw from normals with means (c, k) and triangles (c, k, k), all of whose coordinates are ≥ 0."""
+    """Draw from normals with means (c, k) and Cholesky factors `lower` (c, k, k), under all coordinates ≥ 0."""
+    # Four proposals for each draw, then resampling by weight.
     tries = np.repeat(np.arange(counts.size), 4 * counts)
-    scores, log_weight = np.zeros((tries.size, mean.shape[1])), np.zeros(tries.size)
+    z, log_weight = np.zeros((tries.size, mean.shape[1])), np.zeros(tries.size)
     for i in range(mean.shape[1]):
-        centre = mean[tries, i] + np.einsum("ni,ni->n", scores[:, :i], lower[tries, i, :i])
+        centre = mean[tries, i] + np.einsum("ni,ni->n", z[:, :i], lower[tries, i, :i])
         sd = lower[tries, i, i]
         log_weight += log_ndtr(centre / sd)
-        value = truncated(centre, sd, rng.random((tries.size, 1)))[:, 0]
-        scores[:, i] = (value - centre) / sd
+        value = truncated_quantiles(centre, sd, rng.random((tries.size, 1)))[:, 0]
+        z[:, i] = (value - centre) / sd
     highest = np.full(counts.size, -np.inf)
     np.maximum.at(highest, tries, log_weight)
     weight = np.exp(log_weight - highest[tries])
     weight /= np.bincount(tries, weight)[tries]
     owner = np.repeat(np.arange(counts.size), counts)
-    # The weights of each normal sum to 1, so those of the next begin 1 further along.
+    # The weights of each normal sum to 1, so normal number i occupies [i, i + 1) of the cumulative sum.
     chosen = np.searchsorted(np.cumsum(weight), owner + rng.random(owner.size))
     chosen = np.clip(chosen, 4 * (np.cumsum(counts) - counts)[owner], 4 * np.cumsum(counts)[owner] - 1)
-    return mean[owner] + np.einsum("nij,nj->ni", lower[owner], scores[chosen])
+    return mean[owner] + np.einsum("nij,nj->ni", lower[owner], z[chosen])
 
 
 class ReflectedT:
-    """A multivariate Student t, reflected onto the non-negative side of some directions.
+    """A multivariate Student t distribution, some of whose coordinates are replaced by their absolute value.
 
     Parameters
     ----------
     centre : ndarray, shape (d,)
-        Before it is reflected.
+        Centre before the reflection.
     factor : ndarray, shape (d, d)
-        Cholesky factor of the scale.
+        Cholesky factor of the scale matrix.
     reflected : ndarray of bool, shape (d,)
-        Which directions are reflected.
+        Which coordinates are reflected.
     """
 
     def __init__(self, centre: np.ndarray, factor: np.ndarray, reflected: np.ndarray) -> None:
@@ -208,7 +218,7 @@ class ReflectedT:
         return np.where(self.reflected, np.abs(z), z)
 
     def log_density(self, y: np.ndarray) -> np.ndarray:
-        """Return the log density at reflected points y, (n, d): the sum over all mirror images."""
+        """Return the log density at points y, (n, d): of the sum over all mirror images of y."""
         d = self.factor.shape[0]
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
         white = np.linalg.solve(self.factor, images.T)
@@ -216,7 +226,7 @@ class ReflectedT:
         return self._constant + logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
 
 
-def fitted(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
-    """Return the reflected t with the mean and covariance of draws on the reflected side, (n, d)."""
+def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
+    """Return the `ReflectedT` whose t distribution has the mean and covariance of the draws y, (n, d)."""
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

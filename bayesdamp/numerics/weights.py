@@ -1,6 +1,6 @@
-"""Weighted draws: their summaries, and whether a few of them have all the weight.
+"""Summarise weighted draws, and check whether a few of them dominate the weights.
 
-The latter is shown by the shape of a generalised Pareto distribution that is fitted to the largest weights. Sources:
+The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights. Sources:
 Vehtari, Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25
 (2024); the fit is by Zhang and Stephens, "A new and efficient estimation method for the generalized Pareto
 distribution", Technometrics 51 (2009).
@@ -14,41 +14,43 @@ import numpy as np
 from scipy.special import logsumexp
 
 LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
-NOUGHT, FEWEST = 690.0, 5
-"""Nats below the largest at which a weight is zero, and fewest weights that have a shape."""
+"""Levels of the quantiles in summaries, by name."""
+NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
+"""A log weight this far below the largest counts as zero (e^−690 is close to the smallest float); smallest number of
+weights from which a shape is fitted (conventional)."""
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
-"""A weak prior of the shape, and the number of draws that it is worth (Vehtari et al., appendix C)."""
-CURVED = 3.0
-"""Factor of the quartile in the grid of Zhang and Stephens."""
+"""Mean of a weak prior of the shape, and the number of draws to which it is equivalent (Vehtari et al., appendix C)."""
+QUARTILE_FACTOR = 3.0
+"""Factor of the first quartile in the grid of Zhang and Stephens."""
 
 
-def shares(log_weights: np.ndarray) -> np.ndarray:
-    """Return weights that sum to one from their logarithms, (n,)."""
+def normalise(log_weights: np.ndarray) -> np.ndarray:
+    """Return the weights, (n,), normalised to sum 1, from their logarithms."""
     w = np.exp(log_weights - log_weights.max())
     return w / w.sum()
 
 
-def effective(log_weights: np.ndarray) -> float:
-    """Return how many draws of equal weight draws with these log weights, (n,), are worth."""
-    return float(1.0 / np.sum(shares(log_weights) ** 2))
+def effective_size(log_weights: np.ndarray) -> float:
+    """Return the effective number of draws, 1 / Σ w², of draws with these log weights, (n,)."""
+    return float(1.0 / np.sum(normalise(log_weights) ** 2))
 
 
-def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the indices, (count,), of draws of equal weight: systematic resampling (Kitagawa, JCGS 5, 1996)."""
-    ladder = np.cumsum(shares(log_weights))
+def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return indices, (count,), of draws with equal weights, by systematic resampling (Kitagawa, JCGS 5, 1996)."""
+    cumulative = np.cumsum(normalise(log_weights))
     at = (rng.uniform() + np.arange(count)) / count
-    return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)
+    return np.minimum(np.searchsorted(cumulative, at * cumulative[-1], side="right"), log_weights.size - 1)
 
 
 def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return quantiles of draws x, (n,), with weights that sum to one, (n,)."""
+    """Return quantiles, at `levels` in [0, 1], of draws x, (n,), with weights that sum to 1, (n,)."""
     order = np.argsort(x)
-    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
-    return np.interp(np.asarray(levels, float), ladder, x[order])
+    cumulative = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(np.asarray(levels, float), cumulative, x[order])
 
 
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
-    """Return mean, sd and central 95 % of draws x, (n,), with weights that sum to one, (n,)."""
+    """Return mean, sd and the quantiles of `LEVELS` by name, of draws x, (n,), with weights that sum to 1, (n,)."""
     mean = float(weights @ x)
     ends = quantiles(x, weights, list(LEVELS.values())).tolist()
     sd = float(np.sqrt(weights @ (x - mean) ** 2))
@@ -58,31 +60,32 @@ def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
 def pareto_k(log_weights: np.ndarray) -> float:
     """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights, (n,).
 
-    −∞ where all are equal and there is no tail, ∞ where all but a few are zero.
+    It is −∞ if all weights are equal, so that there is no tail, and ∞ if all but a few weights are zero.
     """
-    if np.sum(log_weights > np.max(log_weights) - NOUGHT) < FEWEST:
+    if np.sum(log_weights > np.max(log_weights) - NEGLIGIBLE_NATS) < MIN_WEIGHTS:
         return np.inf
     n = log_weights.size
     ordered = np.sort(log_weights) - np.max(log_weights)
     size = int(3 * np.sqrt(n)) if n > 225 else n // 5
     tail = ordered[n - size :]
-    if size < FEWEST or tail[-1] - tail[0] < np.finfo(float).tiny:
+    if size < MIN_WEIGHTS or tail[-1] - tail[0] < np.finfo(float).tiny:
         return -np.inf
-    # A tail of zeros has no shape.
+    # Overflow and NaN occur if the tail is all zeros; the shape is then taken as infinite.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         shape = _fit_shape(np.exp(tail) - np.exp(ordered[n - size - 1]))
     return np.inf if np.isnan(shape) else shape
 
 
 def _fit_shape(above: np.ndarray) -> float:
-    """Return the shape of exceedances, (n,), in rising order.
+    """Return the shape k of a generalised Pareto distribution, from its exceedances in rising order, (n,).
 
-    It is the profile likelihood's mean over the grid of Zhang and Stephens, with a weak prior.
+    The scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight; a weak prior
+    (`PRIOR_SHAPE`) is then added.
     """
     n = above.size
     count = 30 + int(np.sqrt(n))
     grid = 1 - np.sqrt(count / (np.arange(1, count + 1) - 0.5))
-    grid = grid / (CURVED * above[int(n / 4 + 0.5) - 1]) + 1 / above[-1]
+    grid = grid / (QUARTILE_FACTOR * above[int(n / 4 + 0.5) - 1]) + 1 / above[-1]
     shapes = np.mean(np.log1p(-grid[:, None] * above), axis=1)
     profile = n * (np.log(-grid / shapes) - shapes - 1)
     weights = np.exp(profile - logsumexp(profile))

@@ -1,1 +1,1 @@
-"""Define damping terms, restoring laws and the motion, without any knowledge of data."""
+"""Define damping terms and restoring laws, and solve the equation of motion. Nothing here depends on recorded data."""

@@ -1,10 +1,10 @@
-"""Decay of an amplitude under sums of damping terms and under a power law.
+"""Compute how an amplitude decays with time under a sum of damping terms or under a power law.
 
-Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) an oscillation of
-frequency ω loses amplitude as dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref) each term is a rate in
-1/s at the reference amplitude times a power of it, dx/dt = -Σ c_i exp((p_i - 1) x), with p = 1, 0 and 2. These sums
-have closed forms. Of any other term, shipped or a user's own, what a cycle takes of an amplitude is tabulated over
-ln A, dA/dt = -W/(2πωA) with the work W in a cycle of a harmonic motion; sums with such terms are integrated.
+Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude of an
+oscillation of frequency ω obeys dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref) this is dx/dt = -Σ c_i
+exp((p_i - 1) x), where c_i is the decay rate (1/s) of term i at A_ref, and p_i = 1, 0 and 2. Sums of these three terms
+have closed solutions. For any other term the loss dA/dt = -W/(2πωA), with the work W in a cycle of a harmonic motion,
+is tabulated over ln A, and sums with such terms are integrated numerically.
 """
 
 from __future__ import annotations
@@ -24,46 +24,49 @@ from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
 from bayesdamp.types import InputError
 
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
-"""Power of the amplitude with which a term's loss grows, in the order in which sums name them."""
+"""Exponent p of each term's loss, dA/dt ∝ A^p, in the order in which sums name the terms."""
 SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, count))
-RESTED = -60.0
-"""ln(A/A_ref) of an oscillation that has come to rest."""
+"""All seven sums of these terms, each a tuple of names."""
+LOG_AT_REST = -60.0
+"""Value of ln(A/A_ref) that stands for an oscillation that has come to rest (conventional)."""
 EXPONENTS = -1.0, 3.0
-"""Smallest and largest power of the amplitude: below 0 is friction that rises towards rest."""
+"""Smallest and largest exponent p of a power law; p < 0 is friction that increases as the amplitude decreases."""
 NEAR_VISCOUS = 1e-4
-"""Distance of the exponent from 1 below which its derivative follows from a series."""
-_NEAR_ONE = 1e-6
-_LINEAR = 1e-6
+"""If the exponent is closer to 1, the derivative by the exponent is computed from a series."""
+_NEAR_ONE = 1e-6  # if |p - 1| is smaller, p = 1 is used
+_SMALL_ANGLE = 1e-6  # if |kt| is smaller, tanh(kt)/k = t is used
 PANELS = 200
-"""Number of panels of the amplitude's logarithm over which time is integrated: it is then right to 1e-8."""
-LEAST = 1e-30
-"""Least rate in 1/s: an undamped amplitude is constant."""
-_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+"""Number of panels in ln A of the numerical integration; the relative error of the time is then 1e-8 (measured)."""
+MIN_RATE = 1e-30
+"""Smallest decay rate (1/s) in divisions; it leaves an undamped amplitude constant."""
+_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # nodes of the two-point Gauss rule on [-1, 1]
 
 Shape = Callable[[np.ndarray], np.ndarray]
-"""A term's loss at x = ln(A/A_ref) relative to that at x = 0, of the amplitude itself."""
+"""A function s(x) of x = ln(A/A_ref): the decay rate -dx/dt of a term relative to its value at x = 0."""
 GRID = np.linspace(-12.0, 1.5, 68)
-"""ln(A/A_start) of the table; beyond it a loss continues as a power of A."""
-NOTHING = 1e-12
-"""Least loss as a share of the largest one in the table."""
-SAME = 1e-6
-"""Relative difference up to which two losses are the same."""
+"""Values of ln(A/A_start) at which losses are tabulated; outside, a loss is extrapolated as a power of A."""
+MIN_RELATIVE_LOSS = 1e-12
+"""Smallest loss in the table, relative to the largest; smaller losses are raised to it, so that their log is finite."""
+LOSS_TOLERANCE = 1e-6
+"""Two losses count as equal if their relative difference is smaller."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """Return the decay x = ln(A/A_ref) at times t, shape (n,); RESTED from where it comes to rest.
+    """Return x = ln(A/A_ref) at times t, shape (n,), under a sum of terms of `POWERS`; `LOG_AT_REST` after it stops.
 
-    The sum of all three is a Riccati equation with constant coefficients, whose solution is a fraction in tanh or tan.
+    dA/dt = -(c0 + c1 A + c2 A²) (A relative to A_ref) is a Riccati equation with constant coefficients. With k² =
+    |c1²/4 - c0 c2| its solution is A = (A_0 - T (c1/2 A_0 + c0)) / (1 + T (c1/2 + c2 A_0)), T = tanh(kt)/k, or
+    tan(kt)/k if c1²/4 < c0 c2.
 
     Parameters
     ----------
     t
         Times in s from 0, shape (n,).
     x0
-        x at the start.
+        Value of x at t = 0.
     terms, rates
-        Terms of the sum, and their rates in 1/s at the reference amplitude.
+        Names of the terms, and their decay rates in 1/s at the reference amplitude.
     """
     by_term = dict(zip(terms, rates, strict=True))
     c1, c0, c2 = (float(by_term.get(term, 0.0)) for term in POWERS)
@@ -73,62 +76,65 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
     k = np.sqrt(abs(discriminant))
     kt = k * t
     if discriminant < 0:
-        # Amplitude passes zero before tan does infinity: from there on it has come to rest.
+        # The amplitude reaches zero before tan(kt) diverges, and then stays there.
         late = kt >= 0.5 * np.pi
-        grown = np.where(late, np.inf, np.tan(np.where(late, 0.0, kt)) / k)
+        tangent = np.where(late, np.inf, np.tan(np.where(late, 0.0, kt)) / k)
     else:
-        grown = np.where(np.abs(kt) > _LINEAR, np.tanh(kt) / max(k, 1e-300), t)
+        tangent = np.where(np.abs(kt) > _SMALL_ANGLE, np.tanh(kt) / max(k, 1e-300), t)
     with np.errstate(invalid="ignore", divide="ignore"):
-        amplitude = (start - grown * (half * start + c0)) / (1.0 + grown * (half + c2 * start))
+        amplitude = (start - tangent * (half * start + c0)) / (1.0 + tangent * (half + c2 * start))
     if c0 == 0.0 and c2 == 0.0:
-        return np.maximum(x0 - c1 * t, RESTED)
-    if c0 == 0.0 and c1 > 0.0:  # without the difference of nearly equal numbers that tanh leaves late
-        return np.maximum(x0 - c1 * t - np.log1p(-c2 * start * np.expm1(-c1 * t) / c1), RESTED)
+        return np.maximum(x0 - c1 * t, LOG_AT_REST)
+    if c0 == 0.0 and c1 > 0.0:  # this form has no cancellation at late times
+        return np.maximum(x0 - c1 * t - np.log1p(-c2 * start * np.expm1(-c1 * t) / c1), LOG_AT_REST)
     if c2 == 0.0 and c1 > 0.0:
-        left = start * np.exp(-c1 * t) + c0 * np.expm1(-c1 * t) / c1
-        amplitude = left
-    return np.log(np.where(amplitude > np.exp(RESTED), amplitude, np.exp(RESTED)))
+        amplitude = start * np.exp(-c1 * t) + c0 * np.expm1(-c1 * t) / c1
+    return np.log(np.where(amplitude > np.exp(LOG_AT_REST), amplitude, np.exp(LOG_AT_REST)))
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
-    """Return x at times t under dA/dt = -c A^p alone, with the rate exp(log_rate) in 1/s at the reference amplitude."""
+    """Return x = ln(A/A_ref) at times t under dA/dt ∝ -A^p; exp(log_rate) is the decay rate in 1/s at A_ref."""
+    # With q = p - 1: x(t) = x0 - ln(1 + q r t)/q, where r is the decay rate at x0.
     q = power - 1.0
     speed = np.exp(log_rate + q * x0)
     if abs(q) < _NEAR_ONE:
-        return np.maximum(x0 - speed * t, RESTED)
+        return np.maximum(x0 - speed * t, LOG_AT_REST)
     inside = q * speed * t
     with np.errstate(invalid="ignore", divide="ignore"):
         x = x0 - np.log1p(inside) / q
-    return np.where((inside > -1.0) & (x > RESTED), x, RESTED)
+    return np.where((inside > -1.0) & (x > LOG_AT_REST), x, LOG_AT_REST)
 
 
 def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the derivatives of `power_decay`'s x by x at the start, ln of the rate there, and exponent, (n, 3)."""
+    """Return the derivatives, (n, 3), of the x of `power_decay` at times t.
+
+    They are by the parameters p = (x at the start, ln of the decay rate there, exponent).
+    """
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
-    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest
+    left = np.maximum(1.0 + q * passed, 1e-12)  # reaches 0 when the oscillation comes to rest
     if abs(q) < NEAR_VISCOUS:
-        bend = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
+        by_exponent = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
     else:
-        bend = (np.log(left) / q - passed / left) / q
-    return np.column_stack([np.ones_like(t), -passed / left, bend])
+        by_exponent = (np.log(left) / q - passed / left) / q
+    return np.column_stack([np.ones_like(t), -passed / left, by_exponent])
 
 
 def coefficient(
     term: str, rate: np.ndarray, reference: float, omega: float | None
 ) -> tuple[str, np.ndarray, str]:
-    """Return name, values and unit, with `{}` for the amplitude's unit, of a term's coefficient.
+    """Return name, values and unit of a term's coefficient; `{}` in the unit stands for the amplitude's unit.
 
     Parameters
     ----------
     term
-        A damping term of `POWERS`.
+        Name of a damping term of `POWERS`.
     rate
-        Rates in 1/s at the reference amplitude, any shape.
+        Decay rates in 1/s at the reference amplitude, any shape.
     reference
         The reference amplitude.
     omega
-        Frequency in rad/s. With it the coefficient is `zeta`, `mu_c` or `mu_q` of the equation of motion; without it
-        (None) the loss of amplitude: c A (1/s), c, c A².
+        Frequency in rad/s, or None if unknown. If known, the result is the coefficient `zeta`, `mu_c` or `mu_q` of the
+        equation of motion; else the coefficient c of the amplitude's decay, dA/dt = -c A, -c or -c A².
     """
     if term == "viscous":
         return "zeta", rate, "1/s"
@@ -141,25 +147,25 @@ def coefficient(
     return "mu_q", rate / reference * 3 * np.pi / (4 * omega), "1/{}"
 
 
-class Law(ABC):
-    """The decay dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref)."""
+class DecayLaw(ABC):
+    """A decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref), with rate c_i (1/s) and shape s_i of each term."""
 
     terms: tuple[str, ...]
 
     @abstractmethod
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return s_i at x (n,), shape (terms, n)."""
+        """Return the shapes s_i at x (n,), as an array (terms, n)."""
 
     @abstractmethod
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t (s, from 0), shape (n,), from x0 with these rates c_i (1/s, not negative)."""
+        """Return x at times t (s from the start), (n,), from x0 at t = 0; the rates c_i (1/s) are not negative."""
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -dx/dt in 1/s at x, shape (n,)."""
+        """Return the total decay rate -dx/dt in 1/s at x, shape (n,)."""
         return rates @ self.shapes(x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of the decay x at t by the rates, (n, terms); step: of a small rate, in 1/s."""
+        """Return the derivatives of x at times t by the rates, (n, terms), by differences with this step (1/s)."""
         columns = []
         for i in range(len(rates)):
             up, down = rates.copy(), rates.copy()
@@ -170,8 +176,8 @@ class Law(ABC):
 
 
 @dataclass(frozen=True)
-class ClosedForm(Law):
-    """The closed form of viscous, Coulomb and quadratic damping."""
+class ClosedForm(DecayLaw):
+    """The decay law of sums of viscous, Coulomb and quadratic damping, in closed form."""
 
     terms: tuple[str, ...]
 
@@ -180,37 +186,41 @@ class ClosedForm(Law):
         return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return `laws.decay`."""
+        """Return x at times t (s from the start), see the function `decay`."""
         return decay(t, x0, self.terms, rates)
 
 
 @dataclass(frozen=True)
-class PowerLaw(Law):
-    """One power p of the amplitude, dA/dt = -c A^p; its parameters are ln of the rate c in 1/s at A_ref, and p."""
+class PowerLaw(DecayLaw):
+    """The decay law dA/dt ∝ -A^p. Its two parameters are ln of the decay rate (1/s) at A_ref, and the exponent p."""
 
     terms: tuple[str, ...] = ("log_rate", "exponent")
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Raise NotImplementedError: its shape is not known beforehand."""
+        """Raise NotImplementedError, because the shape depends on the exponent."""
         raise NotImplementedError
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return `laws.power_decay`."""
+        """Return x at times t (s from the start), see `power_decay`."""
         return power_decay(t, x0, float(rates[0]), float(rates[1]))
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -dx/dt in 1/s at x, shape (n,)."""
+        """Return the decay rate -dx/dt in 1/s at x, shape (n,)."""
         return np.exp(rates[0] + (rates[1] - 1.0) * x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives from `laws.power_slopes`, which has the rate at the start."""
+        """Return the derivatives of x by ln of the rate at A_ref and by the exponent, (n, 2)."""
+        # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
         own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
         return np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
 
 
 @dataclass(frozen=True)
-class Tabled(Law):
-    """Any terms, whose shapes are tabulated between `low` and `high`; beyond, the sum continues as a power of A."""
+class TabulatedLaw(DecayLaw):
+    """The decay law of any terms, integrated numerically for x between `low` and `high`.
+
+    Outside this range the sum is extrapolated as a power of A. each: the shapes of the terms.
+    """
 
     terms: tuple[str, ...]
     each: tuple[Shape, ...]
@@ -218,28 +228,30 @@ class Tabled(Law):
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shape of each term at x (n,), (terms, n)."""
+        """Return the shapes s_i at x (n,), as an array (terms, n)."""
         return np.stack([shape(x) for shape in self.each])
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x of the panels' ends, falling, and shapes there and at Gauss and Legendre's two points of each panel."""
+        """Return x at the ends of the panels, decreasing, the shapes there, and those at two Gauss points a panel."""
         x = np.linspace(self.high, self.low, PANELS + 1)
         middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
         inside = (middle[:, None] + half * _GAUSS).ravel()
         return x, self.shapes(x), self.shapes(inside)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x from t(x) = ∫ dx/f by quadrature, inverted by cubics through its nodes and slopes."""
+        """Return x at times t: the quadrature t(x) = ∫ dx/rate is inverted by cubic Hermite interpolation."""
         x, ends, inside = self._nodes
-        speed = np.maximum(rates @ ends, LEAST)
-        slow = 1.0 / np.maximum(rates @ inside, LEAST)
-        took = 0.5 * (x[0] - x[1]) * slow.reshape(-1, 2).sum(axis=1)
-        passed = np.concatenate([[0.0], np.cumsum(took)])
+        speed = np.maximum(rates @ ends, MIN_RATE)
+        slow = 1.0 / np.maximum(rates @ inside, MIN_RATE)
+        durations = 0.5 * (x[0] - x[1]) * slow.reshape(-1, 2).sum(axis=1)
+        passed = np.concatenate([[0.0], np.cumsum(durations)])
+        # Local power of A at the two ends, for the extrapolation.
         power = [
             float(np.diff(np.log(speed[side]))[0] / np.diff(x[side])[0])
             for side in (slice(2), slice(-2, None))
         ]
+        # `begun` is the time at which the tabulated decay, which starts at x[0], passes x0.
         if x0 > x[0]:
             begun = -_between(x0 - x[0], speed[0], power[0])
         elif x0 < x[-1]:
@@ -257,13 +269,14 @@ class Tabled(Law):
         return result
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives by quadrature: a larger rate moves the amplitude on by f ∫ s_i/f dt."""
-        if rates.sum() < step:  # a constant amplitude has no such integral
+        """Return the derivatives of x by the rates, (n, terms), by quadrature."""
+        # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt.
+        if rates.sum() < step:  # f = 0 has no such integral; use a small rate
             rates = np.maximum(rates, step)
             x = self.decay(t, x0, rates)
         nodes, ends, inside = self._nodes
-        speed = np.maximum(rates @ ends, LEAST)
-        slow = inside / np.maximum(rates @ inside, LEAST) ** 2
+        speed = np.maximum(rates @ ends, MIN_RATE)
+        slow = inside / np.maximum(rates @ inside, MIN_RATE) ** 2
         each = 0.5 * (nodes[0] - nodes[1]) * slow.reshape(len(rates), -1, 2).sum(axis=2)
         passed = np.concatenate([np.zeros((len(rates), 1)), np.cumsum(each, axis=1)], axis=1)[:, ::-1]
         at = np.clip(np.append(x0, x), nodes[-1], nodes[0])
@@ -272,16 +285,16 @@ class Tabled(Law):
             for values, slope in zip(passed, -(ends / speed**2)[:, ::-1], strict=True)
         ]
         since = np.stack([integral[1:] - integral[0] for integral in integrals], axis=1)
-        return -np.maximum(self.rate(x, rates), LEAST)[:, None] * since
+        return -np.maximum(self.rate(x, rates), MIN_RATE)[:, None] * since
 
 
 def _between(fall: float, speed: float, power: float) -> float:
-    """Return the time in which x falls to where the rate is `speed`, under a power of A."""
+    """Return the time in which x falls by `fall`, if the rate is a power of A and is `speed` at the end."""
     return float(fall / speed if abs(power) < 1e-9 else -np.expm1(-power * fall) / (power * speed))
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return Hermite's cubics through values and slopes at rising x."""
+    """Return the cubic Hermite interpolation, at points `at`, of values y with slopes at increasing x."""
     i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]
     u = (at - x[i]) / h
@@ -293,27 +306,29 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class AmplitudeSolver:
-    """Decays of x = ln(A/A_ref) under a law, with the interface of the kernel's solver.
+    """Solve decays of x = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
 
-    Its parameters are the rates in 1/s at the reference amplitude, in the order of the law's terms, and x at the start.
+    The parameters are the rates in 1/s at the reference amplitude, in the order of the law's terms, then x at the
+    start.
 
     Attributes
     ----------
     law
-        The sum of damping terms.
+        The decay law.
     t
         Times of the readings in s from the start, (n,).
     duration
-        Duration of the decay in s, over which the deviation's knots are equidistant.
+        Duration of the decay in s. The knots of the model deviation g are equidistant over it.
     knots
         Number of knots.
     step
-        Step of a small rate in 1/s, for derivatives.
+        Step of a rate in 1/s for difference quotients.
     white
-        Matrix (n, n) that whitens the noise of the readings in decays; None for none.
+        Matrix (n, n) that whitens the noise of the readings; decays and derivatives are multiplied by it. None for
+        white noise.
     """
 
-    law: Law
+    law: DecayLaw
     t: np.ndarray
     duration: float
     knots: int
@@ -323,12 +338,12 @@ class AmplitudeSolver:
 
     @property
     def frequency(self) -> float:
-        """One over the duration, in 1/s, because nothing oscillates."""
+        """Return one over the duration, in 1/s, in place of a frequency, because nothing oscillates."""
         return 1.0 / self.duration
 
     @cached_property
     def hats(self) -> np.ndarray:
-        """Linear interpolation of the deviation at the readings from its values at the knots, (n, knots)."""
+        """Return the matrix (n, knots) that interpolates linearly from values at the knots to the readings."""
         return hats(self.t / self.duration, self.knots)
 
     def solve(
@@ -340,14 +355,15 @@ class AmplitudeSolver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion:
-        """Return the decay of parameters p, (d + 1,), with tangents by these and, if `ALL`, by the deviation.
+        """Return the decay for parameters p, (d + 1,), with derivatives by p and, for `ALL`, by the deviation g.
 
-        A faster decay is the same decay on another clock, x(t) = X(t + ∫g dt), so that to first order ∂x/∂g_k =
-        -rate(x) ∫ b_k dt. Nothing is integrated, so `active`, `stop` and `tolerance` have no effect.
+        All rates are multiplied by 1 + g(t), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To first order,
+        ∂x/∂g_k = -rate(x) ∫ b_k dt with the hat function b_k of knot k. `active`, `stop` and `tolerance` have no
+        effect.
         """
         rates, start = p[:-1], float(p[-1])
         x = self.law.decay(self.t, start, rates)
-        speed = np.where(x > RESTED, self.law.rate(x, rates), 0.0)
+        speed = np.where(x > LOG_AT_REST, self.law.rate(x, rates), 0.0)
         slopes = np.empty((x.size, 0))
         if tangents:
             at_start = float(self.law.rate(np.array([start]), rates)[0])
@@ -363,13 +379,13 @@ class AmplitudeSolver:
 
 
 def hats(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the piecewise linear basis at s in [0, 1], shape (n, count)."""
+    """Return hat functions with `count` equidistant knots on [0, 1], at s, shape (n, count)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
 
 
 def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the exact integral of the basis from 0 to s, shape (n, count)."""
+    """Return the integrals from 0 to s of the basis functions of `hats`, shape (n, count)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     u = at[:, None] - np.arange(count)
     rising = np.clip(u + 1.0, 0.0, 1.0)
@@ -381,9 +397,9 @@ def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scale:
-    """Amplitude at the start, in the unit of a term's own parameters, and frequency in rad/s.
+    """Amplitude at the start, in the length unit of the terms, and frequency in rad/s.
 
-    They are 1 where they are not known; terms are then in units of these.
+    An unknown one is 1; the terms are then in units of it.
     """
 
     amplitude: float = 1.0
@@ -391,13 +407,16 @@ class Scale:
 
 
 def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
-    """Return a parameter's value at a score with a normal prior, also where the prior's own score is folded."""
+    """Return the parameter value at a standard normal score z, such that z ~ N(0, 1) gives the prior.
+
+    This holds also for half-normal priors, whose own coordinate is |z|.
+    """
     prior = p.prior(scale.amplitude, scale.frequency)
     return float(prior.value(np.asarray(ndtri(0.5 + 0.5 * ndtr(score)) if prior.reflected else score)))
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
-    """Return a term's own parameters by name, at its scores."""
+    """Return a term's inferred parameters by name, at standard normal scores, one for each parameter."""
     return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
 
@@ -405,34 +424,34 @@ def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> di
 def log_loss(
     term: DampingTerm, scores: tuple[float, ...] = (), scale: Scale = Scale()
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return ln of the relative loss of amplitude in 1/s per unit of the coefficient, as a function of ln(A/A_start).
+    """Return ln of the decay rate -dA/dt/A (1/s) per unit of the coefficient, as a function of ln(A/A_start).
 
     Parameters
     ----------
     term
         The damping term.
     scores
-        Scores of the term's parameters, see `parameter`.
+        Standard normal scores of the term's parameters, see `parameter`.
     scale
         Amplitude and frequency at the start.
 
     Raises
     ------
     InputError
-        Where the term takes no energy.
+        If the term dissipates no energy, or its loss is not finite.
     """
     loss = losses(term, GRID, parameters(term, scores, scale), scale)
     most = float(np.max(loss))
     if not (np.all(np.isfinite(loss)) and most > 0):
         raise InputError(
-            f"damping term {term.name!r}: a cycle's loss is {loss[-1]:g} at the largest amplitude, "
-            "and must be positive; correct its kernel or the bounds of its parameters"
+            f"damping term {term.name!r}: the energy lost per cycle must be finite and positive, but the decay "
+            f"rate is {loss[-1]:g} at the largest amplitude; correct its kernel or the priors of its parameters"
         )
-    log = np.log(np.maximum(loss, NOTHING * most))
-    # Where a loss begins or ends at an amplitude, a spline would oscillate.
+    log = np.log(np.maximum(loss, MIN_RELATIVE_LOSS * most))
+    # If the loss is zero at some amplitudes, a spline would overshoot.
     table = (
         scipy.interpolate.CubicSpline(GRID, log)
-        if loss.min() > NOTHING * most
+        if loss.min() > MIN_RELATIVE_LOSS * most
         else scipy.interpolate.PchipInterpolator(GRID, log)
     )
     ends = GRID[[0, -1]]
@@ -447,7 +466,7 @@ def log_loss(
 
 
 def losses(term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale) -> np.ndarray:
-    """Return relative losses of amplitude in 1/s per unit of the coefficient, (n,), at ln(A/A_start), (n,)."""
+    """Return decay rates -dA/dt/A (1/s) per unit of the coefficient, (n,), at x = ln(A/A_start), (n,)."""
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
     amplitudes = a * np.exp(x)
@@ -458,9 +477,10 @@ def losses(term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale
 
 @lru_cache(maxsize=256)
 def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
-    """Return whether the shape of a term's loss depends on the unit of the amplitude, and on that of the frequency.
+    """Return whether the amplitude, and whether the frequency, must be known for the shape of a term's loss.
 
-    A term whose parameters scale with the amplitude and frequency of the record, as their priors do, needs neither.
+    Neither is needed if the shape does not change when amplitude or frequency and the parameters' priors scale
+    together.
     """
     x = np.array([-4.0, -2.0, 0.0])
 
@@ -472,13 +492,16 @@ def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
         return np.array(rows)
 
     here = shapes(Scale())
-    return tuple(not np.allclose(here, shapes(s), SAME, SAME) for s in (Scale(0.037, 1.0), Scale(1.0, 41.0)))  # type: ignore[return-value]
+    return tuple(
+        not np.allclose(here, shapes(s), LOSS_TOLERANCE, LOSS_TOLERANCE)
+        for s in (Scale(0.037, 1.0), Scale(1.0, 41.0))
+    )  # type: ignore[return-value]
 
 
-def alike(a: DampingTerm, b: DampingTerm) -> bool:
-    """Return whether two terms lose the same at every amplitude, so that an envelope cannot distinguish them."""
+def are_proportional(a: DampingTerm, b: DampingTerm) -> bool:
+    """Return whether the losses of two terms are proportional, so that an envelope cannot distinguish them."""
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b
     x = np.array([-6.0, -4.0, -2.0, -1.0, 0.0])
     first, second = (losses(term, x, {}, Scale()) for term in (a, b))
-    return bool(np.allclose(first / first[-1], second / second[-1], SAME, 0.0))
+    return bool(np.allclose(first / first[-1], second / second[-1], LOSS_TOLERANCE, 0.0))

@@ -1,7 +1,7 @@
-"""Evaluate forces, plain Python functions of numbers, on arrays; find the stable equilibria of a restoring force.
+"""Evaluate scalar force functions on arrays, and find the stable equilibria of a restoring force.
 
-`rest_near` uses the force's values (a bracket, then Brent's method); `newton`, and `newton_many` for arrays, start from
-a place nearby.
+`rest_near` brackets the nearest equilibrium on a grid and then uses Brent's method. `newton` (scalars) and
+`newton_many` (arrays) use Newton's method from a position close to the equilibrium.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
     "atanh": "arctanh", "fabs": "abs", "pow": "power",
 }  # fmt: skip
-"""Functions of `math` with another name in NumPy."""
+"""Names of `math` functions, and their names in NumPy where these differ."""
 Force = Callable[[np.ndarray], np.ndarray]
-"""The restoring force, (n,), in rad/s² or m/s², at positions (n,)."""
-STEPS, CLOSE = 60, 1e-13
-"""Largest number of steps of Newton's method, and length of a step, rad or m (relative beyond 1), at which it has
-converged."""
-CHANGE = 1e-4
-"""Step of differences of fourth order, relative to the place: their error is about 1e-12."""
-CENTRE = 20
-"""Points on either side of the centre of a grid that are tried before the whole grid."""
+"""A function that returns the restoring force per inertia, rad/s² or m/s², shape (n,), at positions (n,)."""
+MAX_STEPS, CONVERGED_STEP = 60, 1e-13
+"""Most steps of Newton's method, and the step length below which it has converged: in rad or m, for positions above 1
+relative to the position (conventional)."""
+RELATIVE_STEP = 1e-4
+"""Step of the fourth-order difference quotient, relative to x; its error is then about 1e-12."""
+CENTRE_POINTS = 20
+"""`bracket` first searches this many grid points on either side of the centre, and only then the whole grid."""
 
 
 class _Math:
-    """`math` for arrays."""
+    """Stand-in for the module `math` whose functions accept arrays."""
 
     def __getattr__(self, name: str) -> Any:
         if name == "erf":
@@ -51,14 +51,14 @@ _GLOBALS: dict[str, Any] = {
     "float": np.asarray,
     "pow": np.power,
 }
-"""The meaning of names in a force's function on arrays."""
+"""Global names with which a force function is evaluated on arrays."""
 
 
 @lru_cache(maxsize=256)
 def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """Return a function of numbers as a function of arrays that broadcast; a tuple among its arguments stays a tuple.
+    """Return a version of a scalar function that accepts arrays and broadcasts them; tuple arguments stay tuples.
 
-    A function that decides by `if` or loops over numbers, which arrays cannot do, is called number by number.
+    If the function does not work on arrays, for example because it has an `if`, it is called once for each element.
     """
     assert isinstance(function, FunctionType)
     array_function = FunctionType(
@@ -87,39 +87,39 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
 def slope_of(
     function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float | None = None
 ) -> np.ndarray:
-    """Return the derivative of an elementwise function at x, any shape, by differences of fourth order.
+    """Return the derivative of an elementwise function at x (any shape), by a fourth-order central difference.
 
-    step: by default a ten-thousandth of x, or of 1 where x is smaller.
+    step: step of the difference; by default `RELATIVE_STEP` times the larger of 1 and |x|.
     """
-    h = CHANGE * np.maximum(1.0, np.abs(x)) if step is None else step
+    h = RELATIVE_STEP * np.maximum(1.0, np.abs(x)) if step is None else step
     near = function(x + h) - function(x - h)
     far = function(x + 2 * h) - function(x - 2 * h)
     return (8.0 * near - far) / (12.0 * h)
 
 
 def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
-    """Return the force of a law's kernel at values of its parameters, (r,)."""
+    """Return the force as a function of position only, from a law's kernel and its parameter values `law`, (r,)."""
     values, on_array = tuple(law.tolist()), on_arrays(kernel)
     return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
-    """Return two neighbours of a grid with the nearest stable equilibrium between them; None where there is none.
+    """Return the two grid points that enclose the stable equilibrium nearest to `near`; None if there is none.
 
     near, reach, points: centre, half width and number of points of the grid.
     """
     grid = near + np.linspace(-reach, reach, points)
-    for some in (grid[points // 2 - CENTRE : points // 2 + CENTRE + 1], grid):
-        values = force(some)
+    for part in (grid[points // 2 - CENTRE_POINTS : points // 2 + CENTRE_POINTS + 1], grid):
+        values = force(part)
         rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
         if rising.size:
-            i = rising[np.argmin(np.abs(some[rising] - near))]
-            return float(some[i]), float(some[i + 1])
+            i = rising[np.argmin(np.abs(part[rising] - near))]
+            return float(part[i]), float(part[i + 1])
     return None
 
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
-    """Return the stable equilibrium nearest to `near` within `reach`, rad or m; None where there is none."""
+    """Return the stable equilibrium nearest to `near` within the distance `reach` (rad or m); None if there is none."""
     ends = bracket(force, near, reach, points)
     if ends is None:
         return None
@@ -127,27 +127,27 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:
-    """Return √F′ between two places about an equilibrium, rad/s; 0 where the force pushes away."""
+    """Return √F′ (rad/s) from the force at two positions around an equilibrium; 0 if the equilibrium is unstable."""
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
 
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
-    """Return the stable equilibrium that Newton's method finds from `near`; None where the force pushes away."""
+    """Return the equilibrium that Newton's method reaches from `near`; None if a slope on the way is not positive."""
     x = near
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         force, slope = force_and_slope(x)
         if slope <= 0:
             return None
         step = force / slope
         x -= step
-        if abs(step) < CLOSE * max(1.0, abs(x)):
+        if abs(step) < CONVERGED_STEP * max(1.0, abs(x)):
             return x
     return None
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the equilibria after some steps of Newton's method from `near`; force and positions have one shape."""
+    """Return the equilibria after a fixed number of Newton steps from `near`; convergence is not checked."""
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):
         for _ in range(steps):

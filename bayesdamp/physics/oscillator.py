@@ -1,4 +1,4 @@
-"""Define an oscillator: a sum of damping terms and a restoring law. The scales of its priors."""
+"""Define an oscillator (a sum of damping terms and a restoring law), and the reference scales of its priors."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from bayesdamp.types import FeaturesSeen, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
 REACH, POINTS = 10.0, 4001
-"""Distance, rad, and number of angles of the search for an equilibrium."""
-NEWTON = 4
-"""Steps to the equilibrium from a place near it: from a tenth of a radian within 1e-15."""
+"""Half width (rad) and number of points of the grid that is searched for an equilibrium (conventional)."""
+NEWTON_STEPS = 4
+"""Newton steps from a position near the equilibrium; from 0.1 rad away the result is right to 1e-15."""
 
 
 @dataclass(frozen=True, init=False)
 class Oscillator:
-    """The oscillator θ̈ + F_damp(θ̇) + F_rest(θ) = 0; its parameters are a mapping of names to numbers.
+    """The oscillator θ̈ + F_damp(θ, θ̇) + F_rest(θ) = 0. Methods take its parameters as a mapping of names to numbers.
 
     Parameters
     ----------
     damping
-        Names of the damping terms, or their sum, `viscous+coulomb`.
+        Names of the damping terms, or one string with their sum, such as `viscous+coulomb`.
     restoring
         Name of the restoring law.
 
     Raises
     ------
     InputError
-        For a sum with unknown terms.
+        If `damping` is a string with an unknown or repeated term.
     """
 
     damping: tuple[str, ...]
@@ -48,68 +48,68 @@ class Oscillator:
 
     @property
     def terms(self) -> tuple[DampingTerm, ...]:
-        """The damping terms themselves."""
+        """Return the damping term objects."""
         return tuple(TERMS.get(name) for name in self.damping)
 
     @property
     def law(self) -> RestoringLaw:
-        """The restoring law itself."""
+        """Return the restoring law object."""
         return LAWS.get(self.restoring)
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """Names of the damping coefficients, in the order of the terms."""
+        """Return the names of the damping coefficients, in the order of the terms."""
         return tuple(term.parameter for term in self.terms)
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Names of the terms' parameters besides their coefficients."""
+        """Return the names of the terms' parameters other than their coefficients."""
         return tuple(p.name for term in self.terms for p in term.inferred)
 
     @property
     def switches(self) -> bool:
-        """Whether ε matters: a term jumps with the sign of the velocity."""
+        """Return whether a term jumps with the sign of the velocity, so that the width ε matters."""
         return any(term.switches for term in self.terms)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Every parameter that a trajectory needs."""
+        """Return the names of all parameters that a trajectory needs."""
         epsilon = ("epsilon",) if self.switches else ()
         return (*self.coefficients, *self.further, *self.law.parameters, *epsilon, "theta0", "omega0")
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """Names in `GIVEN` that terms need besides parameters."""
+        """Return the names in `damping.GIVEN` (equilibrium, reference scales) that the terms need."""
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Every number that a trajectory needs: parameters and scales."""
+        """Return the names of all numbers that a trajectory needs: parameters and scales."""
         return (*self.parameters, *self.scales)
 
     def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
-        """Return F_damp(θ, θ̇) in rad/s²; θ and θ̇ of one shape, parameters broadcast against it."""
+        """Return F_damp(θ, θ̇) in rad/s². θ and θ̇ have the same shape; parameters broadcast against it."""
         total = np.zeros(np.shape(omega))
         for term, shape in zip(self.terms, self.shapes(theta, omega, p), strict=True):
             total = total + p[term.parameter] * shape
         return total
 
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
-        """Return each term's force per unit of its coefficient; θ and θ̇ of one shape."""
-        p = self.settled(p)
+        """Return the force of each term per unit of its coefficient; θ and θ̇ have the same shape."""
+        p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 1.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
-    def settled(self, p: Parameters) -> Parameters:
-        """Return parameters with `rest`, where a term needs it, at the equilibrium near it (Newton's method)."""
+    def with_equilibrium(self, p: Parameters) -> Parameters:
+        """Return the parameters with `rest`, if a term needs it, replaced by the exact equilibrium near its value."""
         if "rest" not in self.scales:
             return p
         shape = np.broadcast_shapes(*(np.shape(p[n]) for n in (*self.law.parameters, "rest")))
         near = np.broadcast_to(p["rest"], shape)
-        return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON)}
+        return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON_STEPS)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
-        """Return the stable equilibrium nearest to `near`, in rad. Raises ValueError for none within 10 rad."""
+        """Return the stable equilibrium nearest to `near`, in rad. Raises ValueError if there is none within 10 rad."""
         return _equilibrium(
             self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
         )
@@ -120,7 +120,10 @@ class Oscillator:
         return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = REACH) -> float:
-        """Return ω_n to some per mille, rad/s, for limits alone. Raises ValueError for no equilibrium within reach."""
+        """Return ω_n in rad/s with an error of about 0.1 %, which is enough for limits.
+
+        Raises ValueError if no equilibrium is within `reach` of `near`.
+        """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, POINTS)
         if ends is None:
@@ -143,12 +146,15 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 
 
 def reference_of(system: System, features: FeaturesSeen) -> Reference:
-    """Return the amplitude and frequency that prior widths scale with: given, else the system's, else the record's.
+    """Return the amplitude and frequency with which prior widths scale.
+
+    Each is the value stated for the system; else it follows from the known parameters, if they determine it; else it is
+    that of the record.
 
     Raises
     ------
     InputError
-        Where no motion about the record's midline is possible with the known parameters of the restoring law.
+        If no oscillation about the record's midline is possible with the known parameters of the restoring law.
     """
     amplitude, frequency = system.amplitude, system.frequency
     law, osc = LAWS.get(system.restoring), Oscillator(("viscous",), system.restoring)
@@ -166,8 +172,8 @@ def reference_of(system: System, features: FeaturesSeen) -> Reference:
     except (ValueError, ZeroDivisionError):
         each = ", ".join(f"{name} = {value:g}" for name, value in known.items())
         raise InputError(
-            f"{each}: the law {law.name} then has no stable equilibrium near the record's midline "
-            f"({rest:.3g}); give values with which it oscillates there, or leave them free"
+            f"{each}: with these values the law {law.name} has no stable equilibrium near the record's midline "
+            f"({rest:.3g}); correct the values or leave them out, so that they are inferred"
         ) from None
     return Reference(
         amplitude or float(f"{features.amplitude:.1e}"), frequency or float(f"{features.frequency:.1e}")

@@ -1,4 +1,4 @@
-"""Give the symbols, words and units of an oscillator's parameters."""
+"""Look up the symbol, description and unit of an oscillator's parameter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STATE = {
 
 
 def parameter_symbol(name: str) -> Symbol | None:
-    """Return the symbol of a parameter of a damping term, a restoring law or the start; None where it has none."""
+    """Return the symbol of a parameter of a damping term, a restoring law or the start; None if it has no symbol."""
     known = dict(_STATE)
     for law in map(LAWS.get, LAWS.present()):
         known |= {n: s for n, s in law.symbols.items() if n in law.parameters}
@@ -26,12 +26,12 @@ def parameter_symbol(name: str) -> Symbol | None:
 
 
 def own_words(term: str) -> str:
-    """Return the words for a user's own damping term in sentences; empty for one that ships or is not known here."""
+    """Return how a sentence names a user's own damping term; "" for terms that ship and unregistered names."""
     return words_of(term) if term in TERMS.added() else ""
 
 
 def meaning_of(parameter: str) -> str:
-    """Return what a parameter without a symbol is, in words."""
+    """Return a description of a parameter that has no symbol, such as "coefficient of drag damping"."""
     for term in map(TERMS.get, TERMS.added()):
         if parameter == term.parameter:
             return f"coefficient of {words_of(term.name)} damping"
@@ -46,13 +46,13 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     Parameters
     ----------
     name
-        The parameter.
+        Name of the parameter.
     restoring
-        The restoring law.
+        Name of the restoring law.
     unit
-        Base unit of the displacement.
+        Unit of the displacement: rad, m, deg or mm.
     quantity
-        The recorded quantity.
+        The recorded quantity: "angle", "velocity" or "acceleration".
     """
     if name == "noise_sd":
         return quantity_unit(unit, quantity)

@@ -12,7 +12,7 @@ from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.tasks import Product, task_key
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.record import EnvelopeRecord, read_envelope, scale_of
-from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
+from bayesdamp.records.envelope.window import EnvelopeWindow, window_between
 from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256
 from bayesdamp.types import InputError, Refusal
@@ -26,7 +26,7 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
     try:
-        window = None if first is last is None else bounded(record.t, record.level, first, last)
+        window = None if first is last is None else window_between(record.t, record.level, first, last)
     except Refusal as refusal:
         raise InputError(f"{record.name}: {refusal}") from None
     return replace(record, name=name), window

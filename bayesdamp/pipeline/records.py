@@ -19,13 +19,13 @@ from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.cleaning.clean import clean, decimated
+from bayesdamp.records.cleaning.clean import clean, decimate
 from bayesdamp.records.findings import question
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord, unwrapped
+from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
@@ -55,7 +55,7 @@ def recorded(source: Recording) -> RawRecord:
     doubt = question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
     if doubt is not None:
         raise InputError(doubt.sentence, arguments=doubt.arguments)
-    return decimated(unwrapped(raw, source.unit, source.quantity))
+    return decimate(unwrap(raw, source.unit, source.quantity))
 
 
 def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:

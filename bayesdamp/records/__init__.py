@@ -1,1 +1,1 @@
-"""Records: reading, cleaning, their plain features, and simulated ones."""
+"""Read, clean, describe and simulate records of an oscillation."""

@@ -1,4 +1,4 @@
-"""Which columns of a file are a record: the times, and the displacement or derivative that swings and dies down."""
+"""Choose the columns of a file that form a record: the times, and a column of values that oscillates and decays."""
 
 from __future__ import annotations
 
@@ -26,59 +26,62 @@ from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
-LEAST = 10
-"""Samples that a record must have."""
-LEVELS = 3
-"""A column with no more values than these is a switch or a sensor at rest."""
+MIN_SAMPLES = 10
+"""Smallest number of samples of a record (conventional)."""
+MAX_STILL_LEVELS = 3
+"""A column with at most this many different values is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
+"""Order of the time derivative that a quantity is."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
-DIFFER = 0.01
-"""Relative difference of a given rate from what the file, or its own times, state from which on it is reported."""
-_BACK = 0.02
-"""Share of steps back in time that a column named after times may have."""
-_FAR = 10.0
-"""Of columns without units, one that swings so many times as much as the next is the record."""
-_PAIRS = 40
-"""Columns that are compared with each other; among more than these no choice is clear."""
+# The following limits are conventional.
+RATE_TOLERANCE = 0.01
+"""A sampling rate that the user gives is reported if it differs by more than this from that of the file, relatively."""
+_MAX_BACKWARD = 0.02
+"""Largest fraction of steps back in time in a column that is named like times."""
+_MUCH_LARGER = 10.0
+"""Among columns without units, one whose oscillation is this many times larger than the next is the record."""
+_MAX_COMPARED = 40
+"""At most this many columns are compared with each other by correlation."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
-known coarsely, may differ from twice another."""
-_MINOR = 1 / 3
-"""Of equal sensors, one that swings less than this share of the largest adds little information."""
-SHARE = 0.3
-"""As in `free_decay`: the share of an oscillation in a record."""
-CYCLES = 2.5
-"""Periods below which a column drifts rather than swings."""
-FALL = 0.8
-"""The swing at the end of a record that dies down is below this share of its largest."""
-AGAIN = 0.2
-"""Share of its largest swing by which a free decay does not grow once it has begun to fall (conventional)."""
-SMOOTHED = 3
-"""Periods over which a swing is averaged before its growth is measured."""
-ALIKE = 0.9999
-"""Correlation of two columns that are one signal in two units."""
+"""Largest relative difference of a mean acceleration from gravity (large amplitudes lower it), and of one coarse period
+from twice another."""
+_MIN_RELATIVE_SIZE = 1 / 3
+"""Of several sensors of one kind, those with less than this fraction of the largest oscillation are left out."""
+MIN_POWER_FRACTION = 0.3
+"""Smallest fraction of a column's variance at one frequency, for a column that oscillates (as in `free_decay`)."""
+MIN_CYCLES = 2.5
+"""Smallest number of periods of a column that oscillates; with fewer it may be a drift."""
+MAX_FINAL_SIZE = 0.8
+"""In a decay the oscillation at the end is smaller than this fraction of the largest."""
+MAX_REGROWTH = 0.2
+"""In a free decay, the oscillation does not grow again by more than this fraction of its largest size."""
+SMOOTHING_PERIODS = 3
+"""Number of periods over which the size is averaged before its growth is measured."""
+SAME_SIGNAL = 0.9999
+"""Two columns with a larger correlation are the same signal in two units."""
 LARGEST = 1e100
-"""Largest value that can be computed with: its square must not overflow."""
+"""Largest absolute value that is accepted, so that squares do not overflow."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A coarse measure of an oscillation: enough to tell a record from other columns of a file.
+    """A coarse measure of the oscillation in a column, by which a record is recognised among a file's columns.
 
     Attributes
     ----------
     period
-        In samples.
+        Period in samples.
     size
-        The largest swing, its standard deviation in the column's unit.
+        Standard deviation within the period in which it is largest, in the column's unit.
     swings
-        Whether one frequency has most of its power, over enough cycles.
+        Whether one frequency has at least the fraction `MIN_POWER_FRACTION` of the variance, over at least `MIN_CYCLES`
+        periods.
     lasts
-        Whether it swings for more than the two periods that one spike can touch.
+        Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
     dies
-        Whether its last amplitude is well below its first.
+        Whether the oscillation is smaller at the end (see `MAX_FINAL_SIZE`).
     grows_again
-        Whether it swells once more after it has died down, as beats and the residuals of a fit do.
+        Whether it grows again after it has decayed (see `MAX_REGROWTH`), as beats and the residuals of a fit do.
     """
 
     period: float
@@ -90,17 +93,17 @@ class Swing:
 
 
 def measure_swing(y: np.ndarray) -> Swing:
-    """Measure how values swing.
+    """Measure the oscillation in values.
 
     Parameters
     ----------
     y
-        Equally spaced values, (n,); NaN is left out.
+        Equally spaced values, (n,); NaN values are left out.
 
     Returns
     -------
     Swing
-        With an infinite period and no size, where the values are constant, too few or too large to compute with.
+        The measure; period inf and size 0 if the values are constant, too few, or too large to compute with.
     """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
@@ -108,23 +111,24 @@ def measure_swing(y: np.ndarray) -> Swing:
         return Swing(np.inf, 0.0)
     y = y / scale - np.mean(y / scale)
     period, share = coarse_period(np.arange(y.size, dtype=float), y)
+    # `sizes` are the standard deviations within successive periods.
     width = int(min(max(round(period), 4), y.size // 2))
     sizes = y[: y.size // width * width].reshape(-1, width).std(axis=1)
     size = float(sizes.max()) * scale
     last = float(np.median(sizes[-max(sizes.size // 5, 1) :])) * scale
     growth = 0.0
-    if sizes.size >= 2 * SMOOTHED and sizes.max() > 0:
-        smooth = np.convolve(sizes, np.full(SMOOTHED, 1 / SMOOTHED), "valid")
+    if sizes.size >= 2 * SMOOTHING_PERIODS and sizes.max() > 0:
+        smooth = np.convolve(sizes, np.full(SMOOTHING_PERIODS, 1 / SMOOTHING_PERIODS), "valid")
         falling = smooth[int(np.argmax(smooth)) :]
         growth = float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
     periods_filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
     return Swing(
         period,
         size,
-        swings=share >= SHARE and y.size / period >= CYCLES,
-        lasts=periods_filled >= CYCLES,
-        dies=last < FALL * size,
-        grows_again=growth > AGAIN,
+        swings=share >= MIN_POWER_FRACTION and y.size / period >= MIN_CYCLES,
+        lasts=periods_filled >= MIN_CYCLES,
+        dies=last < MAX_FINAL_SIZE * size,
+        grows_again=growth > MAX_REGROWTH,
     )
 
 
@@ -135,19 +139,19 @@ class RecordColumns:
     Attributes
     ----------
     value
-        The column of the recorded quantity.
+        Column of the recorded quantity.
     time
-        The column of the times; None where there is a rate instead.
+        Column of the times; None if there is a sampling rate instead.
     rate
-        In Hz, where there is no column of times.
+        Sampling rate in Hz; None if there is a column of times.
     run
-        The file's own label of the run; empty where there is none.
+        Label of the run in the file; "" without runs.
     why
-        Sentences on how the columns were chosen.
+        Sentences that say how the columns were chosen.
     still
-        Names of other columns that do not change.
+        Names of other columns, which do not change.
     choice
-        The sentence on the choice among several columns; empty where there was one.
+        Sentence on the choice among several columns; "" if there was no choice.
     """
 
     value: Column
@@ -161,7 +165,7 @@ class RecordColumns:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Columns that belong together: those of one run and group."""
+    """The columns of one run and group, with their times or sampling rate."""
 
     run: str
     columns: tuple[Column, ...]
@@ -171,7 +175,7 @@ class _Block:
 
     @property
     def values(self) -> list[Column]:
-        """The columns that hold neither times nor numbers of samples."""
+        """Return the columns that contain neither times nor sample numbers."""
         size = self.time.values.size if self.time is not None else None
         return [
             c
@@ -184,11 +188,11 @@ class _Block:
 
     @property
     def candidates(self) -> list[Column]:
-        """The columns that may be a record's values: numbers that change."""
+        """Return the columns that may be a record's values: those that change."""
         return [c for c in self.values if _changes(c)]
 
     def record(self, value: Column, choice: str = "", still: tuple[str, ...] = ()) -> RecordColumns:
-        """Return the record of one of the columns."""
+        """Return the record with one of the columns as its values."""
         time = None if self.time is value else self.time
         why = (*self.why, choice) if choice else self.why
         return RecordColumns(
@@ -204,29 +208,29 @@ def choose_columns(
     rate: float | None = None,
     runs: str | None = None,
 ) -> list[RecordColumns]:
-    """Return the columns of the records in a file, as given or as chosen.
+    """Return the columns of each record in a file: those that the user gives, else an automatic choice.
 
     Parameters
     ----------
     content
-        What the file contains.
+        Contents of the file.
     time, values
-        Columns by name or number from 1.
+        Columns of the times and of the values, by name or number from 1.
     rate
-        Sampling rate in Hz, in place of the file's times.
+        Sampling rate in Hz; replaces the times of the file.
     runs
-        Such as `1,3-5`; all by default.
+        Which runs to use, such as `1,3-5`; all by default.
 
     Raises
     ------
     InputError
-        One line that lists what there is, where a column does not exist or no choice is clear.
+        If a column does not exist or the choice is not clear; the message lists the columns of the file.
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]
     timed = find_columns(columns, time) if time is not None else []
     places = list(dict.fromkeys((split_run(c)[1], c.group) for c in columns))
-    # Where names mark runs, a column without a mark, such as the only one of times, belongs to all of them.
+    # If column names mark runs, a column without a mark, such as the times, belongs to all runs.
     places = [p for p in places if p[0] or not any(q[0] and q[1] == p[1] for q in places)]
     if runs is not None:
         labels = list(dict.fromkeys(run for run, _ in places if run))
@@ -248,14 +252,18 @@ def choose_columns(
             chosen.append(_with_clock(record, content))
         if not chosen:
             raise InputError(
-                "the column asked for belongs to none of the runs asked for; leave out one of the two"
+                "the column that you gave is not in the runs that you gave; leave out one of the two"
             )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
     if not blocks:
         if len(columns) == 1:
-            raise InputError("has one column, and it holds the times; export the recorded quantity too")
-        raise InputError(f"only the times hold numbers that change; columns are {list_names(columns)}")
+            raise InputError(
+                "has only one column, and it contains the times; export the recorded quantity too"
+            )
+        raise InputError(
+            f"only the times change; give a file with a recorded quantity (columns are {list_names(columns)})"
+        )
     chosen = _choose_in_all(content, blocks)
     left = [
         r for r in chosen if unit_of_column(r.value)[1] != "acceleration" or not _contains_gravity(r.value)
@@ -276,9 +284,10 @@ def choose_columns(
 
 
 def _block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
-    """Return the columns of a run and group, with their times or their rate where the file has them.
+    """Return the columns of a run and group, with their times or sampling rate if the file has these.
 
-    Raises InputError where a column that is named like times has another length than the values.
+    timed: columns that the user gives as times. rate: sampling rate that the user gives. Raises InputError if a column
+    that is named like times has another length than the values.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
@@ -289,7 +298,7 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
             seconds = seconds_of_unit(time)
             counts_samples = seconds is None and step == 1.0
             stated = 1 / (step * (seconds or 1.0)) if step > 0 and not counts_samples else rate
-            if not abs(rate / stated - 1) < DIFFER:
+            if not abs(rate / stated - 1) < RATE_TOLERANCE:
                 read_at = f"the record is read at {rate:.6g} Hz, as asked"
                 why = (f"Times in column {time.name!r} are at {stated:.6g} Hz; {read_at}.",)
         return _Block(run, own, None, rate, why)
@@ -301,7 +310,7 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
         c for c in content.columns if c.group == "" and group and names_time(c) and c.values.size == size
     ]
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
-    facts = {  # of the group that the columns belong to
+    facts = {  # those of the group that contains the columns
         name: value
         for name, value in content.facts.items()
         if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
@@ -321,28 +330,28 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
     if time is not None and len(own) == 2 and own[0].values.size != own[1].values.size:
         other = own[1] if time is own[0] else own[0]
         raise InputError(
-            f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
-            f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+            f"has {time.values.size} times in {time.name!r}, but {other.values.size} values in "
+            f"{other.name!r}; export it again with as many times as values, or give the rate in Hz",
             arguments=["rate"],
         )
     return _Block(run, own, time)
 
 
 def separate_clocks(content: Contents) -> Contents:
-    """Put each column of times into a group with the values behind it, where a table has several that differ.
+    """Group each column of times with its values, if a table has several different columns of times.
 
-    Such a table is `Time A, A, Time B, B`; the times may also follow their values, if they do so throughout. A table
-    whose runs are marked is not changed.
+    Such a table is `Time A, A, Time B, B`; or each column of times follows its values instead. A table whose column
+    names mark runs is not changed.
 
     Parameters
     ----------
     content
-        What a file contains.
+        Contents of a file.
 
     Returns
     -------
     Contents
-        The same columns in new groups, marked as `paired`; the contents themselves where nothing changes.
+        The columns in new groups, marked as `paired`; the same contents if there are no such columns of times.
     """
     columns = list(content.columns)
     for group in dict.fromkeys(c.group for c in columns):
@@ -368,23 +377,26 @@ def separate_clocks(content: Contents) -> Contents:
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
-    """Return the first column that looks most like times, None where none does."""
+    """Return the column that is most probably the times (the first of equal ones); None if no column can be."""
     scores = [_time_score(column, i == 0) for i, column in enumerate(columns)]
     best = max(scores, default=0)
     return columns[scores.index(best)] if best > 0 else None
 
 
 def _time_score(column: Column, first: bool) -> int:
-    """Return how much a column looks like times; 0 for not at all."""
+    """Return a score from 0 (cannot be times) to 6 of how probably a column contains times.
+
+    first: whether it is the first column, which may be the times even if its name does not say so.
+    """
     y = column.values[np.isfinite(column.values)]
     if y.size < 2 or column.rate is not None or names_index(column):
         return 0
     steps = np.diff(y)
     back = float(np.mean(steps < 0))
-    if back > _BACK or not np.any(steps > 0):
+    if back > _MAX_BACKWARD or not np.any(steps > 0):
         return 0
     if back:
-        return int(names_time(column))  # a clock that was set back: cleaning deals with it
+        return int(names_time(column))  # a clock that was set back, which the cleaning repairs or refuses
     if names_time(column):
         unit = seconds_of_unit(column) is not None
         return 4 + 2 * unit - column.clock
@@ -393,7 +405,7 @@ def _time_score(column: Column, first: bool) -> int:
 
 def _changes(column: Column) -> bool:
     y = column.values[np.isfinite(column.values)]
-    return y.size >= LEAST and np.unique(y[:: max(1, y.size // 20000)]).size > LEVELS
+    return y.size >= MIN_SAMPLES and np.unique(y[:: max(1, y.size // 20000)]).size > MAX_STILL_LEVELS
 
 
 def _counts(y: np.ndarray) -> bool:
@@ -402,23 +414,26 @@ def _counts(y: np.ndarray) -> bool:
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
-    """Return the record, with its column's own rate where it has no times. Raises InputError where it has neither."""
+    """Return the record with times or a sampling rate; without both, use the rate that the column states.
+
+    Raises InputError if there is no such rate.
+    """
     if record.time is not None or record.rate is not None:
         return record
     if record.value.rate is not None:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
     if len(content.columns) == 1:
-        what = "no time given, and its one column holds the values: export the times, or give the rate in Hz"
+        what = "has one column of values and no times: export the times too, or give the rate in Hz"
         raise InputError(what, arguments=["rate"])
-    what = "no time given: name the time column or give the rate in Hz"
+    what = "has no column that looks like times: name the time column or give the rate in Hz"
     raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Return the choice in each block; of several runs, the column that most of them would choose.
+    """Choose the columns of values in each block; in several runs, use the columns that most runs would choose.
 
-    Raises InputError for a choice of several columns that are not channels of one kind.
+    Raises InputError if several columns of a run are chosen that are not channels of one kind.
     """
     picks = [_choose_in_block(content, block) for block in blocks]
     usual = Counter(tuple(split_run(c)[0] for c in chosen) for chosen, _ in picks).most_common(1)[0][0]
@@ -454,7 +469,7 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A column that may be a record: how it swings, and the unit and quantity that the file states."""
+    """A column that may be a record, its oscillation, and the unit and quantity that the file states."""
 
     column: Column
     swing: Swing
@@ -463,12 +478,12 @@ class _Candidate:
 
     @property
     def base(self) -> str:
-        """The base unit; the unit itself where it is not known."""
+        """Return the base unit (rad, m, ...); for an unknown unit, the unit itself."""
         return UNITS[self.unit].base if self.unit in UNITS else self.unit
 
 
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
-    """Return the columns of one run that are a record each, and why."""
+    """Return the columns of one run that are a record each, and a sentence on the choice."""
     values = block.candidates or block.values
     if len(values) == 1:
         return values, ""
@@ -476,8 +491,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     left = [c for c in every if c.swing.swings] or every
     left = [c for c in left if c.swing.lasts] or left
     if not content.channels or all(c.unit for c in left):
-        # The pull of a pendulum's string is largest twice in a cycle: leave out an axis with gravity that swings at
-        # twice the frequency of another.
+        # Leave out an accelerometer axis along the gravity that oscillates at twice the frequency of another axis,
+        # because the tension of a pendulum's string is largest twice per cycle.
         level = [c for c in left if not _contains_gravity(c.column)]
         left = [
             c
@@ -489,23 +504,23 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
                 for other in level
             )
         ]
-        # Leave out derivatives of other columns: a velocity where there is a displacement of the same kind.
+        # Leave out time derivatives of other columns, such as a velocity beside the displacement.
         lowest = {
             base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
         }
         left = [c for c in left if _ORDER[c.quantity] == lowest[c.base]]
-        if len(left) <= _PAIRS:
+        if len(left) <= _MAX_COMPARED:
             left = _independent(left)
         left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
         left = [c for c in left if c.swing.dies] or left
     if not content.channels:
         sizes = [c.swing.size for c in left]
         if not any(c.unit for c in left):
-            far = [c for c in left if c.swing.size >= _FAR * sorted(sizes)[-2:][0]]
+            far = [c for c in left if c.swing.size >= _MUCH_LARGER * sorted(sizes)[-2:][0]]
             left = far if len(far) == 1 else left
             left = [c for c in left if not c.swing.grows_again] or left
         elif len({(c.unit, c.quantity) for c in left}) == 1:  # sensors of one unit
-            left = [c for c in left if c.swing.size >= _MINOR * max(sizes)]
+            left = [c for c in left if c.swing.size >= _MIN_RELATIVE_SIZE * max(sizes)]
     chosen = [c.column for c in left]
     if len(chosen) > 1:
         out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:6])
@@ -518,29 +533,29 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Leave out what is another column in another unit or with another zero."""
+    """Return the candidates without those that equal another one up to a factor and an offset."""
     independent: list[_Candidate] = []
     for candidate in candidates:
         b = candidate.column.values
         twin = None
         for other in independent:
             a = other.column.values
-            if a.size == b.size and np.sum(both := np.isfinite(a) & np.isfinite(b)) >= LEAST:
-                with np.errstate(all="ignore"):  # of a constant column, and of one that overflows
-                    if abs(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE:
+            if a.size == b.size and np.sum(both := np.isfinite(a) & np.isfinite(b)) >= MIN_SAMPLES:
+                with np.errstate(all="ignore"):  # constant columns, and overflow
+                    if abs(np.corrcoef(a[both], b[both])[0, 1]) > SAME_SIGNAL:
                         twin = other
                         break
         if twin is None:
             independent.append(candidate)
         elif (twin.unit, twin.quantity) == (candidate.unit, candidate.quantity):
-            # Of one unit, as the axes of a sensor are: the one that shows more.
+            # If both have the same unit, as two axes of a sensor, keep the one with the larger oscillation.
             larger = candidate if candidate.swing.size > twin.swing.size else twin
             independent[independent.index(twin)] = larger
     return independent
 
 
 def _contains_gravity(column: Column) -> bool:
-    """Return whether a column's mean is that of gravity, and nothing states that it is not an acceleration."""
+    """Return whether a column may be an acceleration whose mean is the acceleration of gravity."""
     gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]
     if not y.size or np.abs(y).max() > LARGEST:

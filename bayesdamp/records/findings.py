@@ -1,4 +1,4 @@
-"""What looks wrong with a record before anything is computed, and the option that settles it."""
+"""Find doubts about a record, such as its unit or sampling rate, and the option with which a user settles each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns import DIFFER
+from bayesdamp.records.columns import RATE_TOLERANCE
 from bayesdamp.records.files.names import SECONDS, sampling_rate, seconds_in
 from bayesdamp.records.oscillation.spectrum import SHORTEST
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
@@ -19,59 +19,63 @@ _ASSUMED = {
     "deg": ("degrees", "--unit rad, mm, V ... if they are not"),
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if that is known"),
 }
-"""What values without a stated unit are assumed to be where they are too large for radians."""
+"""How values without a stated unit are read if they are too large for radians, and the option to change this."""
+# The following limits are conventional.
 LONG, SHORT = 600.0, 1e-6
-"""Periods in s that are hardly intended by a rate given by hand."""
+"""A sampling rate that gives a period (s) outside these limits is doubted."""
 SLOW = 30.0
-"""A period in s from which times without a stated unit are doubted."""
+"""Times without a stated unit are doubted if the period would be longer than this, in s."""
 FASTEST = {"rad": 300.0, "m": 340.0}
-"""Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s,
-sound 340 m/s (conventional)."""
+"""The unit of the times is doubted if the velocity would be larger than this, in rad/s and m/s: the balance wheel of a
+watch reaches about 130 rad/s, sound 340 m/s."""
 COARSE = 0.5
-"""The step in s of such times from which they are doubted."""
+"""Times without a stated unit are doubted only if their step is at least this, in s."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
-"""Numbers of the days from 1970 to 2060 or so: of spreadsheets and as modified Julian days, of MATLAB, Julian days."""
+"""Day numbers of about 1970 to 2060: in spreadsheets and as modified Julian days, in MATLAB, as Julian days."""
 SHORT_DAYS = 5e-4
-"""A period below which times at such a number are doubted: some 40 s if they are days (conventional)."""
+"""Times that begin at such a number may be in days if the period is shorter than this number (43 s in days)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
-"""A word in brackets behind the name of times, or text that begins with a number: `1e-3 s`, but not `probe 1`."""
+"""Text in brackets at the end of a name of times that may be a unit: a word, or text that begins with a number, such as
+`1e-3 s` but not `probe 1`."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
+"""Words in brackets that are not units."""
 VALID = "ms, us, ns, ps, min, h, d"
-"""Units of time to choose from."""
+"""Units of time for messages."""
 
 
 class Kind(Enum):
-    """What is doubted."""
+    """What a finding is about."""
 
     DEGREES = "a unit that was assumed"
     PERIOD = "a rate that makes the period absurd"
     RATE = "a rate that differs from the file's"
     TIME_UNIT = "times in another unit than s"
-    SAMPLE_NUMBERS = "numbers of samples taken for times"
+    SAMPLE_NUMBERS = "sample numbers in place of times"
     UNIT = "a unit that is not one of a displacement"
     CONSTANT = "columns that do not change"
 
 
 QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
-"""Doubts that must be settled before anything is computed: the times or the values may be wrong a thousandfold."""
+"""Findings that the user must settle before anything is computed, because times or values may be wrong by large
+factors."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A doubt about a record, and the option that settles it.
+    """A doubt about a record, and the option with which a user settles it.
 
     Attributes
     ----------
     kind
-        What is doubted.
+        What it is about.
     sentence
-        The doubt, for the user.
+        The doubt in words, for the user.
     option
-        The option that settles it, as it is typed.
+        The option that settles it, as typed on the command line.
     answer
-        The option's name and its likeliest value, where one option settles the doubt.
+        Name of that option and its most probable value; None if there is no single option.
     arguments
-        The arguments of `read` that settle it, if it is one of QUESTIONS.
+        Arguments of `read` that settle it; used for the kinds in QUESTIONS.
     """
 
     kind: Kind
@@ -85,16 +89,16 @@ class Finding:
 
 
 def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
-    """Return what looks wrong with a record; nothing is changed.
+    """Return the doubts about a record, without changing it.
 
     Parameters
     ----------
     raw
         The record.
     unit, quantity
-        What it is read as; a unit of UNITS.
+        Unit (of UNITS) and quantity in which it is read.
     given
-        Whether the user states the unit.
+        Whether the user gave the unit.
 
     Returns
     -------
@@ -109,10 +113,10 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit)))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
-        sentence = f"its unit, {raw.unit!r}, is not one of a displacement"
+        sentence = f"its unit, {raw.unit!r}, is not a unit of displacement"
         option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
         doubts.append(Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",)))
-    # Times that go back are reported when they are used.
+    # Decreasing times are reported later, by the cleaning.
     if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
         stated = (given or raw.unit in UNITS) and quantity == "angle"
         doubt = _doubt_times(raw, raw.t)
@@ -134,9 +138,9 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    if used is not None and by_file is not None and abs(used / by_file[0] - 1) > DIFFER:
-        sentence = f"its file states {by_file[0]:.6g} Hz, and it is read at {used:.6g} Hz"
-        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} takes the file's"))
+    if used is not None and by_file is not None and abs(used / by_file[0] - 1) > RATE_TOLERANCE:
+        sentence = f"its file states {by_file[0]:.6g} Hz, but it is read at {used:.6g} Hz"
+        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} uses the file's"))
     still = raw.provenance.constant_columns
     if still:
         names = ", ".join(repr(str(name)[:40]) for name in still[:4])
@@ -147,22 +151,25 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
 
 
 def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    """Return the first finding that must be answered before a record is computed with; None where there is none.
+    """Return the first finding that the user must settle before anything is computed; None if there is none.
 
-    Parameters are those of `findings`; a unit that is not in UNITS has none.
+    The parameters are those of `findings`; for a unit that is not in UNITS the result is None.
     """
     doubts = findings(raw, unit, quantity, given) if unit in UNITS else ()
     return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
-    """Doubt times (n,) whose unit nobody states: numbers of samples, days, or an unknown or shorter unit than s."""
+    """Return a finding on times t (n,) without a stated unit that may not be in s; None if they are plausible.
+
+    They may be sample numbers, days, in an unknown unit, or in a unit shorter than s.
+    """
     if raw.columns[0] is None or raw.provenance.time_unit:
         return None
     steps = np.diff(t)
     step = float(np.median(steps))
     if np.all(steps == 1.0) and float(t[0]).is_integer():
-        sentence = f"its times are {t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}, ...: are they numbers of samples?"
+        sentence = f"its times are {t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}, ...: are they sample numbers?"
         option = "--rate HZ, or --time-unit s if they are seconds"
         return Finding(Kind.SAMPLE_NUMBERS, sentence, option, ("rate", "HZ"))
     unknown = _BRACKETS.search(raw.provenance.time_column)
@@ -183,11 +190,11 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 
 
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
-    """Doubt the file's unit of the times (n,) where an angle or a position of a stated unit would move too fast."""
+    """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None."""
     base = UNITS[unit].base
     limit, step = FASTEST.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
     scale = 2 * math.pi / step * math.sqrt(2) * UNITS[unit].factor
-    if scale * half_swing(raw) <= limit * SHORTEST:  # whatever its period is
+    if scale * half_swing(raw) <= limit * SHORTEST:  # too slow even for the shortest possible period
         return None
     swing, period = raw.swing, raw.swing.period * step
     speed = scale / swing.period * swing.size

@@ -1,6 +1,6 @@
-"""Opening files: the reader that a file belongs to, and one line for whatever is wrong with the file.
+"""Open a file with the reader for its format, and report any problem of the file as an error of one line.
 
-Readers of compiled libraries run in a process of their own: a damaged file may crash one, and nothing else with it.
+Readers that use compiled libraries run in a child process, because a damaged file may crash them.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from bayesdamp.types import InputError
 
 Loaded = TypeVar("Loaded")
 PATIENCE = 300.0
-"""Seconds after which a reader that has not finished is stopped."""
+"""A reader is stopped if it has not finished after this time in s (conventional)."""
 HEAD = 65536
-"""Bytes of a file by which its format is recognised."""
+"""Number of bytes at the start of a file by which its format is recognised."""
 LONGEST = 280
-"""Characters of a message."""
+"""Largest number of characters of an error message."""
 LISTED = 5000
-"""Names in a folder that are searched for the file that was meant."""
+"""Most names in a folder that are searched for one that is similar to a missing file's."""
 FALLBACK = "text"
+"""Name of the reader that is tried last."""
 _ONE_AT_A_TIME = threading.Lock()
-"""Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
+"""Lock for `warnings.catch_warnings`, which changes a state of the whole process and is not thread-safe."""
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
 _AGAIN = "the file is damaged or of another kind: save it again, or export it as text"
 _CHILD = """
@@ -64,18 +65,23 @@ def load_isolated(
     Parameters
     ----------
     load
-        A function of the path and the options, at the top level of a module that is quick to import.
+        Function that takes the path and the options; it must be at the top level of a module.
     path
-        Of the file.
+        The file.
     patience
-        Time in s after which the child is stopped.
+        Time in s after which the child process is stopped.
     **options
-        Passed to `load`.
+        Keyword arguments for `load`.
+
+    Returns
+    -------
+    object
+        What `load` returns.
 
     Raises
     ------
     InputError
-        One line, where `load` raises it, crashes, fails otherwise or does not end.
+        If `load` raises an error, crashes, or does not finish; the message has one line.
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
         out = Path(folder) / "result"
@@ -104,18 +110,18 @@ def load_isolated(
 def file_error(
     path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
 ) -> InputError:
-    """Return the error of a file as one line, without line breaks and cut to LONGEST characters.
+    """Return an error about a file whose message is one line, cut to LONGEST characters.
 
     Parameters
     ----------
     path
         The file.
     text
-        What is wrong, and what would be right.
+        What is wrong, and what to do.
     arguments
-        Arguments of `read` that would settle it.
+        Arguments of `read` with which the user can solve the problem.
     likely
-        Their likely values, by name.
+        Probable values of these arguments, by name.
     """
     name = " ".join((path.name or str(path)).split())
     where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
@@ -126,24 +132,24 @@ def file_error(
 
 
 def contents(path: Path | str, isolate: bool = True) -> Contents:
-    """Read what a file contains, with its reader.
+    """Read all columns and facts of a file, with the reader for its format.
 
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     isolate
-        Whether compiled code, which a damaged file may crash, runs in a process of its own.
+        Whether readers that use compiled code run in a child process.
 
     Returns
     -------
     Contents
-        With at least one column of numbers.
+        The contents, with at least one column of numbers.
 
     Raises
     ------
     InputError
-        One line of less than 300 characters.
+        If the file cannot be read; the message is one line of less than 300 characters.
     """
     path = Path(path)
     try:
@@ -157,35 +163,38 @@ def contents(path: Path | str, isolate: bool = True) -> Contents:
     except InputError as error:
         raise file_error(path, error.what, error.arguments) from error.__cause__
     if not content.columns:
-        raise file_error(path, f"contains no column of numbers ({reader.format}); give a file with a record")
+        raise file_error(
+            path,
+            f"contains no column of numbers (read as {reader.format}); give a file with times and values",
+        )
     return content
 
 
 def read_in_child(path: Path, largest: float) -> Contents:
-    """Read a file for another process, whose limit in bytes is passed on. Raises InputError as `contents` does."""
+    """Return the contents of a file, in a child process; `largest` is the parent's limit in bytes."""
     file_contents.LARGEST = largest
     return contents(path, isolate=False)
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
-    """Read several files, as far as they can be read.
+    """Read several files; one that cannot be read does not stop the others.
 
     Parameters
     ----------
     paths
-        Of the files.
+        The files.
     read
-        Called with each path.
+        Function that reads the file with a given path.
 
     Returns
     -------
     tuple of lists
-        What was read, and the errors of the other files.
+        The results of the files that could be read, and the errors of the others.
 
     Raises
     ------
     InputError
-        The first error, where nothing was read.
+        The first error, if no file could be read.
     """
     results: list[Loaded] = []
     errors: list[InputError] = []
@@ -201,9 +210,9 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
 
 @contextlib.contextmanager
 def _one_line(reader: Reader | None) -> Iterator[None]:
-    """Turn whatever reading a file raises into an InputError of one line, with its cause (for BAYESDAMP_DEBUG).
+    """Convert any exception while a file is read to an InputError whose message is one line.
 
-    reader: None until it is known.
+    The exception is its cause, which BAYESDAMP_DEBUG shows. reader: None if it is not known yet.
     """
     try:
         yield
@@ -217,7 +226,7 @@ def _one_line(reader: Reader | None) -> Iterator[None]:
         if reader is not None:
             what, name = f"this is {reader.format}", f"bayesdamp[{reader.extra}]" if reader.extra else name
         raise InputError(f'{what}: pip install "{name}"') from error
-    except Exception as error:  # whatever a format's library does with a damaged file
+    except Exception as error:  # a library may raise anything for a damaged file
         if isinstance(error, OSError) and error.errno is not None:
             raise _unreadable(error) from error
         cause = " ".join(str(error).split())[:120] or type(error).__name__
@@ -232,7 +241,7 @@ def _unreadable(error: OSError) -> InputError:
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the reader of a file: by its content, else by its extension, else that of text. Raises InputError."""
+    """Return the reader for a file, which is recognised by its content. Raises InputError if there is none."""
     head = _read_head(path)
     with _one_line(None):
         readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
@@ -240,7 +249,7 @@ def reader_of(path: Path) -> Reader:
             if reader.claims(head, path):
                 return reader
         text = READERS.get(FALLBACK)
-        if text.claims(head, path):  # a table under a wrong name is still a table
+        if text.claims(head, path):  # text is read as a table whatever the extension
             return text
         named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
         if named is not None:
@@ -251,7 +260,7 @@ def reader_of(path: Path) -> Reader:
 
 
 def _read_head(path: Path) -> bytes:
-    """Return the first bytes of a plain file. Raises InputError for anything else."""
+    """Return the first bytes of a file. Raises InputError if it is missing, empty, too large, or not a regular file."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:

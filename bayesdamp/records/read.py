@@ -1,4 +1,4 @@
-"""Reading records: times and one recorded quantity each, out of a file of any format with a reader."""
+"""Read records from a file of any supported format. A record consists of times and one recorded quantity."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.columns import LARGEST, LEAST, RecordColumns, choose_columns, separate_clocks
+from bayesdamp.records.columns import LARGEST, MIN_SAMPLES, RecordColumns, choose_columns, separate_clocks
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.names import (
     DAY,
@@ -24,15 +24,16 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Provenance
 
 SLOWEST, FASTEST = 1e-9, 1e12
-"""Sampling rates in Hz that a record can have: one in thirty years, a thousand in a nanosecond (conventional)."""
+"""Smallest and largest sampling rate in Hz that is accepted (conventional)."""
 
 DATED = 1e4
-"""Numbers of days from which on they are dates, and the first one's midnight is 0 s (conventional)."""
+"""Times in days from this number on are dates; times are then counted from midnight of the first day (conventional)."""
 
 EPOCH = 1e8
-"""Times in s, some three years, from which on they count from an epoch such as 1970 (conventional)."""
+"""Times in s from this number (three years) on count from an epoch such as 1970; times are then counted from the first
+sample (conventional)."""
 FROM_FIRST = "Times are counted from the first sample"
-"""Begins the note on such times."""
+"""Start of the note on times that counted from an epoch."""
 
 ColumnName = str | int
 
@@ -47,7 +48,11 @@ def read_record(
     channel: str | None = None,
     time_unit: str | None = None,
 ) -> RawRecord:
-    """Read one record of a file; as `read_records`, but InputError where there are several."""
+    """Read the only record of a file, or the one of a run and channel.
+
+    The arguments are those of `read_records`, with one `run` and one `channel`. Raises InputError also if the arguments
+    select several records.
+    """
     records = read_records(
         path,
         time=time,
@@ -60,7 +65,9 @@ def read_record(
     if len(records) > 1:
         names = [f"run {r.run} {r.channel!r}" if r.run else repr(r.channel) for r in records]
         several = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        raise file_error(Path(path), f"holds {len(records)} records; give one's run or channel: {several}")
+        raise file_error(
+            Path(path), f"contains {len(records)} records; give the run or channel of one: {several}"
+        )
     return records[0]
 
 
@@ -74,29 +81,34 @@ def read_records(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> list[RawRecord]:
-    """Read the records of a file: one for each run and channel.
+    """Read all records of a file: one for each run and channel.
 
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     time, value
-        A column's name, or its number from 1. In MATLAB, HDF5, NumPy and JSON files a name is a path with dots, such as
-        `Theta1.signals.values`; a number at its end is a column of a matrix. A column that is not given is chosen where
-        one choice makes sense, and a note says so: see `columns`.
+        Column of the times and of the recorded quantity: a name, or a number from 1. In MATLAB, HDF5, NumPy and JSON
+        files a name is a path with dots, such as `Theta1.signals.values`; a number at its end is a column of a matrix.
+        A column that is not given is chosen automatically if the choice is clear, and a note says so.
     rate
-        Sampling rate in Hz, in place of `time` and of what the file states.
+        Sampling rate in Hz; replaces the times and the rate that the file states.
     runs
-        Such as `1,3-5`; all by default.
+        Which runs to read, such as `1,3-5`; all by default.
     channels
-        As `value`, for several.
+        Several columns of recorded quantities, each as in `value`.
     time_unit
-        Of the times; s where neither it nor the file states another.
+        Unit of the times; by default that of the file, else s.
+
+    Returns
+    -------
+    list of RawRecord
+        The records, in the order of runs and channels.
 
     Raises
     ------
     InputError
-        One line, for all that is wrong with the file or the request.
+        If the file or a column cannot be read or used; the message is one line that says what to do.
     """
     path = Path(path)
     if rate is not None and not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
@@ -119,25 +131,26 @@ def read_records(
 def _record(
     content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None, several: bool
 ) -> RawRecord:
-    """Return the record of chosen columns. Raises InputError."""
+    """Return the record in the chosen columns. Raises InputError if its times or values cannot be used."""
     value, time = chosen.value, chosen.time
     value_name, time_name = _selector(value, content), None if time is None else _selector(time, content)
     if time is not None and time.values.size != value.values.size:
         raise InputError(
-            f"{time_name!r} has {time.values.size} samples, {value_name!r} has {value.values.size}"
+            f"the times {time_name!r} have {time.values.size} samples, but {value_name!r} has {value.values.size}; "
+            "give columns of the same length"
         )
     complete, notes = _complete_rows(value, time, content)
     y, t = value.values[complete], None if time is None else time.values[complete]
     lines = np.arange(value.values.size) if content.lines is None else content.lines
-    if y.size < LEAST:
-        raise InputError(f"{y.size} samples, a record needs at least {LEAST}")
+    if y.size < MIN_SAMPLES:
+        raise InputError(f"only {y.size} samples; a record needs at least {MIN_SAMPLES}")
     _refuse_unusable(y)
     notes = [*notes, *content.notes, *chosen.why]
     if t is not None and time is not None:
         t = _in_seconds(t, time, time_unit, notes)
     rate = chosen.rate if t is None else None
     if rate is not None and not SLOWEST <= rate <= FASTEST:
-        what = f"its sampling rate is {rate:g} Hz, which no instrument has; give the right one"
+        what = f"a sampling rate of {rate:g} Hz is implausible; give the right rate in Hz"
         raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
@@ -147,7 +160,7 @@ def _record(
         t = t - began
         notes.append(f"{FROM_FIRST} ({began:.15g} s).")
     unit, quantity = _stated_unit(value, time, content)
-    unit_from = ""  # who states the unit of the times
+    unit_from = ""  # whether the unit of the times is given by the caller or stated by the file
     if time is not None and time_unit is not None:
         unit_from = "given"
     elif time is not None and (time.clock or seconds_of_unit(time) is not None):
@@ -189,17 +202,18 @@ def _record(
 
 
 def _selector(column: Column, content: Contents) -> str | int:
-    """Return what a user types for a column: its name, or its number from 1 where it has none or shares it."""
+    """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1."""
     if column.name and sum(c.name == column.name for c in content.columns) == 1:
         return column.name
     return next(i for i, c in enumerate(content.columns, start=1) if c is column)
 
 
 def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple[str, str]:
-    """Return the unit and the quantity that a file states for a column of values, each empty where it states none.
+    """Return the unit and the quantity that a file states for a column of values; each is "" if it states none.
 
-    They are those of the column; else those of the facts but those about the times, where there is no other column;
-    else those of the structure or group that contains the column, where it contains no other column of values.
+    If the column itself has no unit, it is searched among the facts: all facts (except those about the times) if the
+    file has only this column of values, or else the facts of the column's structure or group, if that has only this
+    column.
     """
     unit, quantity = unit_of_column(value)
     if unit:
@@ -218,9 +232,9 @@ def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple
 
 
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:
-    """Return which rows (n,) have a cell in each column, and notes on the others.
+    """Return a mask (n,) of the rows that have a cell in each column, and notes on the rows left out.
 
-    Raises InputError for a cell without a finite number: text such as NA or null, or nan.
+    Raises InputError if a cell has no finite number, such as NA, null or nan.
     """
     columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
     complete = np.ones(value.values.size, bool)
@@ -228,7 +242,9 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
         if column.empty is not None:
             complete &= ~column.empty
     if not complete.any():
-        raise InputError("no row has a number in each of the columns asked for")
+        raise InputError(
+            "no row has a number in all of the columns that you gave; give columns of the same table"
+        )
     bad = np.flatnonzero(complete & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
     if bad.size:
         row = int(bad[0])
@@ -254,7 +270,7 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
 
 
 def _refuse_unusable(y: np.ndarray) -> None:
-    """Refuse values that nothing can be computed from. Raises InputError."""
+    """Raise InputError for values that are too large, constant, or change too little to compute with."""
     largest = float(np.abs(y).max())
     if largest > LARGEST:
         raise InputError(
@@ -262,7 +278,7 @@ def _refuse_unusable(y: np.ndarray) -> None:
         )
     span = float(np.ptp(y))
     if span == 0:
-        raise InputError(f"the values are constant ({y[0]:g}), nothing oscillates; is it the right column?")
+        raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
     if span < 1 / LARGEST:
         raise InputError(
             f"the values change by {span:.3g} at most, too little to compute with; give another unit"
@@ -270,7 +286,10 @@ def _refuse_unusable(y: np.ndarray) -> None:
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:
-    """Return times (n,) in s, with a note where the file or the caller states another unit. Raises InputError."""
+    """Convert times (n,) to s; add a note if their unit is not s. Raises InputError for implausible times.
+
+    given: unit of the times, or None for that of the column.
+    """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):
         why = (

@@ -1,4 +1,4 @@
-"""A record before it is cleaned: its samples, the unit that they are read in, and the unwrapping of an angle."""
+"""Define a raw record (before cleaning), the unit in which it is read, and the unwrapping of angles."""
 
 from __future__ import annotations
 
@@ -14,62 +14,64 @@ from bayesdamp.types import Provenance
 from bayesdamp.units import UNITS
 
 HALF_TURN, FULL_TURN = math.pi, 360.0
-"""Amplitudes beyond which values without a stated unit are hardly an angle: in rad (a pendulum goes over the top), in
-degrees."""
+"""Values without a stated unit are not taken for radians if their amplitude is above the first (a pendulum would go
+over the top), and not for degrees if it is above the second (conventional)."""
 _ANGLE = re.compile(
     r"^$|angle|angular|theta|phi|alpha|roll|pitch|yaw|tilt|pendul|rotation|encoder|winkel|angolo|[θφϕα]",
     re.IGNORECASE,
 )
-"""Names of columns that may hold an angle; so may a column without a name."""
-FEWEST = 3
-"""Jumps from which on an angle is taken to be wrapped."""
-NEAR = 0.1
-"""Share of a turn by which a jump may miss it: the step that the angle itself takes meanwhile."""
-SCALE = 1.001
-"""Number of turns that the values span at most."""
-SMALL = 0.25
-"""Share of a turn below which all other steps are."""
-ALIKE = 1.5
-"""Multiple of the largest other step by which a jump may miss a turn: the angle moves there as it does elsewhere."""
-WIDE = 3.0
-"""Multiple of the largest other step that the unwrapped angle spans; noise about two levels spans less."""
+"""Column names that may stand for an angle; a column without a name may be an angle too."""
+# An angle counts as wrapped (jumping by a whole turn) under these conditions; all values are conventional.
+MIN_JUMPS = 3
+"""Smallest number of jumps."""
+JUMP_TOLERANCE = 0.1
+"""A step counts as a jump if it differs from a turn by less than this fraction of a turn."""
+MAX_SPAN = 1.001
+"""Largest range of the wrapped values, in turns."""
+MAX_STEP = 0.25
+"""Largest step other than the jumps, in turns."""
+MAX_EXCESS = 1.5
+"""A jump differs from a turn by at most this multiple of the largest other step, because the angle also moves
+meanwhile."""
+MIN_SPAN = 3.0
+"""The unwrapped angle spans more than this multiple of the largest other step; noise about two levels spans less."""
 
 
 @dataclass(frozen=True)
 class RawRecord:
-    """A record as its file has it.
+    """A record as it is in its file, before cleaning.
 
     Parameters
     ----------
     t
-        The file's own times in s, shape (n,), or None where there is a sampling rate instead.
+        Times in s, shape (n,); None if there is a sampling rate instead.
     y
         The recorded quantity in the file's unit, shape (n,).
     rate
-        The sampling rate in Hz, given or stated by the file, where t is None.
+        Sampling rate in Hz, given by the user or stated in the file; None if there are times.
     rows
-        The row of the file with each sample, counted from 0 at its first row of numbers, shape (n,).
+        Row of each sample in the file, shape (n,), counted from 0 at the first row of numbers.
     provenance
-        How it was read.
+        How the record was read.
     run
-        The file's own label of the run; empty where the file has none.
+        Label of the run in the file; "" if the file has no runs.
     channel
-        The column's name without the run.
+        Name of the column, without the run.
     unit
-        The displacement's unit in UNITS that the file or the caller states, else as the file writes it; empty where
-        nobody states it.
+        Unit of the displacement that the file states: a name in UNITS if the unit is known, else as it is written; ""
+        if the file states none.
     quantity
-        "angle", "velocity", "acceleration", or empty where nobody states it.
+        "angle", "velocity", "acceleration", or "" if the file does not state it.
     columns
-        What to ask for to get these columns again: (times or None, values), by name or number from 1.
+        Columns of the times (None without times) and of the values, by name or number from 1.
     repeat
-        Whether the file states that it is one of several runs of the same thing.
+        Whether the file marks the record as one of several runs.
     choice
-        The sentence on the choice among the file's columns, empty where there was none.
+        Sentence on the choice among the file's columns; "" if there was no choice.
     why
-        Those of the notes that say which columns the times and values are.
+        The notes that say which columns are the times and the values.
     began
-        The file's time in s of the first sample, where it counts from an epoch and t from that sample; else 0.
+        If the file's times count from an epoch: the time of the first sample in s, from which t counts. Else 0.
     """
 
     t: np.ndarray | None
@@ -89,22 +91,22 @@ class RawRecord:
 
     @cached_property
     def swing(self) -> Swing:
-        """How its values swing."""
+        """Return a coarse measure of the oscillation in the values."""
         return measure_swing(self.y)
 
 
 def resolved_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
-    """Return the unit and the quantity: those given, else the file's (stated, what), else an angle in rad."""
+    """Return the unit and the quantity: those given, else the file's (`stated`, `what`), else an angle in rad."""
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")
     return chosen, quantity or only or what or "angle"
 
 
 def read_as(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
-    """Return the unit and the quantity that a record is read in.
+    """Return the unit and the quantity of a record's values: those given, else those of the file, else a guess.
 
-    As `resolved_unit`, but values without a stated unit that are too large for radians are degrees where the column's
-    name allows an angle, else a sensor's counts.
+    The guess is an angle in rad. If the values are too large for radians, it is degrees if the column's name allows an
+    angle and the values are at most 360, else counts of a sensor.
     """
     resolved, what = resolved_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
@@ -113,32 +115,32 @@ def read_as(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str
 
 
 def half_swing(raw: RawRecord) -> float:
-    """Return half of the range of a record's values, in the file's unit."""
+    """Return half of the range of a record's values, in the unit of the file."""
     return float(np.ptp(raw.y)) / 2
 
 
 def count_jumps(y: np.ndarray, turn: float) -> int:
-    """Return how often values y (n,) jump by a turn, 0 where they are not a wrapped angle.
+    """Return how often values y (n,) jump by a turn; 0 if they are not a wrapped angle.
 
-    A rectangular signal is not one: without its jumps it is constant, or noise.
+    A rectangular signal is not a wrapped angle: without its jumps it is constant, or noise.
     """
-    if y.size < 2 or not 0 < np.ptp(y) <= SCALE * turn:
+    if y.size < 2 or not 0 < np.ptp(y) <= MAX_SPAN * turn:
         return 0
     steps = np.diff(y)
-    jumped = np.abs(np.abs(steps) - turn) < NEAR * turn
+    jumped = np.abs(np.abs(steps) - turn) < JUMP_TOLERANCE * turn
     many = int(jumped.sum())
     largest = np.abs(steps[~jumped]).max(initial=0.0)
     missed = np.abs(np.abs(steps[jumped]) - turn).max(initial=0.0)
-    if many < FEWEST or largest > SMALL * turn or missed > ALIKE * largest:
+    if many < MIN_JUMPS or largest > MAX_STEP * turn or missed > MAX_EXCESS * largest:
         return 0
-    return many if np.ptp(np.unwrap(y, period=turn)) > WIDE * largest else 0
+    return many if np.ptp(np.unwrap(y, period=turn)) > MIN_SPAN * largest else 0
 
 
-def unwrapped(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """Return the record without jumps by a turn, with a note; the record itself where it has none.
+def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
+    """Return the record with its wrapped angle unwrapped, and a note; a record without jumps by a turn is unchanged.
 
-    An encoder's angle jumps at the end of its scale, between 0 and 360 degrees. The turn is that of the unit, and 360
-    or 2π where no unit is known.
+    An encoder's angle jumps at the end of its scale, for example between 360 and 0 degrees. If the file states no unit,
+    a turn of 360 and one of 2π are tried.
     """
     if quantity != "angle" or unit not in UNITS:
         return raw

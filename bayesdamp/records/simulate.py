@@ -1,4 +1,4 @@
-"""Simulated records, with the faults of measured ones."""
+"""Simulate records with the faults of measured ones: noise, spikes, gaps and rounding."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import InputError, Provenance, Signal
 
 NOISES = ("gaussian", "correlated", "student_t")
+"""Names of the noise models."""
 GAP = 0.02
-"""Length of one gap, as a share of the record."""
+"""Length of one gap as a fraction of the record (conventional)."""
 
 
 def simulate_signal(
@@ -38,11 +39,11 @@ def simulate_signal(
     Parameters
     ----------
     osc, p
-        The oscillator and its parameters.
+        The oscillator, and its parameters by name.
     duration
-        In s.
+        Duration in s.
     samples
-        Their number, before gaps.
+        Number of samples, before gaps are removed.
     noise_sd
         Standard deviation of the noise in the unit of the recorded quantity; for "student_t" its scale.
     noise
@@ -52,36 +53,36 @@ def simulate_signal(
     noise_dof
         Degrees of freedom of Student's t.
     outliers
-        Number of samples that are spikes, or, below 1, their share. A spike is 0.3 to 1 times half of the record's
-        range, up or down.
+        Number of spikes or, if it is below 1, the fraction of samples that are spikes. The size of a spike is 0.3 to 1
+        times half of the record's range, up or down.
     gaps
-        Number of stretches of a fiftieth of the record that are missing, never at the ends.
+        Number of missing stretches, each 1/50 of the record; none is at the ends.
     quantum
-        Recording step that values are rounded to.
+        Recording step to which the values are rounded; 0 for none.
     quantity
         "angle", "velocity" or "acceleration".
     unit
-        "rad" or "m", that of the displacement.
+        Unit of the displacement, "rad" or "m".
     name
-        Of the record.
+        Name of the record.
     rng
-        Draws noise, spikes and gaps, in this order.
+        Random generator for noise, spikes and gaps, in this order.
 
     Returns
     -------
     Signal
-        Its provenance does not contain the truth.
+        The record. It does not contain the true parameters.
 
     Raises
     ------
     InputError
-        One line, for an unknown noise, for gaps that leave too little, and where the motion does not stay finite.
+        If the noise is unknown, the gaps take more than half of the record, or the motion does not stay finite.
     """
     length = max(int(GAP * samples), 1)
     if noise not in NOISES:
         raise InputError(f"unknown noise {noise!r}; valid are {', '.join(NOISES)}", name)
     if gaps * length > samples / 2:
-        raise InputError(f"gaps must leave half of the record, {gaps} do not", name)
+        raise InputError(f"{gaps} gaps take more than half of the record; give fewer", name)
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):
@@ -103,7 +104,7 @@ def simulate_signal(
         y = np.round(y / quantum) * quantum
         notes.append(f"The values are rounded to steps of {quantum:.4g}.")
     keep = np.ones(samples, bool)
-    if gaps:  # stretches that do not touch
+    if gaps:  # at random positions, with at least one sample between two gaps
         free = samples - gaps * (length + 1) - 2
         starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
         keep[(starts[:, None] + np.arange(length)).ravel()] = False

@@ -32,7 +32,7 @@ from bayesdamp.inference.envelope.sums import (
     ranked,
     weighed,
 )
-from bayesdamp.numerics.weights import shares
+from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
@@ -371,7 +371,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
         model = name, ""
         repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
-    share = dict(zip(logs, shares(np.array(list(logs.values()))).tolist(), strict=True))
+    share = dict(zip(logs, normalise(np.array(list(logs.values()))).tolist(), strict=True))
     return SpecimenComparison((), logs, share, repeats, {}, Reference(1.0, 1.0))
 
 

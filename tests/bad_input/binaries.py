@@ -146,7 +146,7 @@ MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("encrypted", "a.xlsx", partial(locked, form="xlsx"), "encrypted"),
     ("with a password", "a.xlsx", partial(compound, stream="EncryptedPackage"), "is a workbook with a password"),
     ("of 1997", "a.xls", partial(compound, stream="Workbook"), "is an Excel 97-2003 workbook (.xls), which is not read; save"),
-    ("of another file's numbers", "a.h5", hdf_elsewhere, "lies in another file"),
+    ("of another file's numbers", "a.h5", hdf_elsewhere, "is stored in another file"),
     ("of a link", "a.h5", hdf_link, "no numeric array"),
     ("of 1e6 numbers", "a.npy", partial(header, shape=(10**6,)), "cut off"),
     ("of 1e300 numbers", "a.npy", partial(header, shape=(10**150, 10**150)), ""),

@@ -12,7 +12,7 @@ from bayesdamp.cli import main
 from bayesdamp.inference.envelope.sums import weighable
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
+from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.types import InputError
 from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, readings, turning_points
 
@@ -42,7 +42,7 @@ PLUGIN = Thinning()
 
 def envelope(force, seed: int, unit: str = "rad") -> EnvelopeRecord:
     t, a = readings(force, seed)
-    return made_record("x", t, 20 * np.log10(a) if unit == "dB" else a, unit, FREQUENCY)
+    return make_record("x", t, 20 * np.log10(a) if unit == "dB" else a, unit, FREQUENCY)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
     capsys.readouterr()
     volts = written(tmp_path / "v.csv", unit="V")
     assert main(["compare", volts, *frequency, "--out", str(tmp_path / "no")]) == 2
-    assert "has a size of its own, in rad or m" in capsys.readouterr().err
+    assert "depends on the amplitude in rad or m" in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
 
 

@@ -8,7 +8,7 @@ from bayesdamp.interface.answer import Answer
 from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_envelopes
 from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.priors import odds
-from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
+from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.verdict.envelope import joint_damping, specimen
 from bayesdamp.verdict.specimen import probabilities
@@ -18,7 +18,7 @@ from validation.truth.ringdowns import Ringdown, simulate
 def record(seed: int, scatter: float = 0.1) -> EnvelopeRecord:
     ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=scatter, scatter_time=0.5, behind=15.0)
     truth = simulate(ringdown, np.random.default_rng(seed))
-    return made_record(f"r{seed}", truth.t, truth.level, "dBm", 1e6)
+    return make_record(f"r{seed}", truth.t, truth.level, "dBm", 1e6)
 
 
 def test_more_records_of_one_damping_say_more():

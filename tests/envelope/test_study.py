@@ -11,7 +11,7 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from tests.envelope.test_command import written
 from tests.studies import study_text
 
@@ -61,14 +61,14 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, capsys, line: str, what: str)
 def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
     t = np.linspace(0.0, 60.0, 300)
     noise = 0.1 * np.random.default_rng(1).standard_normal(t.size)
-    record = made_record("r", t, -40.0 - 0.8 * t + noise, "dBm", 1e6)
+    record = make_record("r", t, -40.0 - 0.8 * t + noise, "dBm", 1e6)
     result = bd.compare(record)
     assert result.verdict.to_dict() == analyse(record).verdict.to_dict()
     assert bd.load(result.save(tmp_path / "r.npz")).verdict.to_dict() == result.verdict.to_dict()
     page = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
     assert page.count("data:image/png") == 1
     assert len(result.plot()) == 3
-    many = bd.compare([record, made_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)
+    many = bd.compare([record, make_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)
     assert many.verdict.records == 2
     assert [item.verdict.record for item in many.records] == ["r", "s"]
 
@@ -76,4 +76,4 @@ def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
 def test_an_option_of_motions_is_refused() -> None:
     t = np.linspace(0.0, 60.0, 300)
     with pytest.raises(bd.InputError, match="does not apply to envelopes"):
-        bd.compare(made_record("r", t, -40.0 - 0.8 * t, "dBm"), known={"stiffness": 1.0})
+        bd.compare(make_record("r", t, -40.0 - 0.8 * t, "dBm"), known={"stiffness": 1.0})

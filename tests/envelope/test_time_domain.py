@@ -10,7 +10,7 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from tests.physics.independent import viscous
 
 OMEGA = 2 * np.pi * 2.0
@@ -49,7 +49,7 @@ def test_an_envelope_has_the_damping_of_its_oscillation(in_time, tmp_path):
     item = next(c for c in content["coefficients"] if c["name"] == "zeta")
     assert abs(apart(item["value"], np.hypot(item["sd_noise"], item["sd_law"]), in_time)) < 3.0
     # Negative control.
-    other = analyse(made_record("x", *locked_in(*swung(0.0515, 2)), "rad", 2.0)).verdict
+    other = analyse(make_record("x", *locked_in(*swung(0.0515, 2)), "rad", 2.0)).verdict
     two = next(c for c in other.coefficients if c.name == "zeta")
     assert abs(apart(two.value, np.hypot(two.sd_noise, two.sd_law), in_time)) > 4.0
 

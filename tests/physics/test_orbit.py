@@ -29,8 +29,8 @@ def test_gravity_pendulum_against_elliptic_integrals(amplitude):
     drag = 8 * K * (math.sin(amplitude) - amplitude * math.cos(amplitude))
     assert float(found.period) == pytest.approx(4 * ellipk(m) / W, rel=1e-7)
     assert float(found.energy) == pytest.approx(K * (1 - math.cos(amplitude)), rel=1e-11)
-    assert float(found.slope) == pytest.approx(K * math.sin(amplitude), rel=1e-11)
-    assert float(found.lost) == pytest.approx(2 * 0.05 * action + 0.1 * drag, rel=1e-8)
+    assert float(found.energy_slope) == pytest.approx(K * math.sin(amplitude), rel=1e-11)
+    assert float(found.energy_lost) == pytest.approx(2 * 0.05 * action + 0.1 * drag, rel=1e-8)
 
 
 def test_asymmetric_law_against_a_trajectory():
@@ -47,7 +47,7 @@ def test_asymmetric_law_against_a_trajectory():
     period = float(np.mean(np.diff(t[turns] + (t[1] - t[0]) * v[turns] / (v[turns] - v[turns + 1]))))
     assert float(found.period) == pytest.approx(period, rel=1e-6)
     one = t <= period
-    assert float(found.lost) == pytest.approx(
+    assert float(found.energy_lost) == pytest.approx(
         float(np.trapezoid(0.1 * np.abs(v[one]) ** 3, t[one])), rel=1e-3
     )
     rest = Oscillator(("quadratic",), "horizontal_pendulum").equilibrium(p, float(x.mean()))

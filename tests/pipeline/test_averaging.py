@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.numerics.weights import resampled
+from bayesdamp.numerics.weights import resample
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.pipeline.candidates.weighing import average_curves, probabilities
 from bayesdamp.types import Evidence
@@ -39,6 +39,6 @@ def test_draws_are_chosen_by_their_weights():
     rng = np.random.default_rng(3)
     log_weights = rng.normal(scale=2.0, size=50)
     shares = np.exp(log_weights) / np.exp(log_weights).sum()
-    often = np.bincount(resampled(log_weights, 1000, rng), minlength=50)
+    often = np.bincount(resample(log_weights, 1000, rng), minlength=50)
     assert np.max(np.abs(often - 1000 * shares)) < 1.0
     assert np.max(np.abs(rng.multinomial(1000, shares) - 1000 * shares)) > 1.0

@@ -115,7 +115,7 @@ WRONG = {
     ),
     "ships.py": (
         (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"viscous"'),
-        "a damping term 'viscous' ships already; give it another name",
+        "a damping term 'viscous' ships with bayesdamp; give yours another name",
     ),
     "name.py": (
         (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"a+b"'),

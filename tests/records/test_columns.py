@@ -70,8 +70,8 @@ OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
     "without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
     "channels without a unit": ({"t": T, "ch1": Y, "ch2": OTHER}, True, "or of several channels"),
     "no time": ({"x": Y, "y": OTHER}, True, "may each be the record"),
-    "times alone": ({"t": T}, True, "has one column, and it holds the times"),
-    "one without time": ({"x": Y}, True, "export the times, or give the rate in Hz (--rate)"),
+    "times alone": ({"t": T}, True, "has only one column, and it contains the times"),
+    "one without time": ({"x": Y}, True, "export the times too, or give the rate in Hz (--rate)"),
 }  # fmt: skip
 
 
@@ -91,7 +91,7 @@ def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
     assert [record.channel for record in found] == ["left (g)", "right (g)"]
     assert not any(record.repeat for record in found)
     assert read_records(path, channels=["right"])[0].y[0] == OTHER[0]
-    with pytest.raises(InputError, match="holds 2 records; give one's run or channel: 'left"):
+    with pytest.raises(InputError, match="contains 2 records; give the run or channel of one: 'left"):
         read_record(path)
 
 

@@ -75,7 +75,7 @@ def test_a_doubt_is_told_where_there_is_one(tmp_path: Path) -> None:
 
 def test_an_unknown_unit_is_refused_in_python(tmp_path: Path) -> None:
     for head, said, asked in (
-        ("t,disp (1e-3 m)", "'1e-3 m', is not one of a displacement", {"unit": "mm"}),
+        ("t,disp (1e-3 m)", "'1e-3 m', is not a unit of displacement", {"unit": "mm"}),
         ("t (1e-3 s),angle", "'1e-3 s', is not known", {"time_unit": "ms"}),
     ):
         path = write_table(tmp_path / "a.csv", head, T, Y)

@@ -24,7 +24,7 @@ import numpy as np
 
 from bayesdamp.interface.answer import answer
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import Signal
 from validation.experiments.envelopes import draw_ringdown
 from validation.experiments.laws import case
@@ -203,7 +203,7 @@ def envelope_row(name: str) -> dict[str, Any]:
     rng = np.random.default_rng([SEED, int(name.split("-")[1])])
     made = draw_ringdown("harsh", rng)
     truth = simulate(made, rng)
-    result = analyse(made_record(name, truth.t, truth.level, "dBm", 1e6)).verdict
+    result = analyse(make_record(name, truth.t, truth.level, "dBm", 1e6)).verdict
     row: dict[str, Any] = {"grade": str(result.grade), "damping": result.damping}
     if result.rate is not None:
         spans = [result.rate, *result.decay_rate]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import EnvelopeRecord, made_record
-from bayesdamp.records.envelope.window import EnvelopeWindow, bounded
+from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
+from bayesdamp.records.envelope.window import EnvelopeWindow, window_between
 from bayesdamp.types import InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.envelope import specimen
@@ -21,7 +21,7 @@ RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 
 def ringdown(rates, seed, **more):
     result = simulate(Ringdown(rates, **{**RING, **more}), np.random.default_rng(seed))
-    return made_record("x", result.t, result.level, "dBm", 1e6), result
+    return make_record("x", result.t, result.level, "dBm", 1e6), result
 
 
 def verdict(record: EnvelopeRecord, window: EnvelopeWindow | None = None) -> Verdict:
@@ -53,7 +53,7 @@ def test_a_drive_that_is_left_in_is_seen():
     clean = verdict(record)
     assert clean.grade == "exact"
     assert clean.probability_exact > 0.5
-    with_drive = verdict(record, bounded(record.t, record.level, truth.release - 6.0, None))
+    with_drive = verdict(record, window_between(record.t, record.level, truth.release - 6.0, None))
     assert with_drive.grade != "exact"
     assert with_drive.deviation.value > 0.05
     width = [np.hypot(r.rate.sd_noise, r.rate.sd_law) for r in (clean, with_drive)]
@@ -84,7 +84,7 @@ def test_a_table_of_half_lives():
     rng = np.random.default_rng(2)
     t = 12.0 * np.arange(10)
     result = verdict(
-        made_record("x", t, 3.0 * 0.5 ** np.arange(10) * np.exp(0.02 * rng.standard_normal(10)), "mm")
+        make_record("x", t, 3.0 * 0.5 ** np.arange(10) * np.exp(0.02 * rng.standard_normal(10)), "mm")
     )
     assert result.rate.low <= np.log(2) / 12 <= result.rate.high
     assert result.rate.high / result.rate.low < 1.3
@@ -116,10 +116,10 @@ def test_repeats_are_pooled():
 def test_what_is_no_envelope_is_refused():
     t = np.linspace(0.0, 10.0, 200)
     with pytest.raises(InputError, match="swing to both sides"):
-        made_record("x", t, np.cos(9 * t), "V")
+        make_record("x", t, np.cos(9 * t), "V")
     with pytest.raises(InputError, match="time goes back at reading 3"):
-        made_record("x", np.array([0.0, 2.0, 1.0]), np.ones(3), "V")
-    flat = made_record("x", t, -50.0 + 0.1 * np.random.default_rng(0).random(200), "dBm")
+        make_record("x", np.array([0.0, 2.0, 1.0]), np.ones(3), "V")
+    flat = make_record("x", t, -50.0 + 0.1 * np.random.default_rng(0).random(200), "dBm")
     assert verdict(flat).grade == "no_free_decay"
 
 
@@ -128,7 +128,7 @@ def test_two_dampings_that_an_envelope_cannot_tell_are_not_decided():
     t = 0.02 * np.arange(600)
     readings = 5.0 * np.exp(-0.35 * t) * np.exp(0.03 * np.random.default_rng(5).standard_normal(t.size))
     for count, decided in ((100, False), (600, True)):
-        result = verdict(made_record("x", t[:count], readings[:count], "V", 3.0))
+        result = verdict(make_record("x", t[:count], readings[:count], "V", 3.0))
         assert (result.probability >= 0.95) is result.decided is decided
         assert any("falls by only" in line for line in result.remarks) is not decided
 
@@ -142,7 +142,7 @@ def test_no_rate_is_known_better_than_the_sensor():
         (readings, "V", np.inf),
         (20 * np.log10(readings), "dBV", 20 * np.log10(np.exp(0.5 * t[-1]))),
     ):
-        result = verdict(made_record("x", t, level, unit, 3.0))
+        result = verdict(make_record("x", t, level, unit, 3.0))
         (_, middle, _) = result.decay_rate
         assert middle.value == pytest.approx(0.5, rel=0.01)
         assert middle.sd_law == pytest.approx(0.5 * np.hypot(0.002, 0.1 / (0.5 * fall)), rel=0.2)
@@ -167,7 +167,7 @@ def test_coefficients_have_the_unit_of_the_readings_amplitude():
         (readings**2, "V^2", "V/s²", mu),
         (20 * np.log10(readings), "dBV", "A_start/s²", mu / 5.0),
     ):
-        result = verdict(made_record("x", t, level, unit, 3.0))
+        result = verdict(make_record("x", t, level, unit, 3.0))
         assert result.damping == "coulomb"
         (coefficient,) = result.coefficients
         assert (coefficient.name, coefficient.unit) == ("mu_c", named)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.types import columns, load_verdicts, save_verdicts
 from tests.verdict.test_decide import decided, findings
@@ -48,7 +48,7 @@ def _apart(hints: dict[str, Any], given: dict[str, Any]) -> dict[str, str]:
 def envelope() -> Verdict:
     t = 12.0 * np.arange(10.0)
     y = 3.0 * 0.5 ** (t / 12.0) * np.exp(0.02 * np.random.default_rng(2).standard_normal(t.size))
-    return analyse(made_record("swing.csv", t, y, "mm", 2.0)).verdict
+    return analyse(make_record("swing.csv", t, y, "mm", 2.0)).verdict
 
 
 def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from bayesdamp.verdict.envelope import EnvelopeAnswer
 from bayesdamp.verdict.parts import AtAmplitude, Measured
 from validation.truth.ringdowns import NEPER, Ringdown, Simulated, decay_rate, simulate
@@ -96,7 +96,7 @@ def main(records: int, seed: int, kind: str = "harsh") -> None:
         rng = np.random.default_rng([seed, i])
         r = draw_ringdown(kind, rng)
         truth = simulate(r, rng)
-        answer = analyse(made_record(str(i), truth.t, truth.level, "dBm", 1e6))
+        answer = analyse(make_record(str(i), truth.t, truth.level, "dBm", 1e6))
         result = answer.verdict
         if result.rate is None or result.window is None:
             refused += 1

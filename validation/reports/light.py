@@ -20,7 +20,7 @@ from bayesdamp.formatting import markdown_table as table
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.priors import FURTHER_TERM, odds
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import OK, InputError, Signal
 from validation.rows import make_page, page_options, rounded
 from validation.scoring import share_of
@@ -165,7 +165,7 @@ def row_of(decade: float, number: int) -> dict[str, object]:
         times = np.linspace(0.0, t[-1], READINGS)
         error = draw.noise * draw.size * rng.standard_normal((2, READINGS))
         y = np.hypot(np.interp(times, t, amplitude) + error[0], error[1])
-        record = made_record(f"{decade:g}-{number}", times, y, "V", draw.frequency / (2 * math.pi))
+        record = make_record(f"{decade:g}-{number}", times, y, "V", draw.frequency / (2 * math.pi))
         start = time.perf_counter()
         judged = analyse(record).verdict
         logs = {name: math.log(p) if p > 0 else -math.inf for name, p in judged.probabilities.items()}

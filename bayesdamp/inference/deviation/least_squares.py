@@ -8,7 +8,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.numerics.levenberg_marquardt import FIRST, LOWEST
+from bayesdamp.numerics.levenberg_marquardt import FIRST_LAMBDA, MIN_LAMBDA
 from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
@@ -150,7 +150,7 @@ def _search(
     def fit_at(z: np.ndarray, motion: Motion, jacobian: np.ndarray) -> LeastSquaresFit:
         return LeastSquaresFit(parameters, active, z, y - motion.y, jacobian, motion.without_tangents())
 
-    motion, damping, steps, last = solve(z), FIRST, 0, False
+    motion, damping, steps, last = solve(z), FIRST_LAMBDA, 0, False
     if motion is None:
         return None
     close = CLOSE if tolerance == TOLERANCE else ROUGH
@@ -185,6 +185,6 @@ def _search(
             if trial is not None and after < cost:
                 break
             damping = max(damping, AGAIN) * MORE
-        damping, steps = max(damping * LESS, LOWEST), steps + 1
+        damping, steps = max(damping * LESS, MIN_LAMBDA), steps + 1
         z, motion = new, trial
         last = (cost - after) / cost < close or steps == MOST_STEPS

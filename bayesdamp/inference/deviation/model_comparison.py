@@ -551,7 +551,7 @@ class _CandidateFits:
         def corrected(law: str) -> AveragedSolver | None:
             solver = self.solvers[law]
             assert isinstance(solver, AveragedSolver)
-            return solver.corrected(most[law].values, most[law].active)
+            return solver.with_defect(most[law].values, most[law].active)
 
         new = zip(most, at_once(corrected, most), strict=True)
         return {law: solver for law, solver in new if solver is not None}

@@ -112,7 +112,7 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
         if top - r.log_evidence > NEAR:
             return r
         assert isinstance(r.solver, AveragedSolver)
-        solver = r.solver.corrected(r.values, r.fit.active, *r.deviations)
+        solver = r.solver.with_defect(r.values, r.fit.active, *r.deviations)
         fit = None if solver is None else refit(solver, comparison.data, r.fit)
         if solver is None or fit is None:
             return r
@@ -129,7 +129,7 @@ def averaging_of(comparison: ModelComparison) -> Averaging | None:
         return None
     result, cycles = comparison.best, comparison.data.cycles
     assert isinstance(result.solver, AveragedSolver)
-    off = result.solver.error(result.values, result.fit.active, *result.deviations)
+    off = result.solver.defect_at(result.values, result.fit.active, *result.deviations)
     base = columns_of(result)
     if off is None or base is None:
         return Averaging(cycles, float("inf"))

@@ -468,7 +468,7 @@ def _rebuild(
     active, p = active_of(parameters, solver), parameters.values(state.z)
     if isinstance(solver, AveragedSolver):
         z, g, h = np.split(state.u, [state.z.size, state.z.size + knots.size])
-        solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
+        solver = solver.with_defect(parameters.values(z), active, np.expm1(g), h) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.linear import LinearPosterior
-from bayesdamp.numerics.weights import effective, pareto_k, resampled
+from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
 DRAWS = 300
 KEPT = 0.5
@@ -103,7 +103,7 @@ def sample_posterior(
         weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, temperatures = beta + rise, temperatures + 1
-        rows = resampled(logs, draws, rng)
+        rows = resample(logs, draws, rng)
         combos, u, ratios = combos[rows], u[rows], ratios[rows]
         for _ in range(LAST if beta >= 1.0 else MOVES):
             # One Crank–Nicolson step of every draw within its combination of hyperparameters.
@@ -148,7 +148,7 @@ def _in_one_step(
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
     evidence = posterior.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
-    return Sampled(u[resampled(logs, draws, rng)], evidence, error, 1, 1.0)
+    return Sampled(u[resample(logs, draws, rng)], evidence, error, 1, 1.0)
 
 
 def _rise(ratios: np.ndarray, most: float) -> float:
@@ -166,4 +166,4 @@ def _rise(ratios: np.ndarray, most: float) -> float:
 
 def _effective_share(ratios: np.ndarray, rise: float) -> float:
     """Return the effective share of the draws after a rise of β (Kong 1992)."""
-    return effective(rise * np.maximum(ratios, -1e300)) / ratios.size
+    return effective_size(rise * np.maximum(ratios, -1e300)) / ratios.size

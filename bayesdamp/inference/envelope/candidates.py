@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.linear import (
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten
-from bayesdamp.physics.amplitude import AmplitudeSolver, Law, PowerLaw
+from bayesdamp.physics.amplitude import AmplitudeSolver, DecayLaw, PowerLaw
 from bayesdamp.physics.kernel.solve import ALL, Motion
 from bayesdamp.priors import (
     SCORE_RATIO,
@@ -32,7 +32,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     shared_log_density,
 )
-from bayesdamp.records.envelope.window import SeenFloor
+from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14
 """Number of knots of the deviation."""
@@ -85,7 +85,7 @@ class Blocks:
     x: np.ndarray
     duration: float
     mean_rate: float
-    floor: SeenFloor | None = None
+    floor: NoiseFloor | None = None
     each: float = 1.0
     frequency: float | None = None
     noises: tuple[tuple[Noise, np.ndarray], ...] = ()
@@ -136,7 +136,7 @@ class EnvelopeCandidate:
         Log share of that point in the sum's evidence, in nats.
     """
 
-    law: Law
+    law: DecayLaw
     x0: float
     rates: np.ndarray
     fit: np.ndarray
@@ -197,13 +197,13 @@ class EnvelopeCandidate:
         return self.exact.log_evidence
 
 
-def solver_of(blocks: Blocks, law: Law, white: np.ndarray | None = None) -> AmplitudeSolver:
+def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
     """Return a solver of decays at the blocks under a law; white: matrix that whitens their noise, (n, n)."""
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
 def fit_rates(
-    blocks: Blocks, law: Law, white: np.ndarray, begin: np.ndarray | None = None
+    blocks: Blocks, law: DecayLaw, white: np.ndarray, begin: np.ndarray | None = None
 ) -> LeastSquaresFit:
     """Fit a sum's rates, which are not negative, and ln A at the start.
 
@@ -211,7 +211,7 @@ def fit_rates(
     ----------
     blocks : Blocks
         The readings.
-    law : Law
+    law : DecayLaw
         The sum.
     white : ndarray, shape (n, n)
         Matrix that whitens their noise.
@@ -233,7 +233,7 @@ def _start_of(blocks: Blocks) -> float:
 
 
 def _fitted(
-    blocks: Blocks, law: Law, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
+    blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
 ) -> LeastSquaresFit:
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
@@ -246,7 +246,7 @@ def _fitted(
 
 def weigh(
     blocks: Blocks,
-    law: Law,
+    law: DecayLaw,
     fitted: EnvelopeCandidate | None = None,
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
@@ -258,7 +258,7 @@ def weigh(
     ----------
     blocks : Blocks
         The readings with their noises.
-    law : Law
+    law : DecayLaw
         The sum.
     fitted : Candidate, optional
         The same sum with another noise, whose fit is used.
@@ -338,7 +338,7 @@ class FitPosteriors:
 
 
 def _posteriors_about(
-    blocks: Blocks, law: Law, p: np.ndarray, units: np.ndarray, rates: bool
+    blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
     """Return the decay of a law's parameters and x at the start, p (d + 1,), and the posteriors about it.
 

@@ -20,7 +20,7 @@ from bayesdamp.records.envelope.window import (
     LEAST_DROP,
     NEPER,
     EnvelopeWindow,
-    blocks,
+    average_in_blocks,
     find_window,
 )
 from bayesdamp.types import Refusal
@@ -185,7 +185,7 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, flo
     Raises Refusal where the fall is too small to determine its rate.
     """
     whole = slice(window.start, window.stop)
-    t, x, _ = blocks(record.t[whole], record.level[whole] / NEPER, MOST)
+    t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST)
     edge = max(1, t.size // 30)
     top, bottom = x[:edge].mean(), x[-edge:].mean()
     drop = NEPER * float(top - bottom)

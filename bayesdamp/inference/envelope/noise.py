@@ -18,7 +18,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 
 from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
-from bayesdamp.records.envelope.window import SeenFloor
+from bayesdamp.records.envelope.window import NoiseFloor
 
 LONGEST_SCATTER = 0.04
 """Largest correlation time of the multiplicative scatter, in durations: a slower one is a deviation of the law."""
@@ -126,7 +126,7 @@ def infer_noise(
     x: np.ndarray,
     columns: np.ndarray,
     warp: np.ndarray,
-    floor: SeenFloor | None,
+    floor: NoiseFloor | None,
     slow: float,
     slow_time: float,
     each: float,
@@ -144,7 +144,7 @@ def infer_noise(
         Derivatives of x by the law's parameters, which have flat priors.
     warp : ndarray, shape (n, knots)
         Derivatives of x by the deviation's knots.
-    floor : SeenFloor or None
+    floor : NoiseFloor or None
         The floor behind the decay, in units of A_ref².
     slow, slow_time, each
         As in `Noise`.

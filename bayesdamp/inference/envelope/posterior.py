@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
-from bayesdamp.numerics.weights import shares
+from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import hats
 
 DRAWS = 4000
@@ -92,7 +92,7 @@ def draw(
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
     # Systematic resampling distributes the draws (Kitagawa 1996).
     places = (rng.random() + np.arange(DRAWS)) / DRAWS
-    counts = np.bincount(np.searchsorted(np.cumsum(shares(log_z))[:-1], places), minlength=log_z.size)
+    counts = np.bincount(np.searchsorted(np.cumsum(normalise(log_z))[:-1], places), minlength=log_z.size)
     s, names = blocks.t / blocks.duration, list(terms)
     ends = np.ones(ALONG // 2 + 1)
     ends[[0, -1]] = 0.5

@@ -28,8 +28,18 @@ from bayesdamp.inference.envelope.candidates import (
     weigh_power,
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
-from bayesdamp.numerics.weights import effective, shares
-from bayesdamp.physics.amplitude import POWERS, SUMS, ClosedForm, Law, Scale, Shape, Tabled, alike, log_loss
+from bayesdamp.numerics.weights import effective_size, normalise
+from bayesdamp.physics.amplitude import (
+    POWERS,
+    SUMS,
+    ClosedForm,
+    DecayLaw,
+    Scale,
+    Shape,
+    TabulatedLaw,
+    are_proportional,
+    log_loss,
+)
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import FURTHER_TERM, SHARED_SCALES, odds
 from bayesdamp.records.envelope.window import ABOVE_FLOOR
@@ -134,7 +144,7 @@ class Sum:
         first = sum(self.counts[:term])
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
-    def law(self, scores: Sequence[float] = ()) -> Law:
+    def law(self, scores: Sequence[float] = ()) -> DecayLaw:
         """Return the law at scores of the further parameters."""
         if not self.each:
             return ClosedForm(self.terms)
@@ -145,7 +155,7 @@ class Sum:
             return lambda x: np.exp(loss(x - self.start) - unit)
 
         shapes = tuple(map(shape, range(len(self.each))))
-        return Tabled(self.terms, shapes, self.low - BEYOND, self.start + BEYOND)
+        return TabulatedLaw(self.terms, shapes, self.low - BEYOND, self.start + BEYOND)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
         """Return ln of the rate in 1/s of a coefficient of 1 at the reference amplitude.
@@ -220,7 +230,9 @@ def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
     for name in terms:
         if not TERMS.get(name).inferred:
             log_loss(TERMS.get(name))
-    first = {t: next(u for u in terms if u == t or alike(TERMS.get(u), TERMS.get(t))) for t in terms}
+    first = {
+        t: next(u for u in terms if u == t or are_proportional(TERMS.get(u), TERMS.get(t))) for t in terms
+    }
     weighed: dict[frozenset[str], tuple[str, ...]] = {}
     left_out = []
     for asked in dict.fromkeys(sums):
@@ -238,31 +250,31 @@ def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
     return tuple(weighed.values()), tuple(left_out)
 
 
-def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[Law, float, np.ndarray]:
+def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[DecayLaw, float, np.ndarray]:
     """Return a law that fits a record as well as any of these sums, ln A at its start, and its rates.
 
     The law includes viscous, Coulomb and quadratic damping, so that its residuals contain none of these. Where the loss
     is steeper than all of these, it also includes the third power of the amplitude.
     """
-    steep = Tabled(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
+    steep = TabulatedLaw(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
     fits = [(law, fit_rates(b, law, inverse)) for law in (ClosedForm(SUMS[-1]), steep)]
     fits += [_fit_sum(b, s, inverse) for s in sums if s.each]
     law, fit = min(fits, key=lambda pair: pair[1].squares)
     x0, rates = float(fit.values[-1]), fit.values[:-1]
     if law.terms == SUMS[-1]:
         return law, x0, rates
-    assert isinstance(law, Tabled)
+    assert isinstance(law, TabulatedLaw)
     more = tuple(term for term in SUMS[-1] if term not in law.terms)
     shapes = tuple(_power(POWERS[term]) for term in more)
     law = replace(law, terms=law.terms + more, each=law.each + shapes)
     return law, x0, np.append(rates, np.zeros(len(more)))
 
 
-def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[Law, LeastSquaresFit]:
+def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:
     """Return the law of a sum at the best scores of its further parameters, and its fit."""
 
     @cache
-    def at(scores: tuple[float, ...]) -> tuple[Law, LeastSquaresFit]:
+    def at(scores: tuple[float, ...]) -> tuple[DecayLaw, LeastSquaresFit]:
         law = s.law(scores)
         return law, fit_rates(b, law, inverse)
 
@@ -340,11 +352,11 @@ class Explored:
 
     def resampled(self, count: int) -> np.ndarray:
         """Return points of equal weight, (count, e), spread evenly through the posterior."""
-        weight = shares(self.log_weight)
+        weight = normalise(self.log_weight)
         off = self.points - weight @ self.points
         widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
         order = np.argsort(self.points @ widest)
-        cumulative = np.cumsum(shares(self.log_weight[order]))
+        cumulative = np.cumsum(normalise(self.log_weight[order]))
         at = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count)
         return self.points[order][np.minimum(at, len(order) - 1)]
 
@@ -380,13 +392,13 @@ def explore(
         logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])
         mixture = np.logaddexp.reduce([_log_normal(points, *proposal) for proposal in proposals], axis=0)
         log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
-        if effective(log_weight) >= ENOUGH or len(proposals) >= rounds:
+        if effective_size(log_weight) >= ENOUGH or len(proposals) >= rounds:
             return Explored(points, log_weight)
         # The next normal is fitted to the points, with weights flattened until they are worth enough of these.
         power = 1.0
-        while effective(power * log_weight) < 2.0 + 2.0 * count:
+        while effective_size(power * log_weight) < 2.0 + 2.0 * count:
             power *= FLATTER
-        weight = shares(power * log_weight)
+        weight = normalise(power * log_weight)
         mean = weight @ points
         off = points - mean
         covariance = WIDER * (off.T * weight) @ off
@@ -422,7 +434,7 @@ class Ranking:
     @property
     def probability(self) -> np.ndarray:
         """Probability of each sum."""
-        return shares(self.log_evidence)
+        return normalise(self.log_evidence)
 
     @property
     def best(self) -> Sum:

@@ -13,7 +13,7 @@ from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.numerics.orthant import fitted
+from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
 PROPOSALS = 2000
@@ -100,7 +100,7 @@ def _spans(
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
     spans = []
     for shaping, bridged in (parts, parts[::-1]):
-        proposal = fitted(shaping.reshape(-1, reflected.size), reflected)
+        proposal = fit_reflected_t(shaping.reshape(-1, reflected.size), reflected)
         y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSALS)])
         ratio = mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
         evaluations += len(y)

@@ -9,8 +9,8 @@ from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fitted
-from bayesdamp.numerics.weights import effective, pareto_k
+from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fit_reflected_t
+from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT = 1000
@@ -24,7 +24,7 @@ FEWEST = 50
 
 def _good(log_weights: np.ndarray) -> bool:
     """Return whether a pilot is good enough; on one of this size the fitted shape scatters by about 0.1."""
-    return pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT
+    return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT
 
 
 class Importance(EvidenceMethod):
@@ -49,7 +49,7 @@ class Importance(EvidenceMethod):
         if mode.linear is None:
             proposal = ReflectedT(*expansion(target, mode, shear), reflected)
         else:
-            proposal = fitted(mode.linear.draws, reflected)
+            proposal = fit_reflected_t(mode.linear.draws, reflected)
         place = proposal, shear
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
         evaluations = PILOT
@@ -62,7 +62,7 @@ class Importance(EvidenceMethod):
                 continue
             pilot, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
-            if not effective(log_weights) >= effective(weights):
+            if not effective_size(log_weights) >= effective_size(weights):
                 place, y, log_weights = tried, pilot, weights
         for _ in range(ROUNDS - 1):
             if _good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
@@ -73,7 +73,7 @@ class Importance(EvidenceMethod):
         final = FINAL if mode.linear is None else FINAL // 2  # motions with deviations take longer
         y, log_weights = self._weights(target, mode, *place, rng, final)
         evaluations += final
-        k, share = pareto_k(log_weights), effective(log_weights) / final
+        k, share = pareto_k(log_weights), effective_size(log_weights) / final
         outcome = OK
         if not k < K_LIMIT:
             outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"

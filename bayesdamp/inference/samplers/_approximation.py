@@ -10,7 +10,7 @@ from bayesdamp.inference.diagnostics import summarise
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.numerics.weights import effective, pareto_k, shares
+from bayesdamp.numerics.weights import effective_size, normalise, pareto_k
 from bayesdamp.types import OK, Posterior
 
 K_LIMIT = 0.7
@@ -56,14 +56,14 @@ def approximate_posterior(
     likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = pareto_k(weights)
-    size = effective(weights)
+    size = effective_size(weights)
     grid = (settings.chains, settings.draws)
     values = {n: v.reshape(grid) for n, v in target.values(z).items()}
     outcome = OK
     if not shape < K_LIMIT:
         poor = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
         outcome = f"a poor approximation: {poor} ({size:.0f} effective of {weights.size} draws)"
-    elif moved := _moved(values, shares(weights)):
+    elif moved := _moved(values, normalise(weights)):
         outcome = f"a poor approximation: {moved}"
     return Posterior(
         sampler=sampler,

@@ -1,4 +1,4 @@
-"""Define what a damping term is, and register the terms: one class in one module each, found by name."""
+"""Define the base class of damping terms and their registry. Each term is one class in a module of its own."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import InputError, Symbol
 
 NODES = 48
-"""Number of nodes of Gauss and Legendre's rule in a quarter of a cycle."""
+"""Number of Gauss–Legendre nodes in a quarter of a cycle."""
 SHARP = 1e-9
-"""Width, in peak velocities, of the switch of a force where its limit of a jump is wanted."""
+"""Switching width ε, relative to the peak velocity, with which the work of an abrupt switch is computed."""
 EXACT, TINY = 1e-8, 1e-100
-"""Width over the velocity at which a force has its full value to rounding, and the velocity (rad/s) in place of 0."""
+"""Ratio ε/|v| at which tanh(v/ε) equals the sign of v to rounding, and the velocity (rad/s) that replaces v = 0."""
 REFLECTED_MEDIAN = 0.6745
-"""Score of the median of a folded normal."""
+"""Median of |z| for a standard normal z."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
-"""What a kernel may need besides parameters: the rest position, and scales of velocity and displacement."""
+"""Numbers that a kernel may need besides parameters: the equilibrium, and reference scales of velocity and
+displacement."""
 
 
 _X, _W = np.polynomial.legendre.leggauss(NODES)
@@ -39,11 +40,11 @@ PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of a term besides its coefficient.
+    """A parameter of a damping term other than its coefficient.
 
-    name, unit: its name, and its unit for an angle in rad. prior: the prior as a function of a reference amplitude (rad
-    or m) and frequency (rad/s); its support contains the possible values. symbol: how it is written; by default its
-    name.
+    name, unit: its name, and its unit for an angle in rad. prior: function that returns the prior for a reference
+    amplitude (rad or m) and frequency (rad/s); the prior's support must contain all possible values. symbol: symbol in
+    reports; by default the name.
     """
 
     name: str
@@ -53,41 +54,43 @@ class FreeParameter:
 
 
 class DampingTerm(ABC):
-    """A force coefficient · kernel(θ, θ̇; further parameters) that takes energy out of the oscillation."""
+    """A damping force: coefficient · kernel(θ, θ̇, ε, further parameters)."""
 
     name: str
     parameter: str
     unit: str
-    """Unit of the coefficient for an angle in rad; `m` in place of rad for a record in metres."""
+    """Unit of the coefficient for an angle in rad; for a record in metres, `m` replaces `rad`."""
     symbol: Symbol | None = None
-    """How the coefficient is written; by default its name."""
+    """Symbol of the coefficient in reports; by default its name."""
     words: str = ""
-    """Words for the term in a sentence; by default its name."""
+    """Name of the term in sentences; by default `name`."""
     formula: str = ""
     """The force as a report shows it."""
     switches: bool = False
-    """Whether the shape jumps with the sign of the velocity within the width ε."""
+    """Whether the force jumps with the sign of the velocity (dry friction), within the width ε."""
     rounded: bool = False
-    """Whether ε rounds off a shape that is steep at rest, instead of a jump. For ε = 0 the kernel still does so within
-    a small share of the peak velocity."""
+    """Whether ε does not smooth a jump, but the steep slope of a continuous force at v = 0. Such a term is smoothed
+    within a small fraction of the peak velocity also if ε = 0."""
     inferred: tuple[FreeParameter, ...] = ()
-    """Parameters besides the coefficient, in the kernel's order."""
+    """Parameters other than the coefficient, in the order of the kernel's arguments after ε."""
     given: tuple[str, ...] = ()
-    """Arguments of the kernel after these, of `GIVEN`."""
+    """Names of `GIVEN` that the kernel takes as arguments after the parameters in `inferred`."""
     bounded: bool = True
-    """Whether a verdict without the term gives an upper limit of its share of the energy."""
+    """Whether a verdict without this term gives an upper limit for its fraction of the dissipated energy."""
     twin: str = ""
-    """A term that takes as much energy at every amplitude: only the shape within a cycle distinguishes the two."""
+    """Name of a term whose energy loss per cycle depends on the amplitude in the same way; only the motion within a
+    cycle distinguishes the two."""
     reduces: tuple[tuple[str, float], ...] = ()
-    """Values of parameters at which the term is a simpler one; the upper limit is for what it has beyond that."""
+    """Parameter values at which the term reduces to a simpler one; the upper limit is for the part of the force beyond
+    that."""
 
     @property
     def placed(self) -> bool:
-        """Whether its force depends on the position."""
+        """Return whether the force depends on the position."""
         if "rest" in self.given:
             return True
         first = self.kernel.__code__.co_varnames[0]
-        # Newer versions of Python load two variables at once.
+        # Since Python 3.13 one instruction can load two variables.
         loaded = (
             i.argval if isinstance(i.argval, tuple) else (i.argval,)
             for i in dis.get_instructions(self.kernel)
@@ -96,22 +99,23 @@ class DampingTerm(ABC):
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Names of the kernel's arguments besides θ, θ̇ and ε."""
+        """Return the names of the kernel's arguments after θ, θ̇ and ε."""
         return (*(p.name for p in self.inferred), *self.given)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """Force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s), ε > 0 (rad/s).
+        """Return the force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s).
 
-        Plain Python with `math` and `np` alone: compiled kernels are made of it, and `force`. After ε it takes the
-        term's `further` parameters.
+        ε > 0 is in rad/s; after it come the arguments in `further`. It may use only plain Python, `math` and `np`,
+        because its source is compiled.
         """
         raise NotImplementedError
 
     def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> np.ndarray:
-        """Return the force per unit of the coefficient at displacements x (rad) and velocities v (rad/s) of one shape.
+        """Return the force per unit of the coefficient, at displacements x (rad) and velocities v (rad/s) of one shape.
 
-        further: values of the arguments in `further`. With ε = 0 a force that switches jumps, and is 0 at rest.
+        further: values of the arguments in `further`. With ε = 0, dry friction jumps with the sign of v and is 0 at v =
+        0.
         """
         v = np.asarray(v, float)
         sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
@@ -120,23 +124,24 @@ class DampingTerm(ABC):
         return on_arrays(self.kernel)(np.asarray(x, float), v, width, *values)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent viscous damping ratio per unit of the coefficient, at an amplitude in rad.
+        """Return the equivalent viscous damping ratio per unit of the coefficient, W / (2π ω² A²).
 
-        It follows from the energy lost in a cycle of a harmonic motion with a frequency in rad/s. Where a term gives no
-        closed form, this is by quadrature at the medians of the further parameters' priors.
+        W is the energy lost in a cycle of a harmonic motion with amplitude A (rad) and frequency ω (rad/s). By default
+        the further parameters are at the medians of their priors; a term may override this with a closed form.
         """
         medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
         return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle x = A sin ωt per unit of the coefficient and inertia, rad²/s².
+        """Return the energy lost in a cycle x = A sin ωt, per unit of the coefficient and of the inertia, in rad²/s².
 
         Parameters
         ----------
         amplitude, frequency
-            In rad and rad/s.
+            Amplitude A in rad and frequency ω in rad/s.
         further
-            Values of the parameters by name; the arguments in `given` have by default their value for this motion.
+            Values of the arguments in `further`, by name. Those in `given` may be missing; the default is their value
+            for this motion.
         """
         peak = amplitude * frequency
         known = {"rest": 0.0, "reference_velocity": peak, "reference_amplitude": amplitude, **further}
@@ -148,7 +153,7 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the shape as a function of (x, v, ε) at values of further parameters by name; ε = 0 is the sign."""
+        """Return the kernel as a function of (x, v, ε) only, with these values of the further arguments; ε may be 0."""
         kernel, values = self.kernel, [further[n] for n in self.further]
 
         def force(x: float, v: float, epsilon: float) -> float:
@@ -159,17 +164,17 @@ class DampingTerm(ABC):
 
 
 def median(prior: Prior) -> float:
-    """Return the median of a prior."""
+    """Return the median of a prior distribution."""
     return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
 
 
 def parse_model(name: str) -> tuple[str, ...]:
-    """Return the terms of a sum such as `viscous+coulomb`, in their order.
+    """Return the names of the terms in a sum such as `viscous+coulomb`, in the same order.
 
     Raises
     ------
     InputError
-        For an unknown, repeated or missing term, and for two terms with a parameter of the same name.
+        If a term is unknown, repeated or empty, or if two terms have a parameter of the same name.
     """
     terms = tuple(part.strip() for part in name.split("+"))
     if len(set(terms)) != len(terms) or not all(terms):
@@ -179,20 +184,20 @@ def parse_model(name: str) -> tuple[str, ...]:
         for parameter in TERMS.get(term).inferred:
             if parameter.name in owner:
                 both = f"{owner[parameter.name]} and {term} both have a parameter {parameter.name!r}"
-                raise InputError(f"damping model {name!r}: {both}; compare them one by one")
+                raise InputError(f"damping model {name!r}: {both}; use only one of the two")
             owner[parameter.name] = term
     return terms
 
 
 def others() -> list[str]:
-    """Return the terms that ship besides the paper's."""
+    """Return the names of the terms that ship with bayesdamp, except the three terms of the paper."""
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
 def words_of(term: str) -> str:
-    """Return the words for a term in a sentence, without an article, so that "damping" can follow.
+    """Return how a sentence names a term, without an article, so that "damping" can follow.
 
-    It is the term's name where it has no words or is not known here.
+    If the term has no `words`, or is not registered, this is its name.
     """
     words = (TERMS.get(term).words if term in TERMS.names() else "") or term
     first, _, rest = words.partition(" ")
@@ -200,12 +205,12 @@ def words_of(term: str) -> str:
 
 
 def twins_of(term: str) -> list[str]:
-    """Return the terms that take as much energy at every amplitude as this one."""
+    """Return the terms whose energy loss depends on the amplitude as this term's does (see `DampingTerm.twin`)."""
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]
 
 
 def all_sums() -> list[str]:
-    """Return the seven sums of the paper's terms, single ones first."""
+    """Return all seven sums of the paper's three terms, single terms first."""
     return ["+".join(c) for n in (1, 2, 3) for c in combinations(PAPER_TERMS, n)]

@@ -9,7 +9,7 @@ from bayesdamp.types import Symbol
 
 
 class Coulomb(DampingTerm):
-    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 it is the sign, and the body may stick."""
+    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the tanh is the sign of θ̇, and the body may stick."""
 
     name = "coulomb"
     parameter = "mu_c"
@@ -21,11 +21,11 @@ class Coulomb(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """tanh(v/ε)."""
+        """Return tanh(v/ε)."""
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 2/(πω²A): it grows as the amplitude falls."""
+        """Return 2/(πω²A), which grows as the amplitude A decreases."""
         return 2.0 / (math.pi * frequency**2 * amplitude)
 
 

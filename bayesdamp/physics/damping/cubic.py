@@ -1,4 +1,4 @@
-"""Cubic damping μ₃ θ̇³, of ships in roll (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
+"""Cubic damping μ₃ θ̇³, as in the rolling of ships (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from bayesdamp.types import Symbol
 
 
 class Cubic(DampingTerm):
-    """F = μ₃ θ̇³, μ₃ in s/rad²: a cycle takes 3π/4 μ₃ ω³ A⁴."""
+    """F = μ₃ θ̇³, μ₃ in s/rad²: a cycle dissipates 3π/4 μ₃ ω³ A⁴."""
 
     name = "cubic"
     parameter = "mu_3"
@@ -18,7 +18,7 @@ class Cubic(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """v³."""
+        """Return v³."""
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

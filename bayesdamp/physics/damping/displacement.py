@@ -1,6 +1,6 @@
-"""Damping that grows with the square of the displacement, (θ − θ_e)² θ̇.
+"""Viscous damping that grows with the square of the displacement, (θ − θ_e)² θ̇.
 
-It is that of van der Pol with the opposite sign (B. van der Pol, Phil. Mag. 2, 978 (1926)).
+It is the nonlinear term of the van der Pol oscillator (B. van der Pol, Phil. Mag. 2, 978 (1926)).
 """
 
 from bayesdamp.physics.damping import DampingTerm
@@ -8,7 +8,7 @@ from bayesdamp.types import Symbol
 
 
 class Displacement(DampingTerm):
-    """F = c (θ − θ_e)² θ̇, c in 1/(s rad²): a cycle takes π c ω A⁴/4, as much as θ̇³ does."""
+    """F = c (θ − θ_e)² θ̇, c in 1/(s rad²): a cycle dissipates π c ω A⁴/4, which is ∝ A⁴ as for cubic damping."""
 
     name = "displacement"
     parameter = "c_xxv"
@@ -21,7 +21,7 @@ class Displacement(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
-        """(x − x₀)²v."""
+        """Return (x − x_e)² v with x_e = `rest`."""
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

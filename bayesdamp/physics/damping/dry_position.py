@@ -1,6 +1,6 @@
-"""Dry friction that varies with the position, to second order in the displacement.
+"""Dry friction that depends on the position, to second order in the displacement.
 
-It occurs under a normal force that varies (B. F. Feeny and F. C. Moon, J. Sound Vib. 170, 303 (1994)).
+It occurs where the normal force depends on the position (B. F. Feeny and F. C. Moon, J. Sound Vib. 170, 303 (1994)).
 """
 
 import math
@@ -16,13 +16,13 @@ from bayesdamp.types import Symbol
 class DryPosition(DampingTerm):
     """F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θ_e)/A, μ_p in rad/s².
 
-    A is a reference amplitude, and μ_p the friction at rest. A cycle of amplitude a takes 4 μ_p a (1 + q (a/A)²/3)
-    while the bracket is positive: the slope s takes no energy by itself.
+    A is a reference amplitude, and μ_p the friction at the equilibrium. As long as 1 + s u + q u² > 0, a cycle of
+    amplitude a dissipates 4 μ_p a (1 + q (a/A)²/3); the slope s has no effect on this energy.
     """
 
     name = "dry_position"
     parameter = "mu_p"
-    symbol = Symbol("μp", r"$\mu_p$", "friction at rest")
+    symbol = Symbol("μp", r"$\mu_p$", "friction at the equilibrium")
     unit = "rad/s²"
     words = "position-dependent friction"
     formula = "μp max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θe)/A"
@@ -54,23 +54,26 @@ class DryPosition(DampingTerm):
         rest: float = 0.0,
         scale: float = 1.0,
     ) -> float:
-        """max(1 + a u + b u², 0) tanh(v/ε), u = (x − x₀)/A_ref."""
+        """Return max(1 + slope·u + curvature·u², 0) tanh(v/ε) with u = (x − rest)/scale."""
         u = (x - rest) / scale
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return `DampingTerm.work` in closed form, over the parts of the way where there is friction."""
+        """Return `DampingTerm.work` in closed form.
+
+        It is 2 A ∫ (1 + s u + q u²) du over those u at which the integrand is positive.
+        """
         s, q = further["friction_slope"], further["friction_curvature"]
         scale = further.get("reference_amplitude", amplitude)
         end = amplitude / scale
-        inside = s * s - 4.0 * q
-        zeros = []  # of 1 + s u + q u², without cancellation where q is small
-        if inside > 0.0:
-            half = -0.5 * (s + math.copysign(math.sqrt(inside), s))
+        discriminant = s * s - 4.0 * q
+        zeros = []  # of 1 + s u + q u², by the formula without cancellation for small q
+        if discriminant > 0.0:
+            half = -0.5 * (s + math.copysign(math.sqrt(discriminant), s))
             zeros = sorted(u for u in (1.0 / half, half / q if q else math.inf))
         edges = np.array([-end, *(u for u in zeros if abs(u) < end), end])
-        taken = np.diff(edges * (1.0 + edges * (s / 2.0 + edges * q / 3.0)))
-        return float(2.0 * scale * np.maximum(taken, 0.0).sum())
+        integrals = np.diff(edges * (1.0 + edges * (s / 2.0 + edges * q / 3.0)))
+        return float(2.0 * scale * np.maximum(integrals, 0.0).sum())
 
 
 PLUGIN = DryPosition()

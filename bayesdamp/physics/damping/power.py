@@ -1,6 +1,6 @@
-"""A power of the velocity with a free exponent.
+"""Damping by a power of the velocity with unknown exponent.
 
-Coulomb, viscous and quadratic damping have the exponents 0, 1 and 2 (R. E. Mickens, K. O. Oyedeji and S. A. Rucker,
+Coulomb, viscous and quadratic damping are the exponents 0, 1 and 2 (R. E. Mickens, K. O. Oyedeji and S. A. Rucker,
 J. Sound Vib. 268, 839 (2003)).
 """
 
@@ -13,10 +13,11 @@ from bayesdamp.types import Symbol
 
 
 class Power(DampingTerm):
-    """F = c V |θ̇/V|^p sgn θ̇ with V a reference velocity, c in 1/s; rounded within ε so that it may switch at p = 0.
+    """F = c V |θ̇/V|^p sgn θ̇ with a reference velocity V, c in 1/s.
 
-    The exponent may be a little outside 0 to 3, so that neither value is at an end of its score. A cycle takes
-    2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
+    It is smoothed within ε, because it is steep at v = 0 if p < 1. The prior of the exponent extends a little beyond 0
+    and 3, so that neither value lies at an end of the prior. A cycle dissipates 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A
+    (ωA/V)^p.
     """
 
     name = "power"
@@ -27,7 +28,7 @@ class Power(DampingTerm):
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     rounded = True
-    bounded = False  # its exponent tells more
+    bounded = False  # a limit would depend on the exponent, which says more
     inferred = (
         FreeParameter(
             "exponent",
@@ -40,7 +41,7 @@ class Power(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
-        """v ((v² + ε²)/v_ref²)^((p − 1)/2): a power p of the velocity, smooth at rest."""
+        """Return v ((v² + ε²)/V²)^((p − 1)/2) with V = `scale`, which is V |v/V|^p sgn v for |v| ≫ ε."""
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:

@@ -20,11 +20,11 @@ class Quadratic(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """v|v|."""
+        """Return v|v|."""
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 4A/(3π)."""
+        """Return 4A/(3π), with the amplitude A."""
         return 4.0 * amplitude / (3.0 * math.pi)
 
 

@@ -1,4 +1,4 @@
-"""Stribeck friction: dry friction that rises from its kinetic to its static value as the velocity goes to zero.
+"""Stribeck friction: dry friction that increases from its kinetic to its static value as the velocity goes to zero.
 
 See B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083 (1994).
 """
@@ -13,15 +13,15 @@ from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
-"""Possible Stribeck velocities, as shares of the reference's peak velocity: below them, friction is static only at the
-turning points; above them, everywhere."""
+"""Limits of the Stribeck velocity, relative to the reference peak velocity. Below them friction exceeds its kinetic
+value only very near the turning points; above them it does so during the whole cycle."""
 
 
 class Stribeck(DampingTerm):
     """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s².
 
-    The static friction is (1 + s) μ_k, the Stribeck velocity v_s is in rad/s. A cycle takes 4 μ_k A [1 + s D(a)/a] with
-    a = ωA/v_s and Dawson's integral D.
+    The static friction is (1 + s) μ_k, the Stribeck velocity v_s is in rad/s. A cycle dissipates
+    4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
     """
 
     name = "stribeck"
@@ -51,7 +51,7 @@ class Stribeck(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, excess: float = 0.0, slow: float = 1.0) -> float:
-        """(1 + s exp(−(v/v_s)²)) tanh(v/ε) (Stribeck 1902)."""
+        """Return (1 + s exp(−(v/v_s)²)) tanh(v/ε), with s = `excess` and v_s = `slow`."""
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:

@@ -1,6 +1,6 @@
 """Structural (hysteretic) damping: a force proportional to the displacement that opposes the velocity.
 
-The loss in a cycle does not depend on its frequency (T. J. Reid, J. R. Aeronaut. Soc. 60, 283 (1956)).
+The energy loss per cycle does not depend on the frequency (T. J. Reid, J. R. Aeronaut. Soc. 60, 283 (1956)).
 """
 
 import math
@@ -10,9 +10,9 @@ from bayesdamp.types import Symbol
 
 
 class Structural(DampingTerm):
-    """F = κ |θ − θ_e| tanh(θ̇/ε), κ in 1/s²: a cycle takes 2κA², a loss factor of 2κ/(πω²).
+    """F = κ |θ − θ_e| tanh(θ̇/ε), κ in 1/s²: a cycle dissipates 2κA², which is a loss factor of 2κ/(πω²).
 
-    Unlike the complex stiffness of the frequency domain it is causal and has solutions. In a free decay the amplitude
+    Unlike a complex stiffness, this force is causal and defined in the time domain. In a free decay the amplitude
     falls exponentially, as with viscous damping; only the shape within a cycle distinguishes the two.
     """
 
@@ -28,11 +28,11 @@ class Structural(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
-        """|x − x₀| tanh(v/ε)."""
+        """Return |x − x_e| tanh(v/ε) with x_e = `rest`."""
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 1/(πω²): the same at every amplitude."""
+        """Return 1/(πω²), which does not depend on the amplitude."""
         return 1.0 / (math.pi * frequency**2)
 
 

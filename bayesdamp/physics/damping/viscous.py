@@ -7,7 +7,7 @@ from bayesdamp.types import Symbol
 
 
 class Viscous(DampingTerm):
-    """F = 2ζθ̇, ζ in 1/s: the paper's ζ, which is ω_n times the damping ratio of the standard form."""
+    """F = 2ζθ̇ with the decay rate ζ in 1/s. The paper's ζ is ω_n times the usual (dimensionless) damping ratio."""
 
     name = "viscous"
     parameter = "zeta"
@@ -18,11 +18,11 @@ class Viscous(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """2v."""
+        """Return 2v."""
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 1/ω."""
+        """Return 1/ω, which does not depend on the amplitude."""
         return 1.0 / frequency
 
 

@@ -1,4 +1,4 @@
-"""Trajectories and their tangents as compiled machine code: what the quick answer is made of."""
+"""Integrate trajectories and their derivatives by the parameters (tangents), as compiled machine code."""
 
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.solve import Motion, Solver

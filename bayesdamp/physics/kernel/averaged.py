@@ -1,12 +1,12 @@
-"""Compute amplitude and phase of motions of hundreds of cycles, from an oscillation that decays over fewer cycles.
+"""Compute amplitude and phase of decays over hundreds of cycles, from an oscillation that decays over fewer cycles.
 
-To first order of the damping, amplitude and phase of a free decay follow averaged equations, in which time and the size
-of the damping come as a product alone (N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of
-Non-linear Oscillations, 1961, chapter 1): damping that is M times larger does in a cycle what it did in M. So these
-equations are solved as the equation of motion itself with the damping times M, over an M-th of the time, for any
-damping and any restoring force: amplitudes are those of the record, the phase advances by an M-th of the record's. What
-the next orders change is the difference to the ODE, solved over all cycles at one set of parameters and added near
-there (defect correction: H. J. Stetter, Numer. Math. 29, 425 (1978)).
+To first order in the damping, amplitude and phase of a free decay obey averaged equations that depend only on the
+product of time and damping (N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of Non-linear
+Oscillations, 1961, chapter 1). Therefore M times the damping has the same effect in one cycle as the damping has in M
+cycles. We integrate the equation of motion with the damping times M over 1/M of the duration: the amplitudes are those
+of the record, and the phase advances by 1/M of the record's. This works for any damping and restoring force. The effect
+of the higher orders (the defect) is computed once by integrating the actual equation over all cycles, and is added for
+parameters near by (defect correction: H. J. Stetter, Numer. Math. 29, 425 (1978)).
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ import numpy as np
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
-"""Cycles that are read for an amplitude and a phase: of the oscillation that is solved, a whole number of which goes
-before the middle of a block, and of the ODE's."""
+"""Number of cycles over which one amplitude and phase are measured: in the compressed oscillation, which has M times
+the damping, and in the actual one."""
 PHASES = 16
-"""Points in a cycle at which they are read."""
-BY_ODE = 1e-10
-"""Error of a step of the ODE, as a share of the amplitude: a cycle is then right to 1e-8 of itself, or better."""
-A_SEGMENT = 1000.0
-"""Cycles that the ODE is solved over at once: what bounds its memory."""
+"""Number of points in a cycle at which the oscillation is evaluated for this."""
+ODE_TOLERANCE = 1e-10
+"""Error of a step of the actual equation, relative to the amplitude; a cycle is then right to 1e-8 of its amplitude, or
+better (measured)."""
+CYCLES_PER_SEGMENT = 1000.0
+"""The actual equation is integrated over at most this many cycles at once, which limits the memory (conventional)."""
 
 
 def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return phases about the middle of `turns` cycles, (s,), and weights there that sum to 1.
+    """Return phases, (s,), over `turns` cycles, 0 in the middle, and weights there that sum to 1.
 
-    The weights are a power of Hann's window, which separates the midline, the frequency and its multiples from each
-    other; the larger the power, the steeper the separation.
+    The weights are a power of a cosine (for 2 cycles a Hann window). They separate the midline, the fundamental and the
+    harmonics; a larger power separates more sharply.
     """
     share = (np.arange(PHASES * turns) + 0.5) / (PHASES * turns) - 0.5
     weight = np.cos(np.pi * share) ** turns
@@ -44,17 +45,17 @@ def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
 OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
 NUMBERS = 3
-"""Numbers of a block: amplitude, phase times the record's amplitude, √2 times the midline; white noise is equal in
-all three."""
+"""Number of values of a block: amplitude, phase times the record's amplitude, √2 times the midline. With these factors
+white noise has the same variance in all three."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """The times and phases against which a record's amplitude and phase are measured, in blocks (b,).
+    """Times and reference phases at which amplitude and phase of each of b blocks are measured.
 
-    slowness: M ≥ 1, cycles of the record for one that is solved. times, phases: (b, s) in s and rad, of the solved
-    oscillation at `OFFSETS`; real_times, real_phases: the same of the record itself at `REAL_OFFSETS`. sizes: the
-    record's amplitudes, (b,), in its unit, by which phases are multiplied.
+    slowness: M ≥ 1, number of the record's cycles for each integrated cycle. times, phases: (b, s), in s and rad, of
+    the integrated oscillation, at `OFFSETS` around the middle of each block. real_times, real_phases: the same for the
+    actual oscillation, at `REAL_OFFSETS`. sizes: the record's amplitudes, (b,), by which phases are multiplied.
     """
 
     slowness: float
@@ -66,19 +67,18 @@ class Track:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Times of the blocks in the record, s, (b,)."""
+        """Return the middle times of the blocks in the record, s, (b,)."""
         return self.real_times.mean(axis=1)
 
 
 @dataclass(frozen=True)
 class AveragedSolver(Solver):
-    """A `Solver` of amplitudes and phases.
+    """A `Solver` that returns amplitudes and phases of blocks of cycles instead of samples.
 
-    Its t, (3b,), are the ends of the blocks in the time that is solved. Its values come in threes: a block's amplitude,
-    its phase beyond the track's times the record's amplitude there, and √2 times its midline.
-
-    Parameters are those of the record; knots, and the times of a `Motion`, are an M-th of the record's.
-    defect: (3b,), what the ODE differs by, near where it was taken.
+    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's times the record's
+    amplitude, and √2 times the midline. t, (3b,), is the end of each value's block, in the integrated (compressed)
+    time. Parameters are those of the record; knots and the times of a `Motion` are 1/M of the record's. defect: (3b,),
+    values of the actual equation minus those of this solver, valid near the parameters at which it was computed.
     """
 
     track: Track = field(kw_only=True)
@@ -86,11 +86,11 @@ class AveragedSolver(Solver):
 
     @property
     def slowness(self) -> float:
-        """Return the number of the record's cycles for each cycle that is solved."""
+        """Return the number of the record's cycles for each integrated cycle."""
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver of the equation of motion itself at times t of the record, (n,), in s."""
+        """Return a solver of the actual equation of motion, at times t of the record, (n,), in s."""
         return replace(self._plain(t, self.knots * self.slowness), quantity=quantity)
 
     def solve(
@@ -103,69 +103,71 @@ class AveragedSolver(Solver):
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """As `Solver.solve`; stop counts a block's numbers."""
+        """Return the values of the blocks, as `Solver.solve` does; `stop` counts values, not blocks."""
         blocks = len(self.track.sizes) if stop is None else -(-stop // NUMBERS)
-        if blocks not in self._readers:
-            t, order = _sorted(self.track.times[:blocks])
-            self._readers[blocks] = self._plain(t, self.knots), order
-        inner, order = self._readers[blocks]
+        if blocks not in self._solvers:
+            t, order = _sort_times(self.track.times[:blocks])
+            self._solvers[blocks] = self._plain(t, self.knots), order
+        inner, order = self._solvers[blocks]
         p = np.array(p, float)
         p[: len(self.terms)] *= self.slowness
-        if tangents == ALL:  # the blocks end a little before the last knot, and all knots have tangents
+        if (
+            tangents == ALL
+        ):  # without g and h, `Solver.solve` would drop the last knot, which is after the last block
             none = np.zeros(self.knots.size)
             g, h = none if g is None else g, none if h is None else h
         motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance)
         if motion is None:
             return None
-        z, middle = _projected(motion.y, order, self.track.phases)
+        z, middle = _demodulate(motion.y, order, self.track.phases)
         if not np.all(np.abs(z) > 0):
             return None
-        y = self._threes(np.abs(z), self._stretched(np.unwrap(np.angle(z))), middle)[:stop]
+        y = self._interleave(np.abs(z), self._to_record_phase(np.unwrap(np.angle(z))), middle)[:stop]
         if self.defect is not None:
             y = y + self.defect[:stop]
         slopes = motion.tangents
         if tangents:
-            turned, middle = _projected(slopes, order, self.track.phases)
-            relative = turned / z[:, None]
+            complex_slopes, middle = _demodulate(slopes, order, self.track.phases)
+            relative = complex_slopes / z[:, None]
             slopes = np.empty((NUMBERS * z.size, relative.shape[1]))
             slopes[::NUMBERS] = np.abs(z)[:, None] * relative.real
-            slopes[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
+            slopes[1::NUMBERS] = self.track.sizes[: z.size, None] * self._to_record_phase(relative.imag)
             slopes[2::NUMBERS] = np.sqrt(2) * middle
             slopes = slopes[:stop]
             slopes[:, : len(self.terms)] *= self.slowness
         return Motion(y, slopes, motion.times, motion.states)
 
-    def corrected(
+    def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return the solver with the defect at p, (k,), and deviations g and h; None where a motion escapes there."""
-        defect = replace(self, defect=None).error(p, active, g, h)
+        """Return this solver with the defect at parameters p, (k,), and deviations g and h; None if it escapes."""
+        defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
 
-    def error(
+    def defect_at(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """Return the difference of the ODE's numbers from those of `solve`, (3b,); None where a motion escapes."""
-        own, true = self.solve(p, active, g, h, tangents=NONE), self.by_ode(p, active, g, h)
+        """Return the values of the actual equation minus those of `solve`, (3b,); None if a trajectory escapes."""
+        own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
             return None
         z, middle = true
         size, phase, own_middle = own.y.reshape(-1, NUMBERS).T
         more = np.unwrap(np.angle(z * np.exp(-1j * phase / self.track.sizes)))
-        return self._threes(np.abs(z) - size, more, middle - own_middle / np.sqrt(2))
+        return self._interleave(np.abs(z) - size, more, middle - own_middle / np.sqrt(2))
 
-    def by_ode(
+    def integrate_all_cycles(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return complex amplitudes and midlines, (b,) each, of the equation of motion itself over every cycle.
+        """Return complex amplitudes and midlines of the blocks, (b,) each, from integrating the actual equation.
 
-        None where it escapes.
+        Return None if the trajectory escapes. The duration is integrated in segments, each from the end of the last.
         """
-        t, order = _sorted(self.track.real_times)
+        t, order = _sort_times(self.track.real_times)
         knots = self.knots * self.slowness
         none = np.zeros(knots.size)
         g, h = none if g is None else np.asarray(g, float), none if h is None else np.asarray(h, float)
-        longest = A_SEGMENT * 2 * np.pi / self.frequency
+        longest = CYCLES_PER_SEGMENT * 2 * np.pi / self.frequency
         ends = [0.0]
         for a, b in pairwise(knots):
             ends += np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[1:].tolist()
@@ -179,30 +181,30 @@ class AveragedSolver(Solver):
             plain = self._plain(inside if inside.size else span, span)
             both = np.array([begin, end])
             motion = plain.solve(
-                p, active, np.interp(both, knots, g), np.interp(both, knots, h), NONE, tolerance=BY_ODE
+                p, active, np.interp(both, knots, g), np.interp(both, knots, h), NONE, tolerance=ODE_TOLERANCE
             )
             if motion is None:
                 return None
             if inside.size:
                 read.append(motion.y)
             p[-2:] = motion.states[-1, :2]
-        return _projected(np.concatenate(read), order, self.track.real_phases)
+        return _demodulate(np.concatenate(read), order, self.track.real_phases)
 
-    def _stretched(self, phase: np.ndarray) -> np.ndarray:
-        """Return the record's phases from the solved ones, (b, ...).
+    def _to_record_phase(self, phase: np.ndarray) -> np.ndarray:
+        """Convert phases of the integrated oscillation, (b, ...), to phases of the record.
 
-        The phase since the start is M times as large. The phase of the start itself, from a line through the first two
-        blocks, stays as it is.
+        The phase advance since the start is multiplied by M. The phase at the start, extrapolated linearly from the
+        first two blocks, stays the same.
         """
         begun = 1.5 * phase[0] - 0.5 * phase[1] if len(phase) > 1 else phase[0]
         return self.slowness * phase - (self.slowness - 1) * begun
 
-    def _threes(self, size: np.ndarray, phase: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    def _interleave(self, size: np.ndarray, phase: np.ndarray, middle: np.ndarray) -> np.ndarray:
         return np.column_stack([size, self.track.sizes[: size.size] * phase, np.sqrt(2) * middle]).ravel()
 
     @cached_property
-    def _readers(self) -> dict[int, tuple[Solver, np.ndarray]]:
-        """Solvers of the oscillation at the points of the first so many blocks, and their order in time."""
+    def _solvers(self) -> dict[int, tuple[Solver, np.ndarray]]:
+        """Return a cache: for each b, the solver for the first b blocks and the time order of their points."""
         return {}
 
     def _plain(self, t: np.ndarray, knots: np.ndarray) -> Solver:
@@ -211,23 +213,23 @@ class AveragedSolver(Solver):
         )  # fmt: skip
 
 
-def _sorted(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort times, (b, s), and return with them the place of each among the sorted ones, (b s,)."""
+def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sorted times, and for each of the times (b, s) its index in them, (b·s,)."""
     order = np.argsort(times.ravel(), kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
     return times.ravel()[order], place
 
 
-def _projected(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return complex amplitudes against phases (b, s), and midlines, (b, ...) each, of values (n, ...).
+def _demodulate(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Demodulate: return complex amplitudes, relative to reference phases (b, s), and midlines, (b, ...) each.
 
-    The values are in rising order of time.
+    values: of the oscillation, (n, ...), in time order; order: index of each point of the blocks in them.
     """
     points = values[order].reshape(-1, phases.shape[1], int(np.prod(values.shape[1:])))
     blocks, weights = len(points), _WEIGHTS if phases.shape[1] == OFFSETS.size else _REAL_WEIGHTS
-    turned = 2 * weights * np.exp(-1j * phases[:blocks])
+    carrier = 2 * weights * np.exp(-1j * phases[:blocks])
     shape = (blocks, *values.shape[1:])
-    # As products of real matrices, which are several times faster than one of a complex with a real one.
-    real, imaginary = (np.matmul(part[:, None], points) for part in (np.real(turned), np.imag(turned)))
+    # Two products of real matrices are several times faster than one of a complex with a real matrix.
+    real, imaginary = (np.matmul(part[:, None], points) for part in (np.real(carrier), np.imag(carrier)))
     return (real + 1j * imaginary).reshape(shape), (weights @ points).reshape(shape)

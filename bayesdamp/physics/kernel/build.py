@@ -1,4 +1,8 @@
-"""Write a kernel, which is compiled once and stored on disk: the forces of an oscillator, then the templates."""
+"""Generate the source of a kernel, compile it, and store it on disk.
+
+The source consists of the forces of an oscillator and their derivatives, followed by the templates `tangents` and
+`march`.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +27,19 @@ from typing import Any
 
 from bayesdamp.machine import cache_folder
 from bayesdamp.physics.damping import EXACT, TERMS, TINY, DampingTerm
-from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
+from bayesdamp.physics.kernel.differentiate import NoSlopeError, derivative_source, difference_source
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
 TEMPLATES, END = ("tangents", "march"), "# --- end ---"
-MOST_KEPT = 50
-"""Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
+"""Names of the template modules, and the comment line that ends the part of each that is copied."""
+MAX_STORED = 50
+"""Most kernels on disk (0.6 MB each); beyond this number, the least recently used ones are removed (conventional)."""
 USUAL = 3
-"""Number of damping terms, the first ones, that are tested one by one at each point; of the others, whether any acts
-is tested once."""
+"""The generated code tests for each of the first `USUAL` damping terms whether it is on. The other terms are rarely on,
+so they share one test, which skips all of them."""
 IN_USE = 3600.0
-"""Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
+"""A kernel that was used within this time (s) is not removed: another process may be compiling it (conventional)."""
 _HEAD = f"""import math
 
 import numpy as np
@@ -49,12 +54,13 @@ def _tanh(y):
     return 1.0 - 2.0 / (math.exp(2.0 * y) + 1.0)
 """
 _STAMP = (1_000_000_000, 1_000_000_000)
-"""Time of every module's file: Numba compiles a file of another time again, and two processes may write it at once."""
+"""Modification time (ns) that every module file gets. Numba recompiles a file whose time has changed, and two processes
+may write the same file."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled functions of an oscillator with all of `terms`, any of which may be off, under one of `laws`."""
+    """The compiled functions for oscillators with any of these damping terms under any one of these restoring laws."""
 
     terms: tuple[str, ...]
     laws: tuple[str, ...]
@@ -63,27 +69,29 @@ class Kernel:
 
 
 def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
-    """Return the kernel of damping terms and restoring laws, by their names; it is compiled when it is first called.
+    """Return the kernel for the named damping terms and restoring laws; its functions are compiled at their first call.
 
-    Raises Refusal where a term or law of a user has no `kernel`, or none of which the source is known.
+    Raises Refusal if a term or law has no `kernel`, or if the source of its `kernel` cannot be read.
     """
     return _kernel_of(terms, laws, tuple(map(TERMS.get, terms)), tuple(map(LAWS.get, laws)))
 
 
 @lru_cache(maxsize=64)
 def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: object) -> Kernel:
-    """Return a kernel; a name that is registered again, with another force, gets another one."""
+    """Return the kernel; the registered objects are part of the cache key, because a name can be registered again."""
     module = _module(source_of(terms, laws))
     return Kernel(terms, laws, module.march, module.sums)
 
 
 def most_parameters(laws: tuple[str, ...]) -> int:
-    """Return the number of parameters of the law that has most."""
+    """Return the largest number of parameters of any of the laws."""
     return max(len(LAWS.get(name).parameters) for name in laws)
 
 
 def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
-    """Return the source of a kernel's module."""
+    """Return the Python source of a kernel's module."""
+    # `sums` are the lines of `damping`, `calls` of `shapes`, `slopes` of `damping_slopes`; see their stand-ins in
+    # `tangents`. `at` counts the further parameters so far.
     parts, calls, sums, slopes, at = [_HEAD], list[str](), list[str](), list[str](), 0
     owners, switches, jumps = list[int](), list[bool](), list[bool]()
     for number, name in enumerate(terms):
@@ -132,7 +140,7 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
             "return total, x_slope, v_slope",
         ),
         *_sources_of_laws(laws),
-        _njit("gathered(coefficients, q, active, law)", f"return {tuples}"),
+        _njit("to_tuples(coefficients, q, active, law)", f"return {tuples}"),
     ]
     for name in TEMPLATES:
         template = Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
@@ -141,27 +149,30 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
 
 
 def _njit(signature: str, *lines: str) -> str:
-    """Return the source of a compiled function."""
+    """Return the source of a function that Numba compiles."""
     return "".join([f"@njit\ndef {signature}:\n", *(f"    {line}\n" for line in lines)])
 
 
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
-    """Return the function of a term's value and slopes by x, v and its parameters, and a call's other arguments."""
+    """Return the source of a function for a term's value and its derivatives by x, v and the further parameters.
+
+    Also return text that is to be added to the arguments in a call of it: ", sizes" if it uses difference quotients.
+    """
     given, name = _arguments(source), f"_slopes_{number}"
     try:
-        return differentiated(source, name, [*given[:2], *given[3:]]), ""
+        return derivative_source(source, name, [*given[:2], *given[3:]]), ""
     except NoSlopeError:
         q = [f"q{i}" for i in range(further)]
         call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{seed}}}' for seed in q)})"
         changes = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
         changes |= {seed: f"1e-6 * (abs({seed}) + 1e-3)" for seed in q}
-        return differenced(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
+        return difference_source(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
 
 
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
-    """Return the functions of the laws, and `restoring` and `restoring_slopes`, which choose among them.
+    """Return the sources of the laws' functions, and of `restoring` and `restoring_slopes`, which call one of them.
 
-    A law is chosen by its number, which is behind the parameters.
+    The number of the law that is called is stored after the parameters in `p`.
     """
     sizes = [len(LAWS.get(name).parameters) for name in laws]
     parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
@@ -179,17 +190,21 @@ def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
 
 
 def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
-    """Return the function of a law's value and slopes by x, which writes those by its parameters, and what it calls."""
+    """Return the sources of two functions for a law's value and derivatives.
+
+    `_numbers_of_law_N` returns value and derivatives; `_slopes_of_law_N` calls it, returns value and slope by x, and
+    writes the derivatives by the parameters, times `share`, into `out`.
+    """
     x, p = _arguments(source)
     name = f"_numbers_of_law_{number}"
     try:
-        own, changes = differentiated(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
+        own, changes = derivative_source(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
     except NoSlopeError:
         numbers = [f"p{i}" for i in range(count)]
         call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in numbers)}, 0.0))"
         moved = {"x": "1e-6 * sizes[0]"}
         moved |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
-        inner = differenced(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
+        inner = difference_source(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
         given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
         own = f"{inner}\n\n{_njit(f'{name}(x, p, sizes)', f'return {name}_moved({given})')}"
         changes = ", sizes"
@@ -206,7 +221,7 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
 
 
 def _arguments(source: str) -> list[str]:
-    """Return the names of the arguments of a function from its source."""
+    """Return the names of a function's arguments, from its source."""
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
@@ -214,25 +229,28 @@ def _arguments(source: str) -> list[str]:
 
 @lru_cache(maxsize=256)
 def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: str) -> str:
-    """Return the source of a plug-in's `kernel` as a compiled function of another name.
+    """Return the source of a plug-in's `kernel` as a compiled function with the given name.
 
-    Annotations and defaults are removed, because they name what the kernel's module does not import. The hyperbolic
-    tangent becomes one by an exponential, in a third of the time: right to 2e-16 of its largest value.
+    Annotations and defaults are removed, because they may refer to names that the kernel's module does not import.
+    `math.tanh` is replaced by `_tanh`, which takes a third of the time and has an absolute error of 2e-16. what: the
+    plug-in's name in error messages.
     """
     function = plugin.kernel
     if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
-        raise Refusal(f"the {what} has no `kernel`, of which compiled trajectories are made")
+        raise Refusal(f"the {what} has no `kernel`; define this method to compute trajectories")
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, SyntaxError):
-        raise Refusal(f"the {what} has a `kernel` whose source cannot be read") from None
+        raise Refusal(
+            f"the source of the `kernel` of the {what} cannot be read; define it with `def` in a file"
+        ) from None
     definition = tree.body[0]
     if not isinstance(definition, ast.FunctionDef):
-        raise Refusal(f"the {what} has a `kernel` that is not a plain function")
+        raise Refusal(f"the `kernel` of the {what} must be a plain function, defined with `def`")
     foreign = sorted(set(function.__code__.co_names) & set(function.__globals__) - {"math", "np"})
     if foreign:
         raise Refusal(
-            f"the {what} has a `kernel` that uses {foreign[0]!r}: it may use its arguments, math and np"
+            f"the `kernel` of the {what} uses {foreign[0]!r}; it may only use its arguments, math and np"
         )
     definition.name, definition.returns = name, None
     definition.decorator_list = [ast.Name("njit", ast.Load())]
@@ -244,9 +262,9 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
 
 @lru_cache(maxsize=64)
 def _module(text: str) -> ModuleType:
-    """Import the module with this source from the folder that contains it and its machine code."""
+    """Write the source to the kernel folder, if it is not there yet, and import it as a module."""
     name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
-    spec = importlib.util.spec_from_file_location(name, _kept(name, text))
+    spec = importlib.util.spec_from_file_location(name, _store(name, text))
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -255,28 +273,30 @@ def _module(text: str) -> ModuleType:
     return module
 
 
-def _kept(name: str, text: str) -> Path:
-    """Return the module's file in a folder of its own: in the user's cache, or else in a temporary one.
+def _store(name: str, text: str) -> Path:
+    """Write the module to a folder of its own in the user's cache and return its path.
 
-    From the cache, the kernels that were not used for longest are removed, but never those in use.
+    If the cache is not writable, use a temporary folder. The least recently used kernels in the cache are removed,
+    except those that may be in use.
     """
     home = cache_folder() / "kernels"
     try:
-        path = _written(home / name, text)
+        path = _write(home / name, text)
         folders = sorted(home.glob("bayesdamp_kernel_*"), key=lambda folder: folder.stat().st_mtime)
-        for folder in folders[: max(len(folders) - MOST_KEPT, 0)]:
+        for folder in folders[: max(len(folders) - MAX_STORED, 0)]:
             if time.time() - folder.stat().st_mtime > IN_USE:
                 shutil.rmtree(folder, ignore_errors=True)
     except OSError:
-        path = _written(_temporary() / name, text)
+        path = _write(_temporary() / name, text)
     return path
 
 
-def _written(folder: Path, text: str) -> Path:
-    """Write the source in one step, because two processes may do so at once; the folder's time is its last use."""
+def _write(folder: Path, text: str) -> Path:
+    """Write the source into a folder, if it is missing; return its path. The folder's time is set to now (last use)."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "kernel.py"
     if not path.is_file():
+        # Write to another name and rename, because another process may write the same file.
         partial = folder / f".{uuid.uuid4().hex}.tmp"
         partial.write_text(text, encoding="utf-8")
         os.utime(partial, _STAMP)
@@ -289,7 +309,7 @@ def _written(folder: Path, text: str) -> Path:
 
 @cache
 def _temporary() -> Path:
-    """Return a folder of this process for kernels that cannot be stored elsewhere."""
+    """Return a temporary folder for kernels, which is removed when this process ends."""
     folder = Path(tempfile.mkdtemp(prefix="bayesdamp-kernels-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

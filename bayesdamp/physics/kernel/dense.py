@@ -1,6 +1,7 @@
-"""Dense output: quintic Hermite polynomials between nodes, with a correction half way.
+"""Evaluate a solution between the nodes of the integration (dense output).
 
-Value, slope and curvature are known at the nodes.
+Between two nodes the solution is the quintic Hermite polynomial through value, slope and curvature at both, plus a
+correction k u³(1 − u)³ (u: fraction of the step) that makes its curvature right at the middle.
 """
 
 from __future__ import annotations
@@ -13,22 +14,22 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`njit`, the machine code kept on disk where there is a folder that can be written.
+    """Compile a function with `njit`, and cache the machine code on disk if a folder is writable.
 
-    A product and a sum may be rounded at once.
+    Multiply and add may be fused (rounded only once).
     """
     try:
         return njit(cache=True, nogil=True, fastmath={"contract"})(function)
-    except RuntimeError:  # Numba's, of an installation and a home that are both read-only
+    except RuntimeError:  # Numba raises it if both the installation and the home folder are read-only
         return njit(nogil=True, fastmath={"contract"})(function)
 
 
 @compiled
 def quintic(before, after, step, order):
-    """Return coefficients of the order-th derivative (0 to 2) of a step's polynomial.
+    """Return the coefficients of powers 0 to 6 of u for the order-th time derivative (0 to 2) of a step's polynomial.
 
-    They belong to powers 0 to 6 of the share of the step (s). The polynomial has these values, slopes and curvatures,
-    (3,), at both ends, and the correction of a fourth number.
+    u: fraction of the step (s). before, after: value, slope and curvature at the two ends; a fourth number in `before`
+    is the factor k of the correction.
     """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend
@@ -40,7 +41,7 @@ def quintic(before, after, step, order):
         -15.0 * d + 7.0 * v - a,
         6.0 * d - 3.0 * v + 0.5 * a,
     )
-    k = before[3] if before.size > 3 else 0.0  # times u³(1 − u)³
+    k = before[3] if before.size > 3 else 0.0  # factor of u³(1 − u)³
     c3, c4, c5, c6 = c3 + k, c4 - 3.0 * k, c5 + 3.0 * k, -k
     if order == 0:
         return before[0], slope, c2, c3, c4, c5, c6
@@ -54,8 +55,8 @@ def quintic(before, after, step, order):
 
 
 @compiled
-def last_within(times, node, t, first):
-    """One past the last of t, rising, from `first` on, that the step from a node takes."""
+def end_of_step(times, node, t, first):
+    """Return the end of the range of increasing times t, from index `first` on, that lie in the step after a node."""
     end = first
     if node == times.size - 2:
         return t.size
@@ -66,10 +67,10 @@ def last_within(times, node, t, first):
 
 @compiled
 def at_times(times, states, t, order):
-    """Evaluate the order-th derivative (0 to 2) at rising times t, (n,), of states (s, 3 or 4) at nodes (s,)."""
+    """Return the order-th derivative (0 to 2) at increasing times t, (n,); nodes: times (s,), states (s, 3 or 4)."""
     values, first = np.empty(t.size), 0
     for node in range(times.size - 1):
-        end = last_within(times, node, t, first)
+        end = end_of_step(times, node, t, first)
         if end == first:
             continue
         begun, step = times[node], times[node + 1] - times[node]
@@ -82,12 +83,12 @@ def at_times(times, states, t, order):
 
 
 @compiled
-def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
-    """Return the weights of a step's node values in a weighted sum over samples.
+def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
+    """Return the factors of the seven node values in a weighted sum over samples within one step.
 
-    The sum is over the order-th derivative of the step's polynomial. The node values are value, slope, curvature and
-    correction where the step (s) begins, and the first three where it ends. m0 to m6: sums of weights times powers of
-    the samples' shares of the step.
+    The samples are the order-th derivative of the step's polynomial. The node values are value, slope, curvature and
+    correction at the start of the step (s), then value, slope and curvature at its end. m0 to m6: sums over the samples
+    of weight times power 0 to 6 of u, the fraction of the step.
     """
     if order == 1:
         m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
@@ -97,7 +98,7 @@ def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
         m0, m1, m2, m3, m4, m5, m6 = (
             0.0, 0.0, 2.0 * m0 * share, 6.0 * m1 * share, 12.0 * m2 * share, 20.0 * m3 * share, 30.0 * m4 * share,
         )  # fmt: skip
-    # Of what the ends have beyond the parabola through the beginning: value, slope and curvature, as in `quintic`.
+    # Factors of d, v, a in `quintic`: value, slope and curvature at the end minus those of the parabola from the start.
     d, v, a = 10.0 * m3 - 15.0 * m4 + 6.0 * m5, -4.0 * m3 + 7.0 * m4 - 3.0 * m5, 0.5 * (m3 + m5) - m4
     return (
         m0 - d, step * (m1 - d - v), step * step * (0.5 * (m2 - d) - v - a), m3 - 3.0 * m4 + 3.0 * m5 - m6,
@@ -107,11 +108,11 @@ def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
 
 @compiled
 def slopes_at_times(times, slopes, columns, t, order):
-    """`at_times` of some of the tangents, slopes (s, k, 3 or 4): shape (n, columns.size)."""
+    """Return `at_times` for the tangents `slopes[:, columns]`, slopes (s, k, 3 or 4), with shape (n, columns.size)."""
     k, four = columns.size, slopes.shape[2] > 3
     values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):
-        end = last_within(times, node, t, first)
+        end = end_of_step(times, node, t, first)
         if end == first:
             continue
         begun, step = times[node], times[node + 1] - times[node]
@@ -124,7 +125,7 @@ def slopes_at_times(times, slopes, columns, t, order):
         for i in range(first, end):
             u = (t[i] - begun) / step
             u2, u3 = u * u, u * u * u
-            w0, w1, w2, w3, w4, w5, w6 = parts(1.0, u, u2, u3, u2 * u2, u2 * u3, u3 * u3, step, order)
+            w0, w1, w2, w3, w4, w5, w6 = node_factors(1.0, u, u2, u3, u2 * u2, u2 * u3, u3 * u3, step, order)
             for p in range(k):
                 values[i, p] = (
                     w0 * c[0, p] + w1 * c[1, p] + w2 * c[2, p] + w3 * c[3, p]

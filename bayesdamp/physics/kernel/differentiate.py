@@ -1,7 +1,7 @@
-"""Differentiate a force from its source by the chain rule.
+"""Generate source code for the derivatives of a force from its source code.
 
-The functions that it calls are called once for the value and every slope (forward accumulation; A. Griewank,
-A. Walther, Evaluating Derivatives, 2008, ch. 3).
+This is forward-mode automatic differentiation (A. Griewank and A. Walther, Evaluating Derivatives, 2008, ch. 3): each
+elementary function is evaluated once and used for the value and for all derivatives.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ SLOPES = {
     "abs": "1.0 if {a} >= 0.0 else -1.0",
     "fabs": "1.0 if {a} >= 0.0 else -1.0",
 }
-"""Of functions of a number a of the value f."""
+"""Derivative of each function f(a), as source text with the argument {a} and the value {f}."""
 
 
 class NoSlopeError(Exception):
-    """The source has something of which no slope is known here."""
+    """The source contains something that cannot be differentiated here."""
 
 
-def differentiated(source: str, name: str, seeds: list[str]) -> str:
-    """Return the source of a function that gives the value of a function and its slopes by the seeds.
+def derivative_source(source: str, name: str, seeds: list[str]) -> str:
+    """Return the source of a function `name` that returns a function's value and its derivatives by the seeds.
 
-    seeds: arguments, or items of one such as `p[0]`. The arguments stay the same. Raises NoSlopeError.
+    source: of the function. seeds: variables by which to differentiate: arguments, or items of one such as `p[0]`. The
+    new function has the same arguments. Raises NoSlopeError.
     """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
@@ -41,7 +42,7 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
     lines = _Lines(seeds, arguments)
     for statement in function.body:
         if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
-            continue  # what it says of itself
+            continue  # docstring
         match statement:
             case ast.Assign(targets=[ast.Name(id=target)]):
                 lines.known[target] = lines.of(statement.value)
@@ -57,9 +58,10 @@ def differentiated(source: str, name: str, seeds: list[str]) -> str:
 
 
 class _Lines:
-    """Lines of a function, each of one operation on names and numbers.
+    """Builder of a function body in which each line is one operation on names and numbers.
 
-    A value is its name and the names of its slopes, by the seeds on which it depends.
+    A value is represented by its name, and by the names of its derivatives as a mapping from the seeds on which it
+    depends.
     """
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
@@ -68,7 +70,7 @@ class _Lines:
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
     def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
-        """Add the lines of an expression and return its value. Raises NoSlopeError."""
+        """Append the lines that evaluate an expression; return its value and derivatives. Raises NoSlopeError."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return repr(float(number)), {}
@@ -119,7 +121,7 @@ class _Lines:
         return name
 
     def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
-        """Slopes of what has these partial derivatives by values of these slopes."""
+        """Return derivatives by the chain rule: the sum over parts of factor (partial derivative) times slopes."""
         slopes_by_seed: dict[str, str] = {}
         for factor, slopes in parts:
             if not slopes:
@@ -136,10 +138,11 @@ class _Lines:
         return slopes_by_seed
 
 
-def differenced(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
-    """Return a function like that of `differentiated` by central differences, with the given arguments.
+def difference_source(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
+    """Return the source of a function like that of `derivative_source`, but by central differences.
 
-    call: of the function, the seeds in braces; seeds: by the text of each, the change of it.
+    call: text that calls the function, with each seed in braces. arguments: of the new function. seeds: text of the
+    step for each seed.
     """
     plain = {seed: seed for seed in seeds}
     lines, returned = [], [call.format_map(plain)]

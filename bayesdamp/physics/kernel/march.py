@@ -1,19 +1,18 @@
-"""The template of a kernel: Verner's pair of orders 7 and 6 with the variational equations.
-
-`build` puts the forces of an oscillator before this source, and the two are compiled together; here the forces are
-stand-ins. Solved is
+"""Template of the part of a kernel that integrates the equation of motion
 
     θ̈ + (1 + g(t)) Σ c_j shape_j(θ, θ̇) + (1 + 2 h(t)) F_rest(θ) = 0,
 
-g and h piecewise linear between knots. Steps end on knots and at the end. The tangents are carried from step to step
-by the step's own fundamental matrix, so that their cost does not grow with the number of knots (J. H.
-Verner, Numer. Algorithms 53, 383 (2010)).
+where g and h are linear between knots. It uses Verner's Runge–Kutta pair of orders 7 and 6 (J. H. Verner, Numer.
+Algorithms 53, 383 (2010)); steps end on the knots. `build` puts the forces of an oscillator before this source and
+compiles both together; the imported forces are stand-ins. Each step propagates all tangents by the same transition
+matrix, so that their cost hardly grows with the number of knots.
 
-Where ε = 0 and a term jumps with the sign of the velocity, dry friction is exact: that sign is held from one turning
-point to the next, steps end on the turning points, and there a second node at the same time has the acceleration after
-it. Between the two the tangents of the velocity change by the ratio of the accelerations (the saltation matrix: R. I.
-Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, section 7.3). A body at rest
-sticks while the pull is not larger than the friction at rest; g and h may release it later.
+If ε = 0 and a term jumps with the sign of the velocity, dry friction is exact. The sign of the velocity is then
+constant from one turning point to the next, steps end on turning points, and a second node at the same time has the
+acceleration after the turning point. At a turning point, the tangents of the velocity are multiplied by the ratio of
+the accelerations (the saltation matrix: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth
+Mechanical Systems, 2004, section 7.3). A body at rest sticks while the restoring force is not larger than the static
+friction; changes of g and h can release it later.
 """
 
 from __future__ import annotations
@@ -35,17 +34,18 @@ from bayesdamp.physics.kernel.tangents import (
     close,
     curvatures,
     damping,
-    gathered,
+    exact_sign,
     linearise,
     middle,
-    over_a_step,
     restoring,
     shapes,
-    turned,
+    solve_step,
+    to_tuples,
 )
 
 # --- march ---
 
+# Nodes C, matrix A and weights B of the pair; E are the weights of the error estimate.
 C = np.array([0.0, 0.005, 49 / 450, 49 / 300, 911 / 2000, 0.60950944899783813171, 0.884, 0.925, 1.0, 1.0])
 A = np.array(
     [
@@ -88,67 +88,73 @@ E = B - np.array(
         0.22898717054112028834, 0.0, 0.0, 0.02029518466335628223,
     ]
 )  # fmt: skip
-BEYOND = 0.022 / 64
-"""Error of the dense output over its correction, for each ωh of the step: of Hermite's polynomials of u³(1 − u)³ and
-of one degree more, on a sine."""
+DENSE_ERROR = 0.022 / 64
+"""Error of the dense output, relative to its correction and to ωh of the step (derived for a sine, by comparison with
+the Hermite polynomial of one degree more)."""
 EDGE, WIDE, PARTS = 4.0, 3.0, 4.0
-"""Velocity, in ε, at which a friction's turning over begins and ends. Where a step would cross it and is more than a
-third of what the turning over takes, it ends at the edge, and quarters of the turning over follow: the stages of a long
-step see little of it, its estimated error nothing, and what is missed changes by jumps with the parameters (measured:
-errors ten to thirty times smaller at 1e-6 of the amplitude, of motions that follow the parameters smoothly)."""
+"""For ε > 0, friction changes its sign while |v| < EDGE · ε. If a step that enters this range is longer than 1/WIDE of
+the time that it takes to cross it, the step ends at the edge, and steps of 1/PARTS of the crossing follow. Otherwise
+the stages of a long step would hardly sample the change of sign, and its error estimate would miss it (measured: errors
+10 to 30 times smaller at a tolerance of 1e-6, and trajectories that depend smoothly on the parameters)."""
 
 
-LANDED, NEAR = 1e-4, 0.1
-"""Times to a turning point, in radians of the oscillation, below which the accelerations alone tell where it is, to
-rounding, and below which Newton's method finds it."""
+AT_TURN, NEAR_TURN = 1e-4, 0.1
+"""Times to a turning point, in radians of the oscillation. Below the first, the accelerations give the turning point to
+rounding; below the second, Newton's method finds it (measured)."""
 STILL = 1e-12
-"""Acceleration of a body at rest, as a share of the peak one, up to which it sticks."""
+"""A body at rest sticks if its acceleration, relative to the peak acceleration, is smaller (conventional)."""
 
 
 @njit
 def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
-    """Compute θ̈ at one point under relative deviations g of the damping and h of the frequency.
+    """Return θ̈ at one point, under relative deviations g of the damping and h of the frequency.
 
-    w: share of the way between two knots, where the deviations are g[0] and g[1]. c, q, law: tuples, as from
-    `gathered`. rounding: the ε of terms that are rounded off.
+    w: position between two knots (0 to 1); g, h: deviations at these two. c, q, law: as returned by `to_tuples`.
+    rounding: the ε of terms that are steep but continuous.
     """
     damps, pulls = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
     return -(1.0 + damps) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * pulls) * restoring(x, law)
 
 
 @njit
-def signed(x, v, w, g, h, c, q, rounding, sign, law):
-    """`acceleration` where friction has exactly this sign of the velocity."""
-    v, epsilon = turned(v, sign)
+def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
+    """Return `acceleration` if dry friction has exactly this sign of the velocity."""
+    v, epsilon = exact_sign(v, sign)
     return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)
 
 
 @njit
-def freed(x, w, g, h, c, q, rounding, law, first, least):
-    """Return the sign of the velocity with which a body at rest moves off, and its acceleration.
+def release_direction(x, w, g, h, c, q, rounding, law, first, least):
+    """Return the direction (sign) in which a body at rest starts to move, and its acceleration.
 
-    If both signs are possible it is the first. Both are zero where friction holds the body. least: the smallest
-    acceleration that counts.
+    Both are 0 if friction holds the body. If both directions are possible, `first` is returned. least: smallest
+    acceleration that counts as motion. The other arguments are those of `acceleration`.
     """
     for sign in (first, -first):
-        a = signed(x, 0.0, w, g, h, c, q, rounding, sign, law)
+        a = acceleration_with_sign(x, 0.0, w, g, h, c, q, rounding, sign, law)
         if a * sign > least:
             return sign, a
     return 0.0, 0.0
 
 
 @njit
-def held_until(x, t, piece, knots, g, h, c, q, rounding, law, least):
-    """Return when friction no longer holds a body at rest, between which knots, and the sign of its velocity then.
+def release_time(x, t, piece, knots, g, h, c, q, rounding, law, least):
+    """Return the time at which a stuck body is released, the index of the knot before, and the direction of its motion.
 
-    If it does not move again these are the last time and sign 0. Between two knots pull and friction change linearly.
+    If it is never released, return the last time and direction 0. Between two knots, restoring force and friction
+    change linearly in time. piece: index of the knot before t.
     """
     at = (t - knots[piece]) / (knots[piece + 1] - knots[piece])
     while True:
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
         for sign in (1.0, -1.0):
-            now = sign * signed(x, 0.0, at, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
-            end = sign * signed(x, 0.0, 1.0, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
+            now = (
+                sign * acceleration_with_sign(x, 0.0, at, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
+            )
+            end = (
+                sign * acceleration_with_sign(x, 0.0, 1.0, at_g, at_h, c, q, rounding, sign, law)
+                - 2.0 * least
+            )
             if now > 0.0 or end > 0.0:
                 share = at if now > 0.0 else at - (1.0 - at) * now / (end - now)
                 if share < 1.0 - 1e-9:
@@ -159,8 +165,11 @@ def held_until(x, t, piece, knots, g, h, c, q, rounding, law, least):
 
 
 @njit
-def share_until(v, a, new_v, new_a, step, wanted):
-    """Share of a step at which the velocity is as wanted, between v and new_v: of the cubic through both ends."""
+def fraction_until(v, a, new_v, new_a, step, wanted):
+    """Return the fraction of a step at which the velocity equals `wanted`, a value between v and new_v.
+
+    The velocity is the cubic through velocities and accelerations at both ends; Newton's method with bisection.
+    """
     low, high, at = 0.0, 1.0, (wanted - v) / (new_v - v)
     for _ in range(30):
         rest = 1.0 - at
@@ -187,8 +196,8 @@ def share_until(v, a, new_v, new_a, step, wanted):
 
 
 @njit
-def with_room(times, states, slopes, count, room):
-    """Return the first `count` nodes in arrays for `room` of them. Loops compile in a fraction of a slice's time."""
+def enlarge(times, states, slopes, count, room):
+    """Copy the first `count` nodes to arrays with space for `room` nodes, by loops, which compile fast."""
     more_times, more_states = np.zeros(room), np.zeros((room, 4))
     more_slopes = np.zeros((room, slopes.shape[1], 4))
     for i in range(count):
@@ -202,7 +211,10 @@ def with_room(times, states, slopes, count, room):
 
 @njit(cache=True, nogil=True)
 def sums(x, v, weight, epsilon, rounding, q, active, out):
-    """Weighted sums over points, (n,), of the terms' shapes, (d, m), for rows of further parameters, (d, e)."""
+    """Write weighted sums over n points of the terms' forces per unit coefficient into `out`, (d, m).
+
+    q: d sets of the further parameters, (d, e).
+    """
     work = np.zeros(out.shape[1])
     for d in range(out.shape[0]):
         for j in range(work.size):
@@ -211,7 +223,7 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
             if epsilon > 0.0:
                 shapes(x[i], v[i], epsilon, rounding, q[d], active, work)
             else:
-                speed, width = turned(v[i], 1.0 if v[i] >= 0.0 else -1.0)
+                speed, width = exact_sign(v[i], 1.0 if v[i] >= 0.0 else -1.0)
                 shapes(x[i], speed, width, rounding, q[d], active, work)
             for j in range(work.size):
                 out[d, j] += weight[i] * work[j]
@@ -221,18 +233,20 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
 ):
-    """Integrate the equation of motion: return node times, states and tangents; the times are empty if it escapes.
+    """Integrate the equation of motion and return node times, states and tangents; no nodes if the trajectory escapes.
 
-    Times are (s,). States, (s, 4), are θ, θ̇, θ̈ and the correction of the quintic of the step that begins there;
-    tangents, (s, k, 4), likewise. Where friction is exact a turning point is two nodes at one time, and so are the
-    times at which a body begins and ends to stick.
+    Times have shape (s,). States, (s, 4), are θ, θ̇, θ̈ and the correction of the dense output in the step after the
+    node; tangents, (s, k, 4), are the derivatives of these. With exact friction there are two nodes at the same time at
+    turning points, and where a body starts and stops to stick.
 
-    law: parameters of the restoring law, as many as the law with most has, then its number among `LAW_SIZES`.
-    epsilon, rounding: widths of friction's turning over, 0 for the sign itself, and of what is rounded off.
-    knots: (n,), from the first to the last time, g and h there. tolerance: of a step, as a share of the sizes of θ
-    and θ̇ (sizes[:2]; then those of the law's parameters). tangents: 0 none, 1 by the parameters, 2 by g and h too,
-    in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. most: steps at most.
+    coefficients, q: of the terms, and their further parameters. active: which terms are on. law: parameters of the
+    restoring law, padded to the largest number of any law, then the law's index. epsilon, rounding: width of the sign
+    change of friction (0: exact), and of terms that are steep but continuous. start: θ₀, θ̇₀. knots: (n,), from the
+    first to the last time; g, h: deviations there. tolerance: error of a step relative to the scales of θ and θ̇,
+    sizes[:2]; the other sizes are scales of the law's parameters. tangents: 0 none, 1 by the parameters, 2 also by g
+    and h, in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. most: largest number of steps.
     """
+    # --- Sizes and work arrays. base: index of θ₀ among the tangents; live: parameters that have a source.
     m, e, r, n = coefficients.size, q.size, law.size - 1, knots.size
     own = m + e + LAW_SIZES[int(law[r])]
     base = m + e + r
@@ -252,7 +266,7 @@ def march(
         moved[i] = live[i] if i < count else base + i - count
     read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
     xs, vs, ws, kv = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
-    sized, more, rests = gathered(coefficients, q, active, law)
+    sized, more, rests = to_tuples(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
     at_g, at_h = (g[0], g[1]), (h[0], h[1])
     radian, least = sizes[0] / sizes[1], STILL * sizes[1] * sizes[1] / sizes[0]
@@ -267,11 +281,11 @@ def march(
         epsilon = rounding
     sign, landed, sticks, aimed = 0.0, False, False, False
     if exact and v == 0.0:
-        sign, a = freed(x, 0.0, at_g, at_h, sized, more, rounding, rests, 1.0, least)
+        sign, a = release_direction(x, 0.0, at_g, at_h, sized, more, rounding, rests, 1.0, least)
         sticks = sign == 0.0
     elif exact:
         sign = 1.0 if v > 0.0 else -1.0
-        a = signed(x, v, 0.0, at_g, at_h, sized, more, rounding, sign, rests)
+        a = acceleration_with_sign(x, v, 0.0, at_g, at_h, sized, more, rounding, sign, rests)
     else:
         a = acceleration(x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, rests)
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
@@ -293,9 +307,9 @@ def march(
         tries += 1
         if count + 2 > room:
             room *= 2
-            times, states, slopes = with_room(times, states, slopes, count, room)
-        if sticks:  # until it moves again: the last node's tangents by the velocity are zero
-            t, piece, sign = held_until(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
+            times, states, slopes = enlarge(times, states, slopes, count, room)
+        if sticks:  # add the node at which the body is released; tangents of its velocity are zero
+            t, piece, sign = release_time(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
             times[count], states[count, 0] = t, x
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
@@ -307,9 +321,9 @@ def march(
         left = knots[piece + 1] - t
         gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
-        if landed:  # a second node at the same time
+        if landed:  # turning point: add a second node at the same time, with the acceleration after it
             w, before = gone / width, a
-            sign, a = freed(x, w, at_g, at_h, sized, more, rounding, rests, -sign, least)
+            sign, a = release_direction(x, w, at_g, at_h, sized, more, rounding, rests, -sign, least)
             landed, sticks = False, sign == 0.0
             times[count], states[count, 0], states[count, 1], states[count, 2] = t, x, 0.0, a
             for p in range(k):
@@ -322,6 +336,7 @@ def march(
                 curvatures(slopes[count], read[0], live, base, piece, n, tangents == 2)
             count += 1
             continue
+        # --- One Runge–Kutta step of length `taken`, which ends at the latest on the next knot (`whole`).
         whole = step >= left * (1 - 1e-9)
         taken = left if whole else (step if aimed or step < 0.5 * left else 0.5 * left)
         xs[0], vs[0], ws[0], kv[0] = x, v, gone / width, a
@@ -332,7 +347,9 @@ def march(
                 pv += A[i, j] * kv[j]
             xs[i], vs[i], ws[i] = x + taken * px, v + taken * pv, (gone + C[i] * taken) / width
             if exact:
-                kv[i] = signed(xs[i], vs[i], ws[i], at_g, at_h, sized, more, rounding, sign, rests)
+                kv[i] = acceleration_with_sign(
+                    xs[i], vs[i], ws[i], at_g, at_h, sized, more, rounding, sign, rests
+                )
             else:
                 kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, sized, more, epsilon, rounding, rests)
         px, pv, ex, ev = 0.0, 0.0, 0.0, 0.0
@@ -351,14 +368,16 @@ def march(
         if error > 1.0:
             step, aimed = taken * max(0.2, 0.9 * error ** (-1 / 7)), False
             continue
+        # --- With exact friction, let the step end on the turning point: `landed` if it does, `aimed` if the next
+        # attempt should. `usual` is the step length to return to afterwards.
         if not exact:
             pa = acceleration(px, pv, w, at_g, at_h, sized, more, epsilon, rounding, rests)
         else:
-            pa = signed(px, pv, w, at_g, at_h, sized, more, rounding, sign, rests)
+            pa = acceleration_with_sign(px, pv, w, at_g, at_h, sized, more, rounding, sign, rests)
             brakes, beyond = pa * sign < 0.0, pv * sign <= 0.0
-            if brakes and abs(pv) < LANDED * radian * abs(pa):
+            if brakes and abs(pv) < AT_TURN * radian * abs(pa):
                 lag = -pv / pa
-                turn = signed(
+                turn = acceleration_with_sign(
                     px + 0.5 * pv * lag, 0.0, w + lag / width, at_g, at_h, sized, more, rounding, sign, rests
                 )
                 lag = -2.0 * pv / (pa + turn) if turn * sign < 0.0 else left
@@ -366,15 +385,16 @@ def march(
                     px += lag * (pv + lag * (2.0 * pa + turn) / 6.0)
                     pv, pa, taken, landed = 0.0, turn, taken + lag, True
                     whole = left - taken <= STILL * (radian + t)
-            elif brakes and (beyond or aimed) and abs(pv) < NEAR * radian * abs(pa):
+            elif brakes and (beyond or aimed) and abs(pv) < NEAR_TURN * radian * abs(pa):
                 aimed = 0.0 < taken - pv / pa <= left
                 if aimed:
                     usual, step = max(usual, taken), taken - pv / pa
                     continue
             if beyond and not landed:
                 aimed, usual = True, max(usual, taken)
-                step = taken * (0.5 if v == 0.0 else share_until(v, a, pv, pa, taken, 0.0))
+                step = taken * (0.5 if v == 0.0 else fraction_until(v, a, pv, pa, taken, 0.0))
                 continue
+        # --- Correction of the dense output from the acceleration at the middle, and its error.
         last, now = states[count - 1], states[count]
         times[count], now[0], now[1], now[2] = t + taken, px, pv, pa
         mx, mv, bend = middle(last, now, taken)
@@ -385,18 +405,20 @@ def march(
             step, landed, aimed = 0.5 * taken, False, True
             continue
         else:
-            ma = signed(mx, mv, middle_w, at_g, at_h, sized, more, rounding, sign, rests)
+            ma = acceleration_with_sign(mx, mv, middle_w, at_g, at_h, sized, more, rounding, sign, rests)
         last[3] = (bend - ma) * taken * taken / 0.375
-        rest = BEYOND * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
+        rest = DENSE_ERROR * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
         if rest > 1.0:
             step, landed, aimed = taken * max(0.2, 0.9 * rest ** (-1 / 7)), False, False
             continue
         error = max(error, rest)
+        # --- With ε > 0, end a long step where friction begins to change its sign (see EDGE).
         way = 1.0 if v > 0.0 else -1.0
         beyond = v * way > edge * (1.0 + 1e-9)
         if edge > 0.0 and beyond and pv * way < edge * (1.0 - 1e-6) and 2.0 * edge < WIDE * taken * abs(pa):
-            usual, step = taken, taken * share_until(v, a, pv, pa, taken, edge * way)
+            usual, step = taken, taken * fraction_until(v, a, pv, pa, taken, edge * way)
             continue
+        # --- Tangents.
         if tangents > 0:
             for i in range(1, 5):
                 if i == 4:
@@ -407,7 +429,7 @@ def march(
                     sx, sv, (gone + POINTS[i] * taken) / width, at_g, at_h, sized, more, epsilon, rounding, sign,
                     active, rests, sizes, read[i],
                 )  # fmt: skip
-            over_a_step(read, taken, sources, local, half)
+            solve_step(read, taken, sources, local, half)
             old, new = slopes[count - 1], slopes[count]
             for p in moved:
                 carry(old[p], new[p], local, half)
@@ -431,9 +453,10 @@ def march(
                 read[0, i] = read[4, i]
             if (
                 whole and tangents == 2
-            ):  # the hat that was on the right is the one on the left of the next knots
+            ):  # after a knot, the hat function on its left ends and the next one begins
                 read[0, hats], read[0, hats + 1] = read[4, hats + 1], 0.0
                 read[0, hats + 2], read[0, hats + 3] = read[4, hats + 3], 0.0
+        # --- Accept the step and choose the length of the next.
         t = knots[piece + 1] if whole else t + taken
         x, v, a, times[count] = px, pv, pa, t
         count += 1
@@ -443,7 +466,7 @@ def march(
             step, aimed = min(max(step, usual) if landed else step, radian), False
             usual = 0.0 if landed else usual
         elif usual > 0.0 and not whole:
-            if v * a < edge * abs(a) * (1.0 - 1e-3):  # before the edge on the other side
+            if v * a < edge * abs(a) * (1.0 - 1e-3):  # still within the change of sign
                 step = min(step, 2.0 * edge / abs(a) / PARTS)
             else:
                 step, usual = max(usual, step), 0.0

@@ -1,4 +1,4 @@
-"""Solve motions at the times of a record, with a compiled kernel, and read their tangents there."""
+"""Solve the equation of motion at the times of a record with a compiled kernel, with derivatives by the parameters."""
 
 from __future__ import annotations
 
@@ -13,35 +13,37 @@ from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
-"""Error of a step as a share of the amplitude."""
-MOST_A_CYCLE = 4000
-"""Most steps in a cycle; a motion that needs more is taken for one that escapes."""
+"""Error of a step, relative to the amplitude (conventional)."""
+MAX_STEPS_PER_CYCLE = 4000
+"""Most steps in a cycle; a trajectory that needs more counts as one that escapes (conventional)."""
 ROUNDED = 5e-4
-"""Share of the peak velocity within which a shape that is steep at rest is rounded off where ε is 0 (conventional)."""
+"""If ε = 0, forces that are steep (but continuous) at v = 0 are smoothed within this fraction of the peak velocity
+(conventional)."""
 PARTS = 3
-"""Parts of a step, short enough for trapezoids and formulas of low order (conventional)."""
+"""`Motion.refined` divides each step into this many parts, short enough for the trapezoidal rule (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
+"""Which tangents (derivatives) `Solver.solve` computes: none, by the parameters, or by the parameters and g and h."""
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
 """The damping terms that share one kernel, which is compiled once."""
 SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
-"""The restoring laws that share it."""
+"""The restoring laws that share this kernel."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Two points and weights in each window of samples.
+    """Two points and two weights for each window of samples, which give the mean over the window.
 
-    The weighted sum of a motion's values at the two points is its mean over the samples: exactly for a cubic
-    polynomial (the Gauss rule of two points for the samples' own times), and within 1e-8 of the amplitude for an
-    oscillation with windows of an eightieth of a cycle.
+    The weighted sum of the values at the two points is the mean over the samples: exactly for a cubic polynomial (it is
+    the two-point Gauss rule for the sample times), and within 1e-8 of the amplitude for an oscillation if a window is
+    at most 1/80 of a cycle.
 
     Attributes
     ----------
     times : ndarray, shape (n, 2)
-        The points, rising, in s.
+        The points in s, increasing.
     weights : ndarray, shape (n, 2)
-        Their weights, of sum 1 in each window.
+        Their weights, which sum to 1 in each window.
 
     References
     ----------
@@ -53,7 +55,7 @@ class Windows:
 
     @classmethod
     def of(cls, t: np.ndarray) -> Self:
-        """Return the points and weights of windows from the times of their samples.
+        """Return points and weights for windows with the given sample times.
 
         Parameters
         ----------
@@ -71,27 +73,27 @@ class Windows:
         return cls(times, np.column_stack([high, -low]) / root[:, None])
 
     def first(self, count: int) -> Windows:
-        """Return the first windows."""
+        """Return the first `count` windows."""
         return Windows(self.times[:count], self.weights[:count])
 
 
 @dataclass(frozen=True)
 class Points:
-    """Times at which a motion is read, and how its values there become those that are wanted.
+    """Times at which a motion is evaluated; with weights, each pair of neighbouring times gives one value.
 
     Attributes
     ----------
     t : ndarray, shape (n,) or, with weights, (2n,)
-        Rising, in s.
+        Times in s, increasing.
     weights : ndarray, shape (n, 2), or None
-        The weights of neighbouring points; None where the values at the points are wanted themselves.
+        Weights of each pair of times in its mean; None if each time gives a value of its own.
     """
 
     t: np.ndarray
     weights: np.ndarray | None = None
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the wanted values, shape (n, ...), from those at the points."""
+        """Return the weighted means of the pairs, (n, ...), from values at the times; without weights, the values."""
         if self.weights is None:
             return values
         first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
@@ -100,11 +102,11 @@ class Points:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Tangents of a motion at the ends of its steps, from which those at the samples are computed.
+    """Tangents (derivatives by the parameters) at the nodes of the integration, to be interpolated at the samples.
 
-    times: ends of the steps in s, (s,). slopes: tangents by all parameters of the kernel, (s, k, 4). columns: places
-    of the solver's parameters among these, (p,). points: times at which the motion is read. order: of the derivative
-    that is read.
+    times: of the nodes in s, (s,). slopes: tangents by all parameters of the kernel, (s, k, 4). columns: indices of the
+    solver's parameters among these, (p,). points: where to evaluate. order: 0 for the angle, 1 for the velocity, 2 for
+    the acceleration.
     """
 
     times: np.ndarray
@@ -123,18 +125,18 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory.
+    """A trajectory at the times of the samples and at the nodes of the integration.
 
     Attributes
     ----------
     y : ndarray, shape (n,)
-        Values at the samples.
+        Values of the recorded quantity at the samples.
     slopes : ndarray, shape (n, k), or Slopes
-        Their tangents, or the source from which they are read.
+        Their derivatives by the parameters, or an object from which `tangents` computes them.
     times : ndarray, shape (s,)
-        Ends of the steps in s.
+        Times of the nodes in s.
     states : ndarray, shape (s, 4)
-        θ, θ̇, θ̈ there, and the correction that `dense` needs.
+        θ, θ̇, θ̈ at the nodes, and the correction of the dense output in the step after each (see `dense`).
     """
 
     y: np.ndarray
@@ -144,18 +146,18 @@ class Motion:
 
     @cached_property
     def tangents(self) -> np.ndarray:
-        """Return the tangents of the values at the samples, (n, k)."""
+        """Return the derivatives of the values at the samples by the parameters, (n, k)."""
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
     def without_tangents(self) -> Motion:
-        """Return the motion alone."""
+        """Return the motion without its derivatives."""
         return Motion(self.y, np.zeros((self.y.size, 0)), self.times, self.states)
 
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return times, (r,), that divide each step into `PARTS`, and θ, θ̇, θ̈ at these, (r, 3).
+        """Return times, (r,), that divide each step into `PARTS` parts, and θ, θ̇, θ̈ at these times, (r, 3).
 
-        A time at which the acceleration jumps occurs twice, with the values before and after.
+        A time at which the acceleration jumps occurs twice, with the values before and after the jump.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
@@ -170,10 +172,10 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Places of a solver's parameters among its kernel's.
+    """Indices of a solver's terms and parameters in its kernel, which may have more of them.
 
-    terms: of the solver's damping terms, (m,). given: of their further parameters, (e,), among `further` of them. law:
-    number of the restoring law. most: parameters that the kernel has room for in a law.
+    terms: indices of the damping terms, (m,). given: indices of their further parameters, (e,). further: number of
+    further parameters in the kernel. law: index of the restoring law. most: largest number of parameters of a law.
     """
 
     terms: np.ndarray
@@ -185,26 +187,26 @@ class _Layout:
 
 @dataclass(frozen=True)
 class Solver:
-    """Solve the motions of an oscillator at fixed times; they start at time 0.
+    """Solve the equation of motion of an oscillator at fixed times, from time 0.
 
     Attributes
     ----------
     terms, restoring
-        The damping terms, any of which may be off in a motion, and the restoring law.
+        Names of the damping terms, any of which can be switched off in `solve`, and of the restoring law.
     t
         Times of the samples in s, (n,).
     quantity
         One of `QUANTITIES`.
     amplitude, frequency
-        Scales of the tolerances, in rad or m and in rad/s.
+        Scales from which the tolerances follow, in rad or m and in rad/s.
     epsilon
-        Width of the velocity, rad/s or m/s, within which friction changes its sign; with 0 it is the sign itself, and
-        the body may stick.
+        Width ε of the velocity, rad/s or m/s, within which dry friction changes its sign. With 0 friction is
+        discontinuous, and the body may stick.
     knots
-        Times in s between which deviations are linear, (k,).
+        Times in s between which the deviations g and h are interpolated linearly, (k,).
     windows
-        Windows of samples, (n,), whose means replace the values at t; then the last knot must not come before the last
-        sample.
+        n windows of samples. If given, values are means over these windows instead of values at t, and the last knot
+        must not be before the last sample.
     """
 
     terms: tuple[str, ...]
@@ -219,39 +221,39 @@ class Solver:
 
     @property
     def slowness(self) -> float:
-        """Return the number of the record's cycles for each cycle that is solved."""
+        """Return the number of the record's cycles for each integrated cycle, here 1 (see `AveragedSolver`)."""
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return the solver at other times t, (n,) in s from 0, within the knots, for another quantity."""
+        """Return a solver at other times t, (n,), in s from 0 and within the knots, for another quantity."""
         return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Return the kernel, which is compiled at its first call; one kernel serves all terms and laws that ship."""
+        """Return the kernel, compiled at its first call; all terms and laws that ship share one kernel."""
         terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
         return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
 
     @cached_property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' arguments besides the motion, term by term."""
+        """Return the names of the terms' further arguments (`DampingTerm.further`), term by term."""
         return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the parameters of `solve`: coefficients, `further`, the law's, theta0, omega0."""
+        """Return the parameter names of `solve`: coefficients, `further`, the restoring law's, theta0, omega0."""
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
 
     @cached_property
     def law_places(self) -> slice:
-        """Return the places of the law's parameters among `names`."""
+        """Return the slice of `names` that contains the restoring law's parameters."""
         first = len(self.terms) + len(self.further)
         return slice(first, first + len(LAWS.get(self.restoring).parameters))
 
     @cached_property
     def inferred(self) -> tuple[str, ...]:
-        """Return the names of the terms' parameters besides their coefficients."""
+        """Return the names of the terms' inferred parameters other than their coefficients."""
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
@@ -283,22 +285,23 @@ class Solver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """Solve a motion; return None where it escapes.
+        """Integrate the equation of motion; return None if the trajectory escapes or needs too many steps.
 
         Parameters
         ----------
         p
             Parameters in the order of `names`, (k,).
         active
-            Which terms act, (m,).
+            Which terms are switched on, (m,).
         g, h
-            Relative deviations of the damping and of the frequency at the knots; none by default.
+            Relative deviations of the damping (factor 1 + g) and of the frequency (the restoring force has the factor
+            1 + 2h) at the knots; 0 by default.
         tangents
-            `NONE`, by `PARAMETERS`, or by `ALL`: the parameters, g and h.
+            Which derivatives to compute: `NONE`, by `PARAMETERS`, or by `ALL` (parameters, g and h).
         stop
-            Number of samples, from the first on; all by default.
+            Number of samples to compute, from the first on; all by default.
         tolerance
-            Error of a step as a share of the amplitude; `TOLERANCE` by default.
+            Error of a step, relative to the amplitude; `TOLERANCE` by default.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
@@ -315,7 +318,7 @@ class Solver:
         if g is None and h is None and t[-1] < knots[-1]:
             knots = np.array([0.0, float(t[-1])])
         g, h = (np.zeros(knots.size) if d is None else np.asarray(d, float) for d in (g, h))
-        most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
+        most = int(MAX_STEPS_PER_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
         coefficients, switched = np.zeros(m), np.zeros(m, bool)
         coefficients[layout.terms], switched[layout.terms] = p[: len(self.terms)], active
@@ -347,18 +350,18 @@ class Solver:
         active: np.ndarray,
         epsilon: float | None = None,
     ) -> np.ndarray:
-        """Return weighted sums of the terms' forces per unit of their coefficients, (d, m); 0 for terms that are off.
+        """Return weighted sums over points of the terms' forces per unit of their coefficients, (d, m).
 
         Parameters
         ----------
         x, v, weight
             Displacement, velocity and weight of each point, (n,).
         further
-            Rows of the terms' further parameters, (d, e).
+            Values of the terms' further parameters; each of the d rows, (d, e), gives one row of sums.
         active
-            Which terms act, (m,).
+            Which terms are switched on, (m,); the sums of the others are 0.
         epsilon
-            In place of the solver's own.
+            Width ε; by default the solver's.
         """
         layout, m = self._layout, len(self.kernel.terms)
         switched, q = np.zeros(m, bool), np.zeros((len(further), layout.further))
@@ -370,12 +373,12 @@ class Solver:
         return out[:, layout.terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
-        """Return the ε of terms that jump where it is 0, and of terms that are rounded off."""
+        """Return ε for dry friction, and ε for steep continuous forces, which is never 0 (see `ROUNDED`)."""
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
 
 def warm() -> None:
-    """Compile the kernel of all that ships, so that the first record need not wait for it."""
+    """Compile the shared kernel of all terms and laws that ship, so that the first record does not wait for it."""
     t, law = np.linspace(0.0, 1.0, 5), "linear"
     solver = Solver(SHIPPED, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
     values = {

@@ -1,7 +1,8 @@
-"""The template of a kernel's variational equations, which a power series solves.
+"""Template of the part of a kernel that integrates the tangents (derivatives of the motion by the parameters).
 
-On a step they are linear, with coefficients that are read along the motion. Before the mark are stand-ins for the
-forces of an oscillator, which `build` writes in their place.
+The tangents obey the variational equations. Within a step these are linear, with coefficients that are evaluated along
+the motion at five points; they are solved by a power series in time. `build` copies only the part between two marks;
+the functions before it are stand-ins for the forces of an oscillator, which `build` generates.
 """
 
 from __future__ import annotations
@@ -12,61 +13,61 @@ from numba import njit
 from bayesdamp.physics.damping import EXACT, TINY
 
 OWNERS = np.array([0], np.int64)
-"""Of each further parameter, the term's number."""
+"""For each further parameter, the index of its damping term."""
 SWITCHES = np.array([False])
-"""Of each term, whether its force turns over within ε where the velocity does."""
+"""For each term, whether its force changes its sign with the velocity, within the width ε."""
 LAW_SIZES = np.array([1], np.int64)
-"""How many parameters each restoring law has."""
+"""For each restoring law, the number of its parameters."""
 JUMPS = np.array([False])
-"""Of each term, whether that is a jump where ε is 0, and not a shape that is rounded off."""
+"""For each term, whether its force jumps if ε = 0 (dry friction), instead of being steep but continuous."""
 
 
 @njit
 def shapes(x, v, epsilon, rounding, q, active, out):
-    """Compute the forces per unit of the coefficients at one point.
+    """Write the terms' forces per unit of their coefficients at one point into `out`; 0 for terms that are off.
 
-    rounding: the ε of terms that are rounded off; q: the terms' further parameters, one after the other.
+    rounding: the ε of terms that are steep but continuous; q: the further parameters of all terms in sequence.
     """
     out[:] = 0.0
 
 
 @njit
 def damping(x, v, epsilon, rounding, q, c):
-    """Compute the force of all terms at one point; a term with coefficient 0 costs nothing."""
+    """Return the damping force at one point. Terms with coefficient 0 are not evaluated. c: see `to_tuples`."""
     return 0.0
 
 
 @njit
 def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
-    """Compute the force of all terms at one point and its slopes by x and v.
+    """Return the damping force at one point, and its derivatives by x and v.
 
-    Into `out`, from its third place on, go each term's force per unit and the slopes of the whole by the further
-    parameters, times share.
+    The derivatives by the coefficients, then by the further parameters, all times `share`, are written into `out[2:]`.
+    sizes: scales of x and v, for difference quotients.
     """
     return 0.0, 0.0, 0.0
 
 
 @njit
-def gathered(coefficients, q, active, law):
-    """Return coefficients, further parameters and the law's as tuples, which need no reference counts.
+def to_tuples(coefficients, q, active, law):
+    """Return coefficients, further parameters and law as tuples, which Numba passes without reference counts.
 
-    Coefficients of terms that do not act are 0. Behind the coefficients: 1 where a term acts that is not among the
-    first `build.USUAL`, else 0.
+    Coefficients of terms that are off are 0. After the coefficients follows 1 if any term beyond the first
+    `build.USUAL` is on, else 0.
     """
     return (coefficients[0],), (0.0,), (law[0], law[1])
 
 
 @njit
 def restoring(x, p):
-    """Compute the restoring force at one point. p: the law's parameters, then its number."""
+    """Return the restoring force at one point. p: the law's parameters, then the index of the law."""
     return p[0] * x
 
 
 @njit
 def restoring_slopes(x, p, sizes, share, out, first):
-    """Compute the restoring force at one point and its slope by x.
+    """Return the restoring force at one point, and its derivative by x.
 
-    Slopes by the law's parameters, times share, go into `out` from `first` on.
+    The derivatives by the law's parameters, times `share`, are written into `out` from index `first` on.
     """
     out[first] = share * x
     return p[0] * x, p[0]
@@ -75,20 +76,21 @@ def restoring_slopes(x, p, sizes, share, out, first):
 # --- tangents ---
 
 POINTS = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
-"""Shares of a step where the coefficients are read: Lobatto's, with which the step's end is right to order eight."""
+"""Fractions of a step at which the coefficients are evaluated: the five Gauss–Lobatto nodes (order eight)."""
 POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
+"""Matrix that gives the coefficients of a polynomial from its values at `POINTS`."""
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
-"""Weights at the points of an integral over a step and over its first half."""
-MOST_TERMS, SMALL = 30, 1e-13
-"""Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
+"""Weights at `POINTS` of the integral over a whole step, and over its first half."""
+MAX_TERMS, SMALL = 30, 1e-13
+"""Most terms of the power series in a step; it ends when the terms are smaller than this relative to the sum."""
 SLOW = 2e-6
-"""Share of the peak velocity at which slopes are taken where exact friction's motion is slower: twice the step of
-central differences."""
+"""With exact friction, derivatives of the force are evaluated at no smaller velocity than this fraction of the peak
+velocity. It is twice the step of central differences, which must not cross v = 0."""
 
 
 @njit
-def turned(v, sign):
-    """Return the velocity, a tiny one where it is 0, and the ε with which friction has exactly this sign there."""
+def exact_sign(v, sign):
+    """Return v (if 0, a tiny value instead) and an ε such that tanh(v/ε) is exactly `sign`."""
     if v == 0.0:
         v = sign * TINY
     return v, sign * v * EXACT
@@ -96,18 +98,19 @@ def turned(v, sign):
 
 @njit
 def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
-    """Slopes of the force by x and v at one point, and the sources of the tangents, into a row of `over_a_step`'s.
+    """Write the derivatives of the force at one point into `row`, (2 + m + e + r + 4,).
 
-    w, g_at, h_at, c, q, epsilon, rounding, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then
-    coefficients, the terms' further parameters, the law's, and the hats of g and h to the left and right of w.
-    sign: of the velocity, where friction has it exactly, else 0.
+    They are the derivatives by x and v, then by coefficients, further parameters, law's parameters, and by the values
+    of g and h at the knots to the left and right. Those after the first two are the source terms of the variational
+    equations. w, g_at, h_at, c, q, epsilon, rounding, law: as in `acceleration`. sign: sign of the friction's velocity
+    if friction is exact, else 0.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
     last = row.size - 4
     if sign != 0.0:
         slow = SLOW * sizes[1]
-        v, epsilon = turned(v if abs(v) > slow else sign * slow, sign)
+        v, epsilon = exact_sign(v if abs(v) > slow else sign * slow, sign)
     total, by_x, by_v = damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, damps, row)
     force, slope = restoring_slopes(x, law, sizes, pulls, row, last - (len(law) - 1))
     row[0], row[1] = damps * by_x + pulls * slope, damps * by_v
@@ -117,7 +120,10 @@ def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, s
 
 @njit
 def middle(before, after, step):
-    """Value, slope and curvature half way of a step (s), of the quintic that has those at both ends, (3,)."""
+    """Return value, slope and curvature at the middle of a step (s) of the quintic Hermite polynomial.
+
+    before, after: value, slope and curvature at its ends.
+    """
     value = 0.5 * (before[0] + after[0]) + step * (
         5 / 32 * (before[1] - after[1]) + step / 64 * (before[2] + after[2])
     )
@@ -129,7 +135,7 @@ def middle(before, after, step):
 
 @njit
 def along(before, after, step, more, share):
-    """Value and slope at a share of a step (s): of the quintic and its correction, as `dense` reads them."""
+    """Return value and slope at a fraction `share` of a step (s), of the quintic with the correction `more`."""
     u, r = share, 1.0 - share
     value = (
         r
@@ -158,8 +164,8 @@ def along(before, after, step, more, share):
 
 
 @njit
-def powers(read, column):
-    """Coefficients of powers of the share of a step of the polynomial through five values."""
+def polynomial_coefficients(read, column):
+    """Return the coefficients of the polynomial, in the fraction of a step, through the five values of a column."""
     r0, r1, r2, r3, r4 = read[0, column], read[1, column], read[2, column], read[3, column], read[4, column]
     return (
         r0,
@@ -171,20 +177,22 @@ def powers(read, column):
 
 
 @njit
-def unforced(x, v, step):
-    """Return values and slopes at the last four of `POINTS` without sources, (8,) twice.
+def homogeneous_solutions(x, v, step):
+    """Return two solutions of the homogeneous variational equation in a step, at the last four of `POINTS`, (8,) each.
 
-    The first are those of a unit of displacement where the step begins, the second of a unit of velocity.
-
-    x, v: slopes of the force by displacement and velocity, as coefficients of powers of the share of a step, (5,).
+    The first starts with displacement 1 and velocity 0, the second with displacement 0 and velocity 1. Each result
+    alternates displacement and velocity. x, v: derivatives of the force by displacement and velocity, as coefficients
+    of powers of the fraction of a step, (5,).
     """
+    # The equation is ÿ = -x(u) y - v(u) ẏ. y0 to y4 and s0 to s4 are the last five terms of the power series of
+    # displacement and velocity of the first solution, z and t those of the second; a and b, c and d are the sums.
     y0, y1, y2, y3, y4, s0, s1, s2, s3, s4 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z0, z1, z2, z3, z4, t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     a1, a2, a3, a4, b1, b2, b3, b4 = 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
     c1, c2, c3, c4, d1, d2, d3, d4 = 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     u1, u2, u3 = POINTS[1], POINTS[2], POINTS[3]
     p1, p2, p3 = 1.0, 1.0, 1.0
-    for n in range(1, MOST_TERMS):
+    for n in range(1, MAX_TERMS):
         share = step / n
         first = -share * (
             (x[0] * y0 + x[1] * y1 + x[2] * y2 + x[3] * y3 + x[4] * y4)
@@ -211,19 +219,22 @@ def unforced(x, v, step):
 
 
 @njit
-def over_a_step(read, step, sources, local, half):
-    """Solve the variational equations over a step: values and slopes at its end, (2, l), and values half way, (l,).
+def solve_step(read, step, sources, local, half):
+    """Solve the variational equations over a step, by variation of constants.
 
-    The first two columns are of a unit of displacement and of velocity at the beginning, the others of the sources, by
-    variation of constants. read: slopes of the force by x and v, then the sources, at `POINTS`, (5, l); sources:
-    columns of those that act.
+    Displacements and velocities at the end are written into `local`, (2, l), displacements at the middle into `half`,
+    (l,). Columns 0 and 1 start with unit displacement and unit velocity and have no source; each other column starts
+    with zeros and has one source. read: rows of `linearise` at `POINTS`, (5, l); sources: the columns that are not
+    zero.
     """
-    of_x, of_v = unforced(powers(read, 0), powers(read, 1), step)
+    of_x, of_v = homogeneous_solutions(
+        polynomial_coefficients(read, 0), polynomial_coefficients(read, 1), step
+    )
     c1, d1, c2, d2, c3, d3, c4, d4 = of_x
     e1, f1, e2, f2, e3, f3, e4, f4 = of_v
     local[0, 0], local[1, 0], half[0] = c4, d4, c2
     local[0, 1], local[1, 1], half[1] = e4, f4, e2
-    # A unit of velocity at each point, of which what was at the beginning is (−e, c) over the determinant.
+    # A unit velocity at a point corresponds to the start values (−e, c) / (c f − d e) of displacement and velocity.
     i1, i2, i3, i4 = c1 * f1 - d1 * e1, c2 * f2 - d2 * e2, c3 * f3 - d3 * e3, c4 * f4 - d4 * e4
     i1, i2, i3, i4 = -step / i1, -step / i2, -step / i3, -step / i4
     w0, w1, w2, w3 = WHOLE[0], WHOLE[1], WHOLE[2], WHOLE[3]
@@ -247,9 +258,10 @@ def over_a_step(read, step, sources, local, half):
 
 @njit
 def curvatures(slopes, row, live, base, piece, knots, by_knots):
-    """Curvatures of the tangents (k, 4) at one point from their values and slopes there and `linearise`'s row.
+    """Write the second derivatives of the tangents (k, 4) at one point into `slopes[:, 2]`.
 
-    live, base: as in `march`; knots: how many there are; by_knots: whether tangents by g and h are wanted.
+    They follow from the values and slopes there and the row of `linearise`. live: the parameters that have a source;
+    base: index of theta0; knots: number of knots; by_knots: whether there are tangents by g and h.
     """
     for p in range(slopes.shape[0]):
         slopes[p, 2] = -(row[0] * slopes[p, 0] + row[1] * slopes[p, 1])
@@ -264,7 +276,7 @@ def curvatures(slopes, row, live, base, piece, knots, by_knots):
 
 @njit
 def carry(old, new, local, half):
-    """Carry a tangent from a step's beginning to its end; its value half way goes where its correction will be."""
+    """Propagate a tangent over a step, without source; `old[3]` stores its value at the middle for `close`."""
     new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
     new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]
     new[2] = 0.0
@@ -273,7 +285,7 @@ def carry(old, new, local, half):
 
 @njit
 def add(old, new, local, half, read, place):
-    """Add to a tangent the part that comes from a source."""
+    """Add the effect of the source in column `place` to a tangent at the end of a step."""
     new[0] += local[0, place]
     new[1] += local[1, place]
     new[2] -= read[4, place]
@@ -282,7 +294,7 @@ def add(old, new, local, half, read, place):
 
 @njit
 def close(old, new, read, step):
-    """Compute a tangent's curvature at the step's end, and the correction of its quintic."""
+    """Complete a tangent's second derivative at the end of a step, and the correction of the step's quintic."""
     new[2] -= read[4, 0] * new[0] + read[4, 1] * new[1]
     value, _, _ = middle(old, new, step)
     old[3] = 64.0 * (old[3] - value)

@@ -1,4 +1,4 @@
-"""Define what a restoring law is, and register the laws: one class in one module each, found by name."""
+"""Define the base class of restoring laws and their registry. Each law is one class in a module of its own."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ SYMBOLS = {
     "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
     "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
 }
-"""Symbols of the laws that ship, which share most parameters."""
+"""Symbols of the parameters of the laws that ship with bayesdamp."""
 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """F_rest(θ) = offset(θ) + columns(θ) @ coefficients, for regressions.
+    """A restoring law written for linear regression: F_rest(θ) = offset(θ) + columns(θ) @ coefficients.
 
-    columns: shape (n, c); offset: the known part, shape (n,); decode: returns the free parameters' values for
-    coefficients, shape (c,).
+    columns: shape (n, c); offset: the part from known parameters, shape (n,); decode: function that converts the
+    coefficients, (c,), to the values of the unknown parameters by name.
     """
 
     columns: np.ndarray
@@ -38,57 +38,58 @@ class LinearForm:
 
 
 class RestoringLaw(ABC):
-    """F_rest(θ) with named parameters. Units for an angle in rad and a time in s."""
+    """A restoring law F_rest(θ) with named parameters; θ in rad (or m for a translation), time in s."""
 
     name: str
     parameters: tuple[str, ...]
     formula: str = ""
     """The force as a report shows it."""
     symbols: ClassVar[Mapping[str, Symbol]] = SYMBOLS
-    """How parameters are written; by default their names."""
+    """Symbols of the parameters by name; a parameter without a symbol is shown by its name."""
     translates: bool = False
     """Whether the law also describes a translation in metres."""
     shift: ClassVar[str] = ""
-    """The parameter that only moves the force along the angle; empty where there is none."""
+    """The parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Restoring force per inertia, rad/s², at one angle x (rad), p in the order of `parameters`.
+        """Return the restoring force per inertia, rad/s², at one angle x (rad); p is in the order of `parameters`.
 
-        Plain Python with `math` and `np` alone: compiled kernels are made of it, and `force`.
+        It may use only plain Python, `math` and `np`, because its source is compiled.
         """
         raise NotImplementedError
 
     def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the restoring force, rad/s²; θ of any shape, parameters broadcast against it."""
+        """Return the restoring force in rad/s². θ has any shape; parameters broadcast against it."""
         values = tuple(np.asarray(p[n], float) for n in self.parameters)
         return on_arrays(self.kernel)(np.asarray(theta, float), values)
 
     def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the force by the angle, 1/s²."""
+        """Return the derivative of the force with respect to the angle, 1/s²."""
         return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return all parameters such that small motions about `rest` (rad) have this angular frequency (rad/s).
+        """Return an initial guess of all parameters.
 
-        Known parameters have their known values, as far as these allow that frequency.
+        Known parameters keep their values. The others are chosen such that the equilibrium is `rest` (rad) and small
+        oscillations about it have the angular frequency `frequency` (rad/s), as far as the known values allow it.
         """
 
     @abstractmethod
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the law as a linear regression on the parameters that are not in `known`; θ of shape (n,)."""
+        """Return the law as a linear regression for the parameters that are not in `known`; θ has shape (n,)."""
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return coordinates in which quantities that a record determines well are linear.
+        """Return better coordinates for sampling: quantities that a record determines well, such as the frequency.
 
-        They have the names of the law's parameters and theta0 (which is in p). None where the parameters themselves are
-        such coordinates, or there are none.
+        The result has the same keys as p (the law's parameters and theta0), but a key only marks a place: its value is
+        another quantity, see the law. Return None if the law has no such coordinates or needs none.
         """
         return None
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return the inverse of `natural`; None where no parameters have these coordinates."""
+        """Return the parameters from coordinates of `natural`; None if no valid parameters have these coordinates."""
         return None
 
     def unit(self, parameter: str) -> str:

@@ -10,7 +10,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class Duffing(RestoringLaw):
-    """F = k x + β x³ with x = θ − θ_e; β may be negative, and then a trajectory can escape."""
+    """F = k x + β x³ with x = θ − θ_e. β may be negative; then a trajectory can escape to infinity."""
 
     name = "duffing"
     formula = "k(θ − θe) + β(θ − θe)³"
@@ -20,15 +20,15 @@ class Duffing(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """F at an angle x, p = (k, θ_e, β)."""
+        """Return F at the angle x; p = (k, θ_e, β)."""
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return k = ω², θ_e at rest and β = 0, except for known parameters."""
+        """Return an initial guess: k = ω², θ_e = `rest`, β = 0; known parameters keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return a form that is linear in k and β where θ_e is known."""
+        """Return the regression for k and β if θ_e is known, else for the four coefficients of a cubic polynomial."""
         if "rest_angle" in known:
             x = theta - known["rest_angle"]
             free = [n for n in ("stiffness", "cubic") if n not in known]
@@ -37,7 +37,8 @@ class Duffing(RestoringLaw):
             columns = np.column_stack([powers[n] for n in free]) if free else np.zeros((x.size, 0))
             return LinearForm(columns, offset, lambda c: dict(zip(free, map(float, c))))
 
-        # With θ_e free the cubic has one coefficient more than the law; θ_e is its real root nearest the mean.
+        # If θ_e is unknown, fit a general cubic, which has one coefficient more than the law. θ_e is then the real
+        # root of the cubic that is nearest to the mean angle; k is the slope there.
         centre = float(theta.mean())
         x = theta - centre
 

@@ -12,7 +12,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class HorizontalPendulum(RestoringLaw):
-    """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring; γ is signed and may be as large as k."""
+    """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring. γ may be negative and as large as k."""
 
     name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
@@ -20,33 +20,45 @@ class HorizontalPendulum(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """F at an angle x, p = (k, γ, θ_s)."""
+        """Return F at the angle x; p = (k, γ, θ_s)."""
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return k from ω² = k + γ sin θ at rest and θ_s from the balance there, except for known parameters."""
+        """Return an initial guess; known parameters keep their values.
+
+        At the equilibrium θ_e = `rest`, k follows from ω² = F′(θ_e) = k + γ sin θ_e, and θ_s from F(θ_e) = 0.
+        """
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
         spring = rest - gravity * math.cos(rest) / stiffness
         return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return the squared frequency of small motions, gravity, the equilibrium, and the start relative to it."""
+        """Return ω² of small oscillations under `stiffness`, γ under `gravity`, θ_e under `spring_angle`, and θ₀ − θ_e.
+
+        θ_e is the equilibrium nearest to the start angle or, if Newton's method fails from there, to θ_s.
+        """
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
         def force_and_slope(x: float) -> tuple[float, float]:
             return k * (x - spring) - gravity * math.cos(x), k + gravity * math.sin(x)
 
         rest = newton(force_and_slope, p["theta0"]) if "theta0" in p else None
-        rest = newton(force_and_slope, spring) if rest is None else rest
+        if rest is None:
+            rest = newton(force_and_slope, spring)
         if rest is None:
             return None
-        start = p.get("theta0", 0.0) - rest
-        slope = k + gravity * math.sin(rest)
-        return {"stiffness": slope, "gravity": gravity, "spring_angle": rest, "theta0": start}
+        displacement = p.get("theta0", 0.0) - rest
+        _, squared_frequency = force_and_slope(rest)
+        return {
+            "stiffness": squared_frequency,
+            "gravity": gravity,
+            "spring_angle": rest,
+            "theta0": displacement,
+        }
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return k = ω² − γ sin θ at rest, and θ_s by balance, from the angle at rest, γ and ω²."""
+        """Return the parameters from θ_e, γ and ω²: k = ω² − γ sin θ_e, and θ_s from F(θ_e) = 0."""
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * math.sin(rest)
         if k <= 0:
@@ -56,7 +68,7 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return a form that is linear in k, kθ_s and γ, or in the unknown ones of these."""
+        """Return the regression for k, kθ_s and γ, without those that are known."""
         names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
         lever = theta if spring is None else theta - spring

@@ -10,7 +10,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class LinearSpring(RestoringLaw):
-    """F = k(θ − θ_e)."""
+    """F = k(θ − θ_e), with the equilibrium θ_e."""
 
     name = "linear"
     formula = "k(θ − θe)"
@@ -20,15 +20,15 @@ class LinearSpring(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """F at an angle x, p = (k, θ_e)."""
+        """Return F at the angle x; p = (k, θ_e)."""
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return k = ω² and θ_e at rest, except for known parameters."""
+        """Return an initial guess: k = ω², θ_e = `rest`; known parameters keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return a form that is linear in k and kθ_e, or in the unknown one of these."""
+        """Return the regression for k and kθ_e, or for the unknown one of k and θ_e."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         none, ones = np.zeros((theta.size, 0)), np.ones_like(theta)
         if k is not None and rest is not None:

@@ -11,7 +11,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class Pendulum(RestoringLaw):
-    """F = k sin(θ − θ_e), θ_e the hanging position."""
+    """F = k sin(θ − θ_e), where θ_e is the hanging position."""
 
     name = "pendulum"
     formula = "k sin(θ − θe)"
@@ -20,15 +20,15 @@ class Pendulum(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """F at an angle x, p = (k, θ_e)."""
+        """Return F at the angle x; p = (k, θ_e)."""
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return k = ω² and θ_e at rest, except for known parameters."""
+        """Return an initial guess: k = ω², θ_e = `rest`; known parameters keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return a form that is linear in k cos θ_e and k sin θ_e, or in k where θ_e is known."""
+        """Return the regression for k cos θ_e and k sin θ_e, or for k if θ_e is known."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         zero = np.zeros_like(theta)
         if rest is not None:

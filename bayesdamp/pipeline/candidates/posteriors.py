@@ -11,7 +11,7 @@ from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.interface.posterior import draw
-from bayesdamp.numerics.weights import resampled
+from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import verdict_of
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -85,7 +85,7 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
     if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
         return {}
     rng = np.random.default_rng(seed)
-    chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
+    chosen = resample(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
     z, target = cell.arrays["y"].astype(float)[chosen], branch.fit.engine[0]
     u = NO_DRAWS[0] if branch.fit.law is None else branch.fit.law.with_deviations(z, seed)
     return _curves(branch, _motions(branch, target.values(z)), u)

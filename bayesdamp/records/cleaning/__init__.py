@@ -1,1 +1,1 @@
-"""From a raw record to a signal: clock, zero, outliers, thinning, recording step."""
+"""Clean a raw record: choose clock and window, subtract the sensor's zero, count outliers, reduce samples."""

@@ -1,6 +1,7 @@
-"""Turn a raw record into a signal: SI units, a clock, the window of the free decay, and notes on what was done.
+"""Convert a raw record to a signal: SI units, times, the window of the free decay, and notes on what was done.
 
-Over whole cycles of a free decay the mean velocity and the mean acceleration are zero, which gives a sensor's zero.
+The zero of a velocity or acceleration sensor is estimated from the fact that over whole cycles of a free decay the mean
+of these quantities is zero.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times, robust_step
 from bayesdamp.records.cleaning.window import free_decay, no_free_decay
 from bayesdamp.records.files.names import unit_and_quantity
-from bayesdamp.records.oscillation.anomalies import clipped, rectified, tone_burst
+from bayesdamp.records.oscillation.anomalies import is_clipped, is_rectified, is_tone_burst
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.noise import residuals
 from bayesdamp.records.oscillation.spectrum import coarse_periods
@@ -24,16 +25,16 @@ from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
 CLEAR = 3.0
-"""Standard errors from which an offset is significant."""
+"""An offset is significant from this many standard errors on (conventional)."""
 HARMONICS = 3
-"""Harmonics in the model from which the sensor's zero is estimated."""
+"""Number of harmonics in the model from which the sensor's zero is estimated."""
 MOST_POWERS = 6
-"""Highest power of time in the amplitude of the oscillation; a power for every two cycles up to that."""
+"""Highest degree of the polynomials of time in this model; the degree is half the number of cycles up to that."""
 OUTLIER = 8.0
-"""Standard deviations from a local harmonic fit beyond which a sample is an outlier."""
+"""A sample is an outlier if it differs from a local harmonic fit by more than this many standard deviations."""
 TURNS, TURNS_NAMED = 0.5, 3.0
-"""Turns to either side that an angle in rad seldom exceeds, and the same where its column names the unit
-(conventional)."""
+"""A user is warned if an angle in rad exceeds this many turns to either side; the second number is for columns whose
+name states the unit (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 CLIPPED = (
     "its peaks are cut off: the values stay at the end of the sensor's range; record it with a larger range, or give a "
@@ -44,27 +45,28 @@ RECTIFIED = (
     "or reverse the sign of every second half-cycle"
 )
 TONE_BURST = (
-    "its amplitude rises in the way it falls, cycle by cycle: it is a tone burst, whose shape comes from a source and "
-    "not from damping; give a record without excitation, or the start and stop of a free decay in this one"
+    "its amplitude rises in the same way as it falls: it is a tone burst, whose shape comes from its source and not "
+    "from damping; give a record without excitation, or the start and stop of a free decay in this one"
 )
 MOST_SAMPLES = 100_000
-"""Samples above which a record is thinned: a quarter of an hour at 100 Hz, two seconds of sound."""
+"""The number of samples of a longer record is reduced (decimation)."""
 PER_CYCLE, LEAST_PER_CYCLE = 100.0, 20.0
-"""Samples a cycle after thinning, and the fewest where a record has very many cycles."""
+"""Number of samples a cycle after decimation, and the smallest number for records with very many cycles."""
 PASS = 0.7
-"""Share of the new Nyquist frequency up to which the filter is flat, so 35 overtones pass at 100 samples a cycle."""
+"""The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
+pass."""
 ATTENUATION = 90.0
-"""dB from the new Nyquist frequency on. For a Kaiser window it is the ripple below as well: 3e-5."""
+"""Attenuation of the filter in dB above the new Nyquist frequency. Its ripple in the pass band is as small: 3e-5."""
 HEARD = 1e-3
-"""Share of the largest spectral density that a frequency must have to be preserved: -30 dB."""
+"""Frequencies with at least this fraction of the largest spectral density (−30 dB) are preserved."""
 UNEVEN = 2.0
-"""Samples, or ticks of the clock that stamps them, by which a stamp may be off an even clock."""
+"""A record is decimated only if its stamps differ from a uniform clock by at most this many steps."""
 
 
 def recording_step(y: np.ndarray) -> float:
-    """Return the recording step in the unit of y (n,), or 0 where the values are not on a lattice.
+    """Return the recording step (resolution) of values y (n,); 0 if they are not multiples of a step.
 
-    The lattice may itself be rounded (a step of 0.088° written with two decimals).
+    The multiples may themselves be rounded, as for a step of 0.088° written with two decimals.
     """
     values = np.unique(y)
     if values.size < 3:
@@ -84,18 +86,18 @@ def recording_step(y: np.ndarray) -> float:
 
 
 def sensor_offset(signal: Signal, features: Features) -> float:
-    """Return the constant that a sensor adds to a velocity or acceleration, in its unit; 0 where none is significant.
+    """Return the zero offset of a velocity or acceleration sensor, in its unit; 0 if it is not significant.
 
-    Least squares over a constant and an oscillation with overtones, whose amplitude and phase are polynomials of time.
-    An asymmetric force shifts the midline of the turning points, but leaves the mean over a cycle at zero. A
-    displacement may rest anywhere, so its offset is 0.
+    It is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of time.
+    The midline of the turning points would not do, because an asymmetric force shifts it. For a displacement the offset
+    is 0, because its equilibrium may be anywhere.
     """
     t, crossings = signal.t, features.crossing_times
     if signal.quantity == "angle" or crossings.size < 3:
         return 0.0
     chebyshev = np.polynomial.chebyshev
-    # The number of half-cycles at each sample: a smooth curve through the crossings, of which those upwards may be off
-    # the middle between those downwards.
+    # The phase at each sample, in half cycles: a polynomial through the numbered crossings. Upward crossings may have a
+    # constant delay against downward ones.
     middle, width = 0.5 * (t[-1] + t[0]), 0.5 * (t[-1] - t[0])
     degree, number = int(np.clip(crossings.size // 4, 1, 4)), np.arange(crossings.size)
     alternate = (-1.0) ** number[:, None] if crossings.size > 3 else np.empty((crossings.size, 0))
@@ -130,31 +132,35 @@ def clean(
     start: str | float = "auto",
     stop: str | float = "auto",
 ) -> Signal:
-    """Return the free decay in a record.
+    """Return the free decay in a record, as a signal in SI units.
 
-    Outliers are counted and kept. The zero of a sensor of velocity or acceleration is subtracted.
+    The zero of a velocity or acceleration sensor is subtracted. Outliers are counted but not removed.
 
     Parameters
     ----------
     raw
         The record as it was read.
     name
-        How messages and results call the record.
+        Name of the record in messages and results.
     unit
-        A name in UNITS, of the displacement itself (per s or s² where a velocity or an acceleration is recorded).
+        Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²).
     quantity
         "angle", "velocity" or "acceleration".
     clock
         "auto", "as_logged" or "uniform", see `clock_times`.
     start, stop
-        In seconds of the file's own times (of the rebuilt clock, which begins at the file's first stamp, where it was
-        rebuilt; from 0 where the file has no times or counts them from an epoch), or "auto": after the release, before
-        the rest.
+        Start and stop in s of the file's times (from 0 if the file has no times or counts them from an epoch), or
+        "auto" for the start and the stop of the free decay.
+
+    Returns
+    -------
+    Signal
+        The free decay. Its times begin at 0; its provenance contains notes and warnings.
 
     Raises
     ------
     InputError
-        With one line, where there are not two periods of an oscillation.
+        If the record has fewer than two periods of a free decay, or cannot be used for another reason.
     """
     scale, base = known_unit(unit, quantity, name)
     times = clock_times(raw, clock, name)
@@ -162,14 +168,14 @@ def clean(
     step = recording_step(raw.y) * scale
     t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
-        raise InputError("the values between start and stop are constant, nothing oscillates", name)
-    if rectified(y):
+        raise InputError("the values between start and stop are constant; choose another part", name)
+    if is_rectified(y):
         raise InputError(RECTIFIED, name)
     seek_start, seek_stop = start == "auto", stop == "auto"
     periods = coarse_periods(t, y)
     window = no_free_decay(t, y, periods[0][0]) if seek_start and seek_stop else None
     if window is None:
-        if seek_start and seek_stop and tone_burst(t, y, periods[0][0]):
+        if seek_start and seek_stop and is_tone_burst(t, y, periods[0][0]):
             raise InputError(TONE_BURST, name)
         window = free_decay(t, y, periods, step, seek_start, seek_stop, name)
     first, last = a + window.first, a + window.last
@@ -183,7 +189,7 @@ def clean(
             measured = features(signal)
     except Refusal as error:
         raise InputError(str(error), name) from None
-    if clipped(signal.y, measured.samples_per_cycle):
+    if is_clipped(signal.y, measured.samples_per_cycle):
         extreme = np.isin(signal.y, (signal.y.min(), signal.y.max()))
         free = t[min(int(np.flatnonzero(extreme)[-1]) + 1, t.size - 1)]
         raise InputError(CLIPPED.format(free), name)
@@ -221,7 +227,7 @@ def clean(
     if outliers:
         notes.append(
             f"{outliers} sample{'s are' if outliers > 1 else ' is'} further than {OUTLIER:g} standard deviations from "
-            "a local fit; the record keeps them."
+            "a local fit; they are not removed."
         )
     periods = float(t[-1] - t[0]) / period
     clear = f", of which {cycles:.1f} are above the noise" if periods > cycles + 1 else ""
@@ -258,7 +264,10 @@ def clean(
 
 
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
-    """Return the factor and the base of a unit. Raises InputError where the unit or the quantity is unknown."""
+    """Return the factor of a unit to its base unit, and the base. Raises InputError for an unknown unit or quantity.
+
+    where: name of the record for the message.
+    """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
     if quantity not in PLURAL:
@@ -267,19 +276,22 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
 
 
 def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
-    """Count the samples further than OUTLIER standard deviations of the noise from local harmonic fits.
+    """Return the number of samples that differ from local harmonic fits by more than OUTLIER standard deviations.
 
     Parameters
     ----------
     signal
         The record.
     period
-        Of the oscillation, in s.
+        Period of the oscillation, in s.
     amplitude
-        In the unit of y: a deviation below a thousandth of it is not an outlier.
+        Amplitude in the unit of y; a deviation below 1/1000 of it is not an outlier.
     """
     is_far = np.zeros(signal.t.size, bool)
-    for skipped in (0.0, 0.5 * period):  # an outlier at the edge of a window pulls the window's fit along
+    for skipped in (
+        0.0,
+        0.5 * period,
+    ):  # two sets of windows, because an outlier at the edge of a window distorts its fit
         a = int(np.searchsorted(signal.t, skipped))
         if signal.t.size - a < 14:
             continue
@@ -291,7 +303,7 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
 
 
 def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:
-    """Return the indices of the first and last sample between a given start and stop, in s of times t (n,)."""
+    """Return the indices of the first and last sample between start and stop (s, or "auto"). Raises InputError."""
     bounds = [float(t[0]), float(t[-1])]
     for i, (what, at) in enumerate((("start", start), ("stop", stop))):
         if isinstance(at, str):
@@ -309,20 +321,19 @@ def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name:
     a, b = int(np.searchsorted(t, bounds[0] - slack)), int(np.searchsorted(t, bounds[1] + slack)) - 1
     if b - a + 1 < 10:
         raise InputError(
-            f"there are {max(b - a + 1, 0)} samples between start and stop; give at least 10", name
+            f"there are only {max(b - a + 1, 0)} samples between start and stop; at least 10 are needed", name
         )
     return a, b
 
 
-def decimated(raw: RawRecord) -> RawRecord:
-    """Return the record with as many samples as its oscillation needs, itself where it has no more than `MOST_SAMPLES`.
+def decimate(raw: RawRecord) -> RawRecord:
+    """Reduce the samples of a record with more than `MOST_SAMPLES` to as many as its oscillation needs.
 
-    The times of the result are in s of the file's own; a note in the provenance describes the filter. The first and
-    last samples, for which the filter lacks neighbours, are left out. A record that is not evenly sampled stays as it
-    is. The remaining noise and rounding error are those within the band that passes.
+    Values are low-pass filtered first; a note describes the filter. The first and last samples, for which the filter
+    lacks neighbours, are left out. A record that is not uniformly sampled is returned unchanged.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
-    if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing in between
+    if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing
         return raw
     if raw.t is not None:
         gaps = np.diff(raw.t)
@@ -349,39 +360,39 @@ def decimated(raw: RawRecord) -> RawRecord:
     factor = int(rate / max(per_cycle * peak, 2 * highest / PASS))
     if factor < 2:
         return raw
-    y, first = thinned(raw.y, factor)
+    y, first = filter_and_decimate(raw.y, factor)
     t = start + (first + factor * np.arange(y.size)) / rate
     note = (
-        f"Of {raw.y.size} samples at {rate:.6g} Hz, more than the oscillation needs, {y.size} at "
-        f"{rate / factor:.6g} Hz remain, after a filter that shifts no phase and is flat to 1e-4 up to "
+        f"The {raw.y.size} samples at {rate:.6g} Hz, more than the oscillation needs, are reduced to {y.size} at "
+        f"{rate / factor:.6g} Hz with a zero-phase filter that is flat within 1e-4 up to "
         f"{PASS * rate / factor / 2:.4g} Hz; the noise is that within this band."
     )
     before = raw.provenance
     provenance = replace(
         before,
         notes=(*before.notes, note),
-        first_line=None,  # samples no longer belong to lines of the file
+        first_line=None,  # samples no longer correspond to lines of the file
         more={**before.more, "decimation": factor},
     )
     return replace(raw, t=t, y=y, rate=None, rows=np.empty(0, int), provenance=provenance)
 
 
-def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """Return every factor-th value after a low-pass filter about each sample, so that no phase shifts.
+def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
+    """Low-pass filter values with a symmetric (zero-phase) filter and return every factor-th of them.
 
-    The filter is flat within 1e-4 up to PASS of the new Nyquist frequency, and attenuates by ATTENUATION above it.
+    The filter is flat within 1e-4 up to PASS of the new Nyquist frequency, and attenuates by ATTENUATION dB above it.
 
     Parameters
     ----------
     y
         Equally spaced values, (n,).
     factor
-        By which the number of samples falls.
+        Factor by which the number of samples is reduced.
 
     Returns
     -------
     tuple
-        The values that have all their neighbours, and the index in y of the first of them.
+        The values for which the filter has all neighbours, and the index in y of the first of them.
 
     References
     ----------
@@ -392,6 +403,6 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
     taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
-    # Sample k of this is centred on sample k - half of y.
+    # Sample k of the result is centred on sample k - half of y.
     whole = scipy.signal.upfirdn(taps, y - middle, 1, 1)
     return whole[2 * half : y.size : factor] + middle, half

@@ -1,4 +1,4 @@
-"""The times of the samples: as logged, or a uniform clock rebuilt from stamps that are rounded or come in bursts."""
+"""Choose the times of the samples: as logged, or a uniform clock if time stamps are rounded or come in bursts."""
 
 from __future__ import annotations
 
@@ -10,41 +10,43 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 MANY = 0.05
-"""Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
+"""If at least this fraction of the stamps repeats, they count as bursts of a uniform sampling (conventional)."""
 EVEN = 1.5
-"""Most that the mean step of sorted times is of their median step, and that of their least, where rows are only out of
-order (conventional)."""
+"""Rows count as merely out of order if, for the sorted times, mean over median step and median over smallest step are
+below this (conventional)."""
 PAUSES, SHORT = 8, 0.3
-"""For stamps in bursts: the fewest pauses, and the largest share of the mean step that the median step may be
-(conventional)."""
+"""Stamps come in bursts if there are at least this many pauses, and the median step is below this fraction of the mean
+step (conventional)."""
 MOVES = 2.0
-"""How many times further, squared, values move across a longer step if rows are missing there (conventional)."""
+"""Rows are missing at longer steps if the mean squared change of the values there is larger by this factor
+(conventional)."""
 WHOLE = 1e-3
-"""Share of the least step by which others may be off a multiple of it where rows are missing (conventional)."""
+"""Where rows are missing, steps are multiples of the smallest one within this fraction of it (conventional)."""
 EXACT = 1e-6
-"""Share of a step by which stamps may be off an even sampling and are used as they are (conventional)."""
+"""Stamps are used as they are if they differ from a uniform clock by less than this fraction of a step
+(conventional)."""
 ROUNDED = 0.6
-"""Share of the last digit by which stamps that were rounded or cut off may be off their line by least squares, which
-itself is off by a small share."""
+"""Rounded or truncated stamps differ from a uniform clock by at most this fraction of the last digit: 0.5, and an
+allowance for the error of the fitted line."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
 """Seconds in the units in which a file may write its times."""
 FEWEST = 8
-"""Fewest steps between stamps that must differ from the usual one: a single row that is missing or repeated looks like
-stamps of another step. Eight faults by chance are as evenly spaced in a few of a thousand records (8!/8⁸ = 0.24 %)."""
+"""Stamps count as rounded only if at least this many steps differ from the usual one, because a single missing or
+repeated row also changes the step. Eight such faults at random are as evenly spaced in 0.24 % of records (8!/8⁸)."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The times of the samples and where they come from.
+    """The times of the samples, and how they were obtained.
 
     Attributes
     ----------
     t
-        Times in the file's own seconds, (n,).
+        Times in s, (n,), with the zero of the file.
     used
-        "rate", "as_logged" or "uniform".
+        "rate" (from the sampling rate), "as_logged" or "uniform".
     repeated
-        Share of repeated stamps.
+        Fraction of stamps that repeat the one before.
     notes
         Sentences on what was done.
     """
@@ -58,24 +60,22 @@ class Clock:
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     """Return the times of a record.
 
-    A uniform clock is index × mean step from the first stamp on. The step is that of the even sampling of which the
-    stamps are rounded, or comes from a robust line of stamps against index.
+    A uniform clock is first stamp + index × step. The step is that of the uniform sampling whose rounded times are the
+    stamps, or the slope of a robust line through stamps against index.
 
     Parameters
     ----------
     raw
         The record.
     clock
-        "as_logged", "uniform", or "auto": the former uniform clock where the stamps are rounded, the latter where many
-        repeat, else as logged.
+        "as_logged", "uniform", or "auto": uniform if the stamps are rounded or many repeat, else as logged.
     name
-        How messages call the record.
+        Name of the record in messages.
 
     Raises
     ------
     InputError
-        Where stamps run backwards, where they repeat and the clock is to be as logged, and where they repeat on no
-        straight line.
+        If stamps decrease; if they repeat and the clock is "as_logged"; if the choice for "auto" is not clear.
     """
     if clock not in ("auto", "as_logged", "uniform"):
         raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)
@@ -153,10 +153,10 @@ def _describe_uniform(start: float, step: float) -> str:
 
 
 def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether rows are missing where the steps of stamps t (n,) are multiples of the least one.
+    """Return whether rows are missing at the longer steps of times t (n,).
 
-    The values y (n,) then move further across the longer steps. Stamps that are rounded to about their step look the
-    same, but their values do not.
+    These steps are then multiples of the smallest one, and the values y (n,) change more across them. If the stamps are
+    only rounded to about their step, the values do not.
     """
     neighbours = np.diff(rows) == 1
     gaps, moves = np.diff(t)[neighbours], np.diff(y)[neighbours] ** 2
@@ -171,7 +171,7 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
-    """Fit the even sampling of which times are the rounded stamps.
+    """Fit a uniform sampling whose times, rounded to the last digit, are the stamps.
 
     Parameters
     ----------
@@ -181,7 +181,8 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
     Returns
     -------
     tuple of float
-        Last digit, step, and largest distance of a stamp from the line, in s; zeros if the times do not look rounded.
+        Last digit, step, and largest difference between a stamp and the uniform clock, in s; all zero if the stamps are
+        not rounded.
     """
     late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
     digits = [unit * 10.0**-decimals for unit in TIME_UNITS for decimals in range(-3, 13)]
@@ -199,9 +200,9 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
 
 
 def burst_begins(t: np.ndarray) -> np.ndarray:
-    """Return the samples that begin a burst of stamps t (n,), all n where the stamps do not come in bursts.
+    """Return the indices of the samples that begin a burst of stamps t (n,); all n if there are no bursts.
 
-    Most steps of stamps in bursts are much shorter than their mean.
+    In bursts most steps are much shorter than the mean step.
     """
     gaps = np.diff(t)
     pauses = gaps > gaps.mean()
@@ -211,9 +212,10 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
 
 
 def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
-    """Return how times t (n,) go back after sample `at` and how to correct that, and the arguments of `read` for it.
+    """Return a message on times t (n,) that decrease after sample `at`, and the arguments of `read` that can help.
 
-    Times that fall throughout are not to be sorted: where the clock counts down, that turns the decay into growth.
+    The message does not advise to sort times that always decrease: if the clock counts down, sorting would turn the
+    decay into growth.
     """
     gaps = np.diff(t)
     if np.all(gaps <= 0):
@@ -237,7 +239,7 @@ def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ..
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
-    """Fit a robust line to times against rows.
+    """Fit a robust straight line to times against row numbers.
 
     Parameters
     ----------
@@ -247,7 +249,7 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        The line's step, and the largest distance of a time from it, both in s.
+        Slope of the line (the step), and the largest distance of a time from the line, both in s.
     """
     x = rows - rows.mean()
     weights = np.ones(t.size)

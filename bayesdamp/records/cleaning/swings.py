@@ -1,7 +1,7 @@
-"""Find the stretches of swings that may be one free decay, and test whether a swing continues the later ones.
+"""Find stretches of a record that may be one free decay, and test whether a half cycle fits to the later ones.
 
-A swing is the motion from one turning point to the next. A stretch is in phase, clear of the noise, and without a jump
-of the amplitude. No damping law is assumed.
+A swing is the half cycle from one turning point to the next. A stretch is a series of swings that are in phase, above
+the noise, and without a jump of the amplitude. No damping law is assumed.
 """
 
 from __future__ import annotations
@@ -20,36 +20,41 @@ from bayesdamp.records.oscillation.turning import Turning, local_median, true_ru
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
+"""The property in which a swing does not fit to the later ones."""
 
+# These thresholds were set on simulated and measured records with hands, hits and releases (tests/records/hands.py).
 RISE = 0.25
-"""Share by which a range must grow within a cycle to be a second release or a push; a beat grows as it fell."""
+"""A second release or a push is assumed if a range grows by more than this fraction within a cycle; in beats the growth
+is as gradual as the fall before."""
 FALL = 0.35
-"""Share by which a range must fall within a cycle to be a hand that stops it, unless it fell so before."""
+"""A hand that stops the motion is assumed if a range falls by more than this fraction within a cycle, unless it fell so
+fast before."""
 JUMP = 3.0
-"""How many times larger than in the cycles before it such a step must be."""
-HALF = 4
-"""Swings on either side of a break in the rate of decay, twice."""
+"""Such a step must be this many times larger than the steps in the cycles before."""
+WINDOW = 4
+"""At a break of the decay rate, two windows of this many swings before it are compared with two after it."""
 BREAK = 0.4
-"""Share by which the rate of decay must change at a break beyond what any power of the amplitude explains."""
+"""At a break the decay rate must change by this fraction more than any power of the amplitude explains."""
 POWER = 1.2
-"""The rate of decay varies at most with this power of the amplitude, up or down: −1 is dry friction, 1 is drag."""
+"""The decay rate changes at most with this power of the amplitude, or its inverse: −1 is dry friction, 1 is drag."""
 LATER = 10
-"""Later swings with which a swing is compared."""
+"""Number of later swings with which a swing is compared."""
 CHANCE = 1e-3
-"""Probability that chance alone puts a swing off the curve of the later ones."""
-TIMES = 5.0
-"""Largest misfit of a swing, in usual misfits of the later swings."""
+"""Probability that a swing of a free decay is outside the prediction interval from the later ones."""
+MAX_MISFIT = 5.0
+"""Largest misfit of a swing, relative to the median misfit of the later swings."""
 PERIOD, MIDLINE, SHAPE = 0.02, 0.03, 0.01
-"""What a swing may be off where the later ones do not scatter: shares of the period, of the range, of the amplitude."""
-ALIKE = 0.9
-"""Largest fall of the log range within which the rate of decay still predicts that of the largest swings: with dry
-friction it grows without bound towards the end."""
+"""Deviations that are always allowed: of the period (relative), of the midline (relative to the range), and of the
+shape (relative to the amplitude)."""
+MAX_LOG_FALL = 0.9
+"""Swings whose log range is within this of the largest one are used to predict its decay rate. Smaller ones are not:
+with dry friction the rate increases without bound towards the end."""
 STILL = 0.02
-"""Share of the first swing by which a record that a hand moves changes at least."""
+"""A part of the record counts as moving if it changes by more than this fraction of the first swing (and the noise)."""
 ERRORS = 4.0
-"""Standard errors below which a movement or a turning value may be noise, which itself turns at one or two."""
+"""A movement or a turning value below this many standard errors may be noise."""
 TEMPLATE = 0.02
-"""Share of the range by which a swing may differ from a later one that is scaled to its size and period."""
+"""A swing may differ from a later one, scaled to its size and period, by this fraction of the range."""
 
 
 def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
@@ -62,38 +67,39 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     turns
         The turning points.
     floor
-        What the distance of a turning point from the midline must exceed.
+        Smallest distance of a turning point from the midline.
 
     Returns
     -------
     list of tuple
-        First turning point and last + 1 of stretches of three or more, in their order in time.
+        Index of the first turning point and that after the last, of each stretch of at least three turning points, in
+        time order.
     """
     spans: list[tuple[int, int]] = []
     for first, last in _runs_in_phase(t, turns, floor):  # swings first .. last - 1
-        # A spike or a gap spoils one turning point, and with it two ranges.
+        # A median of five, because a spike or a gap spoils one turning point, and so two ranges.
         ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
-        # Swings between turning points that span others, of which there is no sample.
+        # Indices at which turning points are missing in a gap of the samples.
         gaps = np.diff(turns.times[first : last + 1])
         across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
 
-        for a, b in pairwise([0, *_without_holes(_jumps(ranges, floor), across), ranges.size]):
-            breaks = (a + c for c in _breaks(ranges[a:b], floor) if a + c < b)
-            cuts = [a, *_without_holes(breaks, across), b]
+        for a, b in pairwise([0, *_without_holes(_find_jumps(ranges, floor), across), ranges.size]):
+            reason_not_continuing = (a + c for c in _find_breaks(ranges[a:b], floor) if a + c < b)
+            cuts = [a, *_without_holes(reason_not_continuing, across), b]
             cuts = sorted({c + e for c, d in pairwise(cuts) for e in _ends_of_fall(ranges[c:d], floor)})
             spans += [(first + c, first + d + 1) for c, d in pairwise(cuts) if d - c >= 2]
     return spans
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return the marks that no hole explains: across it the range falls by what the swings in it lose."""
-    return [m for m in marks if not np.any(np.abs(across - m) <= 2 * HALF)]
+    """Return the marks that are not near a gap in the samples, at which the range falls by several swings."""
+    return [m for m in marks if not np.any(np.abs(across - m) <= 2 * WINDOW)]
 
 
-def worth(turns: Turning, stretch: tuple[int, int]) -> float:
-    """Return how informative a stretch is about the damping.
+def information(turns: Turning, stretch: tuple[int, int]) -> float:
+    """Return a measure of how much information a stretch contains about the damping.
 
-    This is its number of swings times the log of the ratio of amplitudes that it spans.
+    It is the number of swings times the log of the ratio of its largest to its smallest range (plus 0.02).
     """
     ranges = np.abs(np.diff(turns.values[slice(*stretch)]))
     few = min(2, ranges.size)
@@ -102,9 +108,9 @@ def worth(turns: Turning, stretch: tuple[int, int]) -> float:
 
 
 def _runs_in_phase(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
-    """Return (first, last + 1) swings of runs that are in phase and clear of the noise.
+    """Return start and end (exclusive) of runs of swings that are in phase and above the noise.
 
-    A run continues across what a spike or a gap spoils.
+    A run continues across a turning point that a spike spoils, and across a gap in the samples.
     """
     gaps, ranges = np.diff(turns.times), np.abs(np.diff(turns.values))
     if gaps.size == 0:
@@ -119,7 +125,7 @@ def _runs_in_phase(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[in
     runs: list[tuple[int, int]] = []
 
     def continues(stop: int, a: int, b: int) -> bool:
-        """Return whether swings a to b - 1 continue the run up to `stop`: a spoiled turning point, or a hole."""
+        """Return whether swings a to b - 1 continue the run up to `stop`, across a wrong turning point or a gap."""
         before, after = float(ranges[stop - 1]), float(ranges[a])
         begin, end = float(turns.times[stop]), float(turns.times[a])
         swing = float(turns.times[stop] - turns.times[stop - 1])
@@ -140,9 +146,9 @@ def _runs_in_phase(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[in
 
 
 def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return 0, the number of swings (k,), and between them where their ranges begin to fall or rise again.
+    """Return the indices that divide swings (k,) into a rising, a falling and again a rising part, from 0 to k.
 
-    A free decay neither begins nor ends with swings that grow; the ringing of a filter about a hit does.
+    A free decay neither begins nor ends with growing swings; the ringing of a filter before and after a hit does.
     """
     if ranges.size == 0:
         return [0]
@@ -156,8 +162,8 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
     return [*marks, ranges.size]
 
 
-def _jumps(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the swings at which a new stretch begins because the range (k,) jumps."""
+def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
+    """Return the indices of swings before which the range (k,) jumps, so that a new stretch begins there."""
     change = ranges[2:] - ranges[:-2]
     rises = change > np.maximum(RISE * ranges[:-2], 4 * floor)
     falls = -change > np.maximum(FALL * ranges[:-2], 4 * floor)
@@ -175,28 +181,28 @@ def _jumps(ranges: np.ndarray, floor: float) -> list[int]:
     return marks
 
 
-def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the swings at which the rate of decay changes suddenly, by more than the fall of the amplitude explains.
+def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
+    """Return the indices of swings at which the decay rate changes suddenly.
 
-    The slopes of the log range in two halves before and two after are compared: in a beat they change equally.
+    The change must be larger than any power of the amplitude explains. The decay rates in two windows before and two
+    after are compared; in a beat they change steadily.
     """
-    if ranges.size < 4 * HALF:
+    if ranges.size < 4 * WINDOW:
         return []
-    logs, n = np.log(ranges), np.arange(HALF) - (HALF - 1) / 2
-    windows = np.lib.stride_tricks.sliding_window_view(logs, HALF)
+    logs, n = np.log(ranges), np.arange(WINDOW) - (WINDOW - 1) / 2
+    windows = np.lib.stride_tricks.sliding_window_view(logs, WINDOW)
     size = windows.mean(axis=1)
     rate = -(windows @ n) / np.sum(n**2)
     scatter = np.sqrt(np.mean((windows - size[:, None] + rate[:, None] * n) ** 2, axis=1))
     blur = np.hypot(scatter, 0.5 * floor / ranges[: size.size]) / np.sqrt(np.sum(n**2))
-    k = np.arange(HALF, ranges.size - 3 * HALF + 1)
-    parts = (
-        k + np.arange(-HALF, 3 * HALF, HALF)[:, None]
-    )  # the halves begin at k - HALF, k, k + HALF, k + 2 HALF
+    k = np.arange(WINDOW, ranges.size - 3 * WINDOW + 1)
+    # The four windows begin at k - WINDOW, k, k + WINDOW and k + 2 WINDOW.
+    parts = k + np.arange(-WINDOW, 3 * WINDOW, WINDOW)[:, None]
     rates, sizes = rate[parts], size[parts]
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
-        """Return what the fall of the amplitude does not explain of the change of the rate from part i to part j."""
+        """Return the part of the change of the rate from window i to j that no power of the amplitude explains."""
         factor = np.exp(POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)
         return np.maximum(np.maximum(low - rates[i], rates[i] - high), 0.0)
@@ -206,25 +212,25 @@ def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
         return float(np.sum((part - columns @ np.linalg.lstsq(columns, part, rcond=None)[0]) ** 2))
 
     def corner(a: int, b: int) -> int:
-        """Return the first swing after a break between swings a and b: where a line and a parabola fit best."""
-        corners = range(a + HALF + 1, b - HALF)
+        """Return the swing between a and b at which the break is: a line before and a parabola after fit best."""
+        corners = range(a + WINDOW + 1, b - WINDOW)
         return min(corners, key=lambda m: misfit(logs[a:m], 1) + misfit(logs[m:b], 2))
 
     inner = np.maximum(unexplained(0, 1), unexplained(2, 3))
-    clear = ranges[k + 3 * HALF - 1] > 16 * floor
+    clear = ranges[k + 3 * WINDOW - 1] > 16 * floor
     limit = np.maximum.reduce([BREAK * np.maximum(np.abs(rates[1]), np.abs(rates[2])), 6 * sd, 2.5 * inner])
-    # A spoiled turning point bends the curve for a few swings; a break lasts.
+    # Require the change also between the outer windows: a spoiled turning point changes only the inner ones.
     excess = np.where(clear, np.minimum(unexplained(1, 2), unexplained(0, 3)) - limit, -1.0)
     marks: list[int] = []
     while (best := int(np.argmax(excess))) >= 0 and excess[best] > 0:
-        marks.append(corner(int(k[best]) - HALF, int(k[best]) + 3 * HALF) + 1)
-        excess[max(best - 2 * HALF, 0) : best + 2 * HALF + 1] = -1.0
+        marks.append(corner(int(k[best]) - WINDOW, int(k[best]) + 3 * WINDOW) + 1)
+        excess[max(best - 2 * WINDOW, 0) : best + 2 * WINDOW + 1] = -1.0
     return sorted(marks)
 
 
 @dataclass
 class Swings:
-    """The swings of a stretch of turning points (k,): ranges and gaps (k − 1,), midlines (k − 2,).
+    """The swings of a stretch of k turning points: ranges and durations (`gaps`) (k − 1,), midlines (k − 2,).
 
     Attributes
     ----------
@@ -233,7 +239,7 @@ class Swings:
     turns
         The turning points.
     floor
-        What noise and rounding can do to one swing, in the unit of y.
+        Largest effect of noise and rounding on one swing, in the unit of y.
     """
 
     t: np.ndarray
@@ -248,13 +254,10 @@ class Swings:
         values = self.turns.values
         self.midlines = (values[:-2] + 2 * values[1:-1] + values[2:]) / 4
 
-    def breaks(self, i: int) -> Reason | None:
-        """Return in what swing i does not continue the later ones.
-
-        None where it does, or where they are too few to tell.
-        """
+    def reason_not_continuing(self, i: int) -> Reason | None:
+        """Return the property in which swing i does not fit to the later ones; None if it fits or they are too few."""
         later = self.gaps[i + 1 : i + 1 + LATER]
-        if later.size >= 2:  # a swing that a hand ends does not last as long as the later ones predict
+        if later.size >= 2:  # a swing that a hand stops is shorter than predicted
             predicted, slack = _predict_before(later)
             usual = float(np.median(later))
             blur = 0.3 * self.floor / self.ranges[i] * usual
@@ -269,7 +272,7 @@ class Swings:
         return None if self._is_like_later(i, self.misfit(i)) else "shape"
 
     def opens_like_later(self, begin: float) -> bool:
-        """Return whether the samples from begin (s) to the first turning point have no more misfit than the swings."""
+        """Return whether the samples from `begin` (s) to the first turning point fit as well as those of the swings."""
         end = float(self.turns.times[0])
         samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))
         if samples < 8 or end - begin < 0.3 * float(self.gaps[0]):
@@ -279,11 +282,11 @@ class Swings:
     def _is_like_later(self, i: int, misfit: tuple[float, float]) -> bool:
         later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER, self.gaps.size))])
         usual = np.median(later, axis=0) if later.size else np.zeros(2)
-        limit = np.maximum(TIMES * usual, np.array([1, 2]) * SHAPE * 0.5 * self.ranges[max(i, 0)])
+        limit = np.maximum(MAX_MISFIT * usual, np.array([1, 2]) * SHAPE * 0.5 * self.ranges[max(i, 0)])
         return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
 
     def misfit(self, i: int) -> tuple[float, float]:
-        """Return (rms, largest) distance of the samples of swing i from a slowly changing sinusoid and overtone."""
+        """Return rms and largest residual of a slowly changing sinusoid with overtone, fitted to swing i."""
         if i not in self._misfits:
             begin, end = self.turns.times[i : i + 2].tolist()
             self._misfits[i] = self._fit_misfit(begin, end, self.gaps[i])
@@ -305,10 +308,10 @@ class Swings:
 
 
 def _predict_before(later: np.ndarray) -> tuple[float, float]:
-    """Predict the value before the first of later ones (k ≥ 2,) by a smooth curve through these.
+    """Predict the value before the first of the `later` ones (k ≥ 2,) by a polynomial through these.
 
-    Swings up and down may differ. Return the value, and the half width of the prediction interval of least squares
-    outside of which a value is with probability CHANCE.
+    Even and odd values may differ by a constant (upward and downward swings). Return the predicted value, and the half
+    width of the least-squares prediction interval that is exceeded with probability CHANCE.
     """
     x = np.arange(later.size + 1.0)
     columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
@@ -325,16 +328,16 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Reach:
-    """How far samples before a turning point agree with a later swing that is scaled to the one before it.
+    """How far the samples before a turning point agree with a later swing, scaled in size and period.
 
     Attributes
     ----------
     at
-        The earliest time in s up to which they agree.
+        Earliest time in s back to which they agree.
     share
-        The share of a swing that this is.
+        Fraction of a swing from there to the turning point.
     whole
-        Whether it is all of the swing, or all that was recorded.
+        Whether they agree in the whole swing, or in all of it that was recorded.
     """
 
     at: float
@@ -349,11 +352,11 @@ class Series:
     Attributes
     ----------
     t
-        The record's own times in s, (n,).
+        Original times in s, (n,).
     grid, values
         Equally spaced times in s and values, each (m,).
     step, noise
-        The recording step and the standard deviation of the noise, in the unit of the values.
+        Recording step, and standard deviation of the noise, in the unit of the values.
     """
 
     t: np.ndarray
@@ -364,29 +367,29 @@ class Series:
 
     @property
     def spacing(self) -> float:
-        """Return the time in s between neighbours on the grid."""
+        """Return the spacing of the grid in s."""
         return float(self.grid[1] - self.grid[0])
 
     def moves(self, begin: float, end: float, swing: float) -> bool:
-        """Return whether it moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
+        """Return whether the values between begin and end (s) change by more than noise, rounding and `STILL`."""
         part = self.values[(self.grid >= begin) & (self.grid <= end)]
         return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
 
     def reach(self, turns: Turning) -> Reach:
-        """Return how far the samples before the first of three or more turning points agree with the swings after it.
+        """Return how far the samples before the first turning point agree with the later swings.
 
-        The swing between the second and third turning point goes the same way as the one before the first; its size and
-        period are extrapolated.
+        They are compared with the swing between the second and third turning point, which has the same direction, after
+        scaling to the extrapolated size and period. There must be at least three turning points.
         """
         times = turns.times
         gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
         fall, unsure = _predict_fall(np.log(ranges[: LATER + 2]))
         unsure = min(unsure, 0.03 + 0.1 * abs(fall))
-        same = gaps[1:8:2]  # swings in the same direction: those up may last longer than those down
+        same = gaps[1:8:2]  # swings in the same direction; upward ones may last longer than downward ones
         trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
         pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
         late = min(0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum()), 0.02 * pace)
-        # The last swing before the first turning point and a little more, and a cycle later, what it should be like.
+        # The samples in the last swing (and 15 % more) before the first turning point, and the scaled later swing.
         earliest = times[0] - 1.15 * pace
         a, b = np.searchsorted(self.grid, (earliest - 1e-12, times[0]))
         if b <= a:
@@ -414,20 +417,20 @@ class Series:
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
-    """Predict the fall of the log range (k ≥ 2,) in the cycle that begins before the first swing, and its error."""
+    """Return the predicted fall of the log range (k ≥ 2,) over the cycle before, and the error of the prediction."""
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])
         return fall, 0.5 * abs(fall)
     falls = logs[:-2] - logs[2:]
     if falls.size == 0:
         raise InputError(
-            "fewer than three swings can be followed; are there wrong values in it, or another column?"
+            "fewer than three half cycles can be followed; are there wrong values, or is it the wrong column?"
         )
 
     def most_change(first: float) -> float:
         return abs(first) * float(np.expm1(0.5 * POWER * abs(first)))
 
-    near = falls[: int(np.count_nonzero(logs[:-2] > logs[0] - ALIKE))]
+    near = falls[: int(np.count_nonzero(logs[:-2] > logs[0] - MAX_LOG_FALL))]
     if near.size >= 6:
         line = np.polynomial.Polynomial.fit(np.arange(near.size), near, 1)
         first = float(line(0.0))

@@ -1,4 +1,4 @@
-"""Find where a free decay begins and ends in a record: after the release, before the rest."""
+"""Find where a free decay begins and ends in a record: after the release, and before the body is at rest."""
 
 from __future__ import annotations
 
@@ -9,66 +9,67 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, stretches, worth
-from bayesdamp.records.oscillation.features import without_edges
-from bayesdamp.records.oscillation.modes import excited, few_samples, find_other_motion
+from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, information, stretches
+from bayesdamp.records.oscillation.features import without_gap_edges
+from bayesdamp.records.oscillation.modes import few_samples, find_excited, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
-from bayesdamp.records.oscillation.turning import Turning, thinned, turning_points
+from bayesdamp.records.oscillation.turning import Turning, resample, turning_points
 from bayesdamp.types import FreeDecay, InputError
 
+# Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 STEPS = 2.0
-"""Recording steps from the midline below which a turning point is not informative about the damping."""
+"""A turning point closer to the midline than this many recording steps is not used."""
 SIGMAS = 2.0
-"""The same in standard deviations of the noise."""
+"""A turning point closer to the midline than this many standard deviations of the noise is not used."""
 SHARE = 0.3
-"""Share that an oscillation must have in a record, beyond what white noise would give."""
+"""Smallest fraction of the variance that an oscillation must explain."""
 FEWEST_A_CYCLE = 4.0
-"""Fewest samples in a cycle with which it can be followed."""
+"""Smallest number of samples in a cycle with which an oscillation can be followed."""
 CLEAR = 0.85
-"""Share from which on no other period is tried."""
+"""If a period explains at least this fraction, no other period is tried."""
 HEAD = 24
-"""Swings at the head of a stretch that are compared with the later ones, at most half of them."""
+"""Most swings at the start of a stretch that are compared with the later ones (and at most half of them)."""
 MARGIN = 0.2
-"""Share of a swing that is left out after a hand where a start is within a swing."""
+"""If the start is within a swing, after a hand, this fraction of a swing more is left out."""
 TOUCHED = 0.25
-"""Share of a swing from a turning point within which a hand that still moves may have shifted it."""
+"""A hand that moves within this fraction of a swing from a turning point may have shifted the turning point."""
 LEAST_BEFORE = 6
-"""Turning points before a hole by which its first swings are judged."""
+"""Smallest number of turning points of a decay for some judgements about its start and stop."""
 OTHER = 0.1
-"""Least worth of another free decay, as a share of that of the used stretch; less may be a hum within the noise."""
+"""Another stretch counts as a free decay if its `information` is at least this fraction of that of the used one;
+smaller ones may be a hum in the noise."""
 TAIL = 0.01
-"""Share of the power of all swings below which a decay is a tail that represents little of the record
-(conventional)."""
+"""A record is refused if its decay has less than this fraction of the power of all swings (conventional)."""
 NAMED = 3
-"""Other free decays that are named by their times; more are counted."""
+"""Most other free decays whose times a note lists."""
 LATE, LOW = 1.0, 0.2
-"""Periods after a given start within which a free decay must begin, and the share of its first swing below which it is
-at rest before."""
+"""After a start that the user gives, a free decay must begin within this many periods; before it the body counts as at
+rest if its swings are below this fraction of the first swing of the decay."""
 FEW = 30
-"""Swings below which half a swing more is worth a start within a swing."""
+"""With at most this many turning points, the start may be within a swing, to gain half a swing."""
 AVERAGED, SMALL = 6, 0.1
-"""Swings that are averaged to measure a rise, and share of the largest swing by which noise lifts others at most."""
+"""Number of swings that are averaged to measure a rise, and largest rise by noise, relative to the largest swing."""
 SECOND = 0.05
-"""Size of a second oscillation, relative to the first, from which a record is used as a whole."""
+"""A record is used as a whole if a second oscillation has at least this size, relative to the first."""
 ANYWHERE = ("steady", "excited")
-"""Motions that have no beginning in the record."""
+"""Kinds of motion that need not begin at the largest value of the record."""
 MIDDLE = 0.5
-"""Share of the record after which its largest value comes too late for the rest to be all of the motion."""
+"""If the largest value comes after this fraction of the record, all of the record is searched for other motions."""
 
 
 @dataclass(frozen=True)
 class DecayWindow:
-    """A window of a record.
+    """The part of a record that is used.
 
     Attributes
     ----------
     first, last
-        Its first and last sample, counted from 0, both included.
+        Index of the first and of the last sample (both included).
     notes
-        Sentences on why.
+        Sentences on why it was chosen.
     decays
-        All free decays of the record.
+        All free decays in the record.
     """
 
     first: int
@@ -79,9 +80,10 @@ class DecayWindow:
 
 @dataclass(frozen=True)
 class _Decays:
-    """The turning points of a record, its stretches of free decay, the best of them, and what they were found with.
+    """The turning points of a record, its stretches of free decay, and the best of them.
 
-    noise: sd of a sample. period: in s. floor: what the distance of a turning point from the midline must exceed.
+    stretches, best: start and end (exclusive) among the turning points. noise: standard deviation of a sample. period:
+    in s. floor: smallest distance of a turning point from the midline.
     """
 
     turns: Turning
@@ -95,28 +97,23 @@ class _Decays:
     def best_turns(self) -> Turning:
         return self.turns.cut(*self.best)
 
-    def are_worth(self, stretch: tuple[int, int]) -> bool:
-        """Return whether a stretch is a free decay too, and not a hum within the noise."""
-        return worth(self.turns, stretch) >= OTHER * worth(self.turns, self.best)
+    def is_relevant(self, stretch: tuple[int, int]) -> bool:
+        """Return whether a stretch has enough information to be another free decay, and not a hum in the noise."""
+        return information(self.turns, stretch) >= OTHER * information(self.turns, self.best)
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
-    """Return the window of a record that is not the free decay of one oscillator.
+    """Return the window of a record that is not the free decay of one oscillator; None for a free decay.
 
-    Such a record contains two oscillations, or one that grows, stays, or is excited throughout. It is used from its
-    largest value on.
+    Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout. The window
+    begins at the largest value, or at the start of the record.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        About the period of the oscillation, s.
-
-    Returns
-    -------
-    DecayWindow or None
-        None for a free decay.
+        Approximate period of the oscillation, s.
     """
     largest = int(np.argmax(np.abs(y - np.median(y))))
     first = largest if largest < MIDDLE * t.size else 0
@@ -124,9 +121,11 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | 
         return None
     motion = find_other_motion(t[first:], y[first:], period)
     if motion is None or motion.kind in ANYWHERE:
-        # Its largest value may be anywhere.
+        # The motion need not begin at the largest value: search in the whole record.
         whole = (
-            excited(*few_samples(t, y, period), period) if motion is None else find_other_motion(t, y, period)
+            find_excited(*few_samples(t, y, period), period)
+            if motion is None
+            else find_other_motion(t, y, period)
         )
         if whole is not None and whole.kind in ANYWHERE:
             first, motion = 0, whole
@@ -145,26 +144,25 @@ def free_decay(
     seek_stop: bool,
     name: str,
 ) -> DecayWindow:
-    """Return the window in which a record decays freely; of several free decays the most informative one.
+    """Return the window of the free decay in a record; of several free decays, the one with the most information.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     periods
-        What `coarse_periods` returns for them.
+        Result of `coarse_periods` for the record.
     step
-        The recording step in the unit of y.
+        Recording step in the unit of y.
     seek_start, seek_stop
-        Which of the two ends to look for; the other one stays.
+        Whether to search the start and the stop; otherwise the window has the start or the stop of the record.
     name
-        How messages call the record.
+        Name of the record in messages.
 
     Raises
     ------
     InputError
-        Where nothing oscillates, or where what decays has a small share of the power of all swings outside other
-        decays.
+        If nothing oscillates, or if the decay has only a small fraction of the power of all swings.
     """
     decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:
@@ -172,14 +170,14 @@ def free_decay(
         power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
         own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
         for first, last in decays.stretches:
-            if (first, last) != decays.best and decays.are_worth((first, last)):
+            if (first, last) != decays.best and decays.is_relevant((first, last)):
                 power[first : last - 1] = 0.0
         share = own / max(float(power.sum()), 1e-300)
         if share < TAIL:
             raise InputError(
-                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, "
-                f"from {times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has "
-                "several modes, band-pass it around one first, else give start and stop",
+                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; the decay "
+                f"from {times[a]:.4g} to {times[b - 1]:.4g} s has only {100 * share:.1g} % of the power; if there are "
+                "several modes, band-pass filter the record around one, else give start and stop",
                 name,
             )
     if not seek_start and seek_stop:
@@ -189,21 +187,21 @@ def free_decay(
             window = free_decay(before, values, coarse_periods(before, values), step, False, True, name)
             note = f"From {t[end]:.6g} s on it is struck or released again; what follows is not used."
             return replace(window, notes=(*window.notes, note))
-    grid, values, _ = thinned(t, y, decays.period, smooth=False)
+    grid, values, _ = resample(t, y, decays.period, smooth=False)
     grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
     series = Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
-    head, why = _head(t, y, decays, step)
+    head, why = _count_disturbed(t, y, decays, step)
     if head == 0 and any(end in (decays.best[0], decays.best[0] + 1) for _, end in decays.stretches):
-        why = "amplitude"  # a jump separates it from swings before it that are in phase with it
+        why = "amplitude"  # swings before it are in phase with it, but larger or smaller by a jump
     decay = decays.turns.cut(decays.best[0] + head, decays.best[1])
     notes: list[str] = []
     first, last = 0, t.size - 1
     if seek_start:
         floor = 2 * decays.noise + step
         before = float(decays.best_turns.times[head - 1]) if head else None
-        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
+        first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
-        last, why_stop = _stop(series, decay, decays.floor)
+        last, why_stop = _find_stop(series, decay, decays.floor)
         if why_stop:
             notes.append(f"The stop ({t[last]:.6g} s, sample {last} from 0) is {why_stop}")
     times = decays.turns.times
@@ -212,7 +210,7 @@ def free_decay(
     for a, b in decays.stretches:
         begin, end = float(times[a]), float(times[b - 1])
         is_apart = (a, b) != decays.best and (end <= used.start or begin >= used.stop)
-        if is_apart and b - a >= 4 and decays.are_worth((a, b)):
+        if is_apart and b - a >= 4 and decays.is_relevant((a, b)):
             spans.append(FreeDecay(begin, end))
     all_decays = tuple(sorted(spans, key=lambda span: span.start))
     notes += filter(None, [other_decays(all_decays, t[first], t[last])])
@@ -222,7 +220,7 @@ def free_decay(
 def _find_decays(
     t: np.ndarray, y: np.ndarray, periods: Sequence[tuple[float, float]], step: float, name: str
 ) -> _Decays:
-    """Return the stretches of free decay of a record. Raises InputError where nothing oscillates."""
+    """Return the stretches of free decay for the best of the periods. Raises InputError if there are none."""
     options: list[_Decays] = []
     for period, share in periods:
         if share >= SHARE and (decays := _decays_of_period(t, y, step, period)):
@@ -230,14 +228,14 @@ def _find_decays(
         if share > CLEAR and options:
             break
     if options:
-        return max(options, key=lambda decays: worth(decays.turns, decays.best))
+        return max(options, key=lambda decays: information(decays.turns, decays.best))
     share = max(share for _, share in periods)
     each = samples_a_cycle(t, y)
     if each < FEWEST_A_CYCLE:
         f = 1 / (each * float(np.median(np.diff(t))))
         raise InputError(
             f"it is sampled too coarsely: its strongest oscillation, at {f:.3g} Hz, has {each:.2g} samples a "
-            f"cycle; give a record with {FEWEST_A_CYCLE:.0f} or more, better 10",
+            f"cycle; give a record with at least {FEWEST_A_CYCLE:.0f}, better 10",
             name,
         )
     if share < SHARE:
@@ -248,14 +246,14 @@ def _find_decays(
 
 
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
-    """Return the stretches of free decay at about a period in s, if there are any."""
+    """Return the stretches of free decay with about the given period in s; None if there are none."""
     noise = roughness(t, y, period)
-    turns = without_edges(turning_points(t, y, period, noise), t, period)
+    turns = without_gap_edges(turning_points(t, y, period, noise), t, period)
     sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
     floor = max(STEPS * step, sigmas * noise)
     spans = stretches(t, turns, floor)
-    if spans:  # the noise at rest hardly shows the noise in motion
-        a, b = max(spans, key=lambda span: worth(turns, span))
+    if spans:  # measure the noise again within the best stretch, because it may differ from that at rest
+        a, b = max(spans, key=lambda span: information(turns, span))
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
         decays = _Decays(turns, spans, (a, b), noise, period, floor)
@@ -263,19 +261,19 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
         spans = stretches(t, turns, floor)
     if not spans:
         return None
-    best = max(spans, key=lambda span: worth(turns, span))
+    best = max(spans, key=lambda span: information(turns, span))
     period = 2 * float(np.median(np.diff(turns.times[slice(*best)])))
     return _Decays(turns, spans, best, noise, period, floor)
 
 
 def _largest_rise(decays: _Decays) -> float:
-    """Return the largest rise, averaged over a few cycles, of the swings from the best stretch on after they fell.
+    """Return the largest rise of the averaged swings after they have fallen, from the best stretch on.
 
-    Swings count as long as they are in phase with the stretch and before the next release. A filter leaves noise of a
-    narrow band, which lifts swings by so much. 0 where they rise by much more, as in beats.
+    It measures narrow-band noise, which a filter leaves and which raises some swings. Only swings in phase with the
+    stretch and before the next release are used. If the rise is much larger, as in beats, the result is 0.
     """
     turns, (first, end) = decays.turns, decays.best
-    after = [a for a, b in decays.stretches if a >= end - 1 and decays.are_worth((a, b))]
+    after = [a for a, b in decays.stretches if a >= end - 1 and decays.is_relevant((a, b))]
     last = after[0] if after else turns.times.size
     gaps = np.diff(turns.times[first:last])
     usual = float(np.median(gaps[: end - first]))
@@ -291,22 +289,22 @@ def _largest_rise(decays: _Decays) -> float:
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
-    """Return the last sample before the next hit or release in a record that starts where the user specified.
+    """Return the last sample before the next hit or release, in a record whose start the user has given.
 
-    Raises InputError where nothing oscillates at its beginning, and it is struck or released only later.
+    Raises InputError if the body is at rest at the start and is struck or released only later.
     """
     times, sizes = decays.turns.times, np.abs(np.diff(decays.turns.values))
     soon = t[0] + LATE * decays.period
     starting = [
         (a, b)
         for a, b in decays.stretches
-        if decays.are_worth((a, b)) or (times[a] <= soon and b - a > LEAST_BEFORE)
+        if decays.is_relevant((a, b)) or (times[a] <= soon and b - a > LEAST_BEFORE)
     ]
     first = starting[0][0]
     if times[first] > soon and sizes[: max(first - 1, 0)].max(initial=0.0) < LOW * sizes[first]:
         raise InputError(
-            f"hardly anything swings between the start given ({t[0]:.6g} s) and the release or hit near "
-            f"{times[first]:.6g} s; give a start from there on, or leave it out",
+            f"hardly anything moves between the given start ({t[0]:.6g} s) and the release or hit near "
+            f"{times[first]:.6g} s; give a start after it, or leave the start out",
             name,
         )
     for (_, end), (begin, _) in pairwise(starting):
@@ -316,7 +314,7 @@ def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
 
 
 def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
-    """Describe the free decays outside of the one that is used, start to stop in s; empty where there is none."""
+    """Return a note on the free decays outside of the used one (start to stop, s); "" if there are none."""
     others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
         return ""
@@ -328,9 +326,9 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     return f"{len(others)} other free decays are in the record and not used: {spans}{tail}; start and stop choose one."
 
 
-def _head(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
-    """Return the number of turning points to leave out at the head of the best stretch, and the reason for the last."""
-    # The onset of a filtered hit: the ringing of a filter lasts about as long after the largest swing as before it.
+def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
+    """Return how many turning points to leave out at the start of the best stretch, and the reason for the last one."""
+    # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]
     sizes, gaps = np.abs(np.diff(decays.turns.values)), np.diff(decays.turns.times)
     grown = 0
@@ -343,18 +341,21 @@ def _head(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[i
     most = min(HEAD, swings.gaps.size // 2)
     why: Reason | None = None
     for i in range(min(max(grown - 1, 0), most), most + 1):
-        reason = swings.breaks(i)
-        next_reason = None if i + 1 > most else swings.breaks(i + 1)
+        reason = swings.reason_not_continuing(i)
+        next_reason = None if i + 1 > most else swings.reason_not_continuing(i + 1)
         if reason is None and next_reason is None:
             return i, why
         why = reason or next_reason
     return 0, None
 
 
-def _start(series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]) -> int:
-    """Return the first sample of the free decay: the record's own, the release, or the first clean turning point.
+def _find_start(
+    series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
+) -> int:
+    """Return the first sample of the free decay: start of the record, release, or first clean turning point.
 
-    why: in what the swing before breaks the curve of the later ones. before: the turning point (s) that it begins at.
+    why: property in which the swing before does not fit to the later ones. before: time (s) of the turning point at
+    which that swing begins, if any. A note on the choice is appended to `notes`.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])
@@ -363,14 +364,14 @@ def _start(series: Series, swings: Swings, why: Reason | None, before: float | N
     if far.whole and not begins_late and swings.opens_like_later(far.at):
         return 0
     at, what = float(decay.times[0]), "the first turning point of the free decay"
-    if why in (None, "period", "shape"):  # of that swing some may be free, unless it was recorded whole
+    if why in (None, "period", "shape"):  # a part of that swing may be free
         if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
             at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
     touched = not far.whole and far.share < TOUCHED and decay.times.size > LEAST_BEFORE
     if at == decay.times[0] and touched and series.moves(at - MARGIN * gap, at, float(swings.ranges[0])):
-        at = float(decay.times[1])  # a hand that moves it to its turning point may not release it there
+        at = float(decay.times[1])  # a hand that moves the body to its turning point may release it later
     first = int(np.searchsorted(t, at - 1e-12))
     notes.append(
         f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
@@ -379,8 +380,8 @@ def _start(series: Series, swings: Swings, why: Reason | None, before: float | N
     return first
 
 
-def _stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
-    """Return the last sample of the free decay and the reason: the record's end, or the last clear turning point."""
+def _find_stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
+    """Return the last sample of the free decay, and the reason as a clause ("" for the end of the record)."""
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
     gap = float(np.median(np.diff(times)[-5:]))
@@ -389,22 +390,20 @@ def _stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
     still = max(2 * series.step + 4.5 * series.noise, 0.1 * before)
     left = float(t[-1] - times[k])
     if left > 0.8 * gap and k >= 3 and before > 4 * floor and np.abs(after - values[k]).max() <= still:
-        why = (
-            "the last turning point from which it swings back; in the next swing it comes to rest, and stays."
-        )
+        why = "the last turning point from which it swings back; in the next half cycle it comes to rest."
         return _last_sample(t, times[k - 1]), why
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
-    turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])  # the time runs backwards
-    turned_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
+    reversed_turns = Turning(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
+    reversed_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
     if left <= 1.2 * gap:
-        if k < 4 or left < 0.2 * gap or turned_series.reach(turned).whole:
+        if k < 4 or left < 0.2 * gap or reversed_series.reach(reversed_turns).whole:
             return t.size - 1, ""
     elif not (k >= LEAST_BEFORE and before > 4 * floor and float(np.ptp(later)) > 0.25 * before):
         why = "the last turning point that stands out of noise and rounding; after it the record is nearly at rest."
         return _last_sample(t, times[k]), why
-    # A hand, a hit or a stop ends it.
+    # A hand, a hit or a stop ends the decay.
     last = float(times[k])
-    touched = turned_series.reach(turned).share < TOUCHED and turned_series.moves(
+    touched = reversed_series.reach(reversed_turns).share < TOUCHED and reversed_series.moves(
         -last - MARGIN * float(times[k] - times[k - 1]), -last, before
     )
     why = "the last undisturbed turning point; what follows does not continue the free decay."
@@ -412,5 +411,5 @@ def _stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
 
 
 def _last_sample(t: np.ndarray, at: float) -> int:
-    """Return the last sample not after a time in s."""
+    """Return the index of the last sample that is not later than a time in s."""
     return int(np.searchsorted(t, at + 1e-12)) - 1

@@ -1,1 +1,1 @@
-"""Records of which only the envelope is known: reading, noise floor, free decay."""
+"""Read records of an envelope (amplitude only), measure their noise floor, and find the free decay."""

@@ -1,4 +1,4 @@
-"""A record of an envelope: reading it from a file, its levels, and their scale in units of a motion."""
+"""Read a record of an envelope from a file, convert it to levels in dB, and get the scale of its amplitude."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from bayesdamp.units import UNITS
 
 DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
-"""Units in which a reading is a power: proportional to the square of the amplitude."""
+"""Units of power, which is proportional to the square of the amplitude."""
 STRONG = 0.2
-"""Share of the largest reading beyond which a reading below zero is not that of a floor."""
+"""Negative readings larger than this fraction of the largest one are refused; smaller ones are noise (conventional)."""
 LOUDEST = 1000.0
-"""dB beyond which, to either side, a reading is not a level: 50 decades of the amplitude. Of other readings, those that
-are so far below the largest are zeros."""
+"""Levels beyond ±1000 dB (50 decades of the amplitude) are refused, and linear readings this far below the largest
+count as zero (conventional)."""
 HEAD = 8192
-"""Bytes in which a file's header and the names of its columns are looked for."""
+"""Number of bytes at the start of a file that are searched for the names of its columns."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 
 
 @dataclass(frozen=True, eq=False)
 class EnvelopeRecord:
-    """A record of an envelope, equal only to itself.
+    """A record of an envelope: the level of an oscillation against time. Instances compare by identity.
 
     Parameters
     ----------
     name
-        Of the file.
+        Name of the file.
     t
         Times in s, shape (n,), increasing.
     level
         20 log10 of the amplitude (10 log10 of the power) in dB of `unit`, shape (n,).
     unit
-        As recorded.
+        Unit of the recorded values.
     frequency
-        Of the oscillation in Hz, or None.
+        Frequency of the oscillation in Hz, or None if unknown.
     facts
-        What the file's header states.
+        Facts in the header of the file, by name.
     notes
-        Sentences on how it was read.
+        Sentences on how the record was read.
     """
 
     name: str
@@ -60,18 +60,18 @@ class EnvelopeRecord:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether it was recorded in dB, so that the amplitude has no scale of its own."""
+        """Return whether it was recorded in dB, so that the absolute amplitude is unknown."""
         return self.unit in DECIBELS
 
     def amplitude(self, level: float) -> tuple[float, str]:
-        """Return a level (dB) as it was recorded, with its unit."""
+        """Convert a level (dB) back to the recorded quantity; return the value and its unit."""
         if self.logarithmic:
             return level, self.unit
         return 10.0 ** (level / (10.0 if self.unit in POWER else 20.0)), self.unit
 
 
 def unit_in(name: str) -> str | None:
-    """Return the unit of an envelope in a column's name, of DECIBELS or POWER; None where it has none, or several."""
+    """Return the unit of DECIBELS or POWER that a column's name contains; None if it contains none or several."""
     words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
     known = {unit.lower(): unit for unit in (*DECIBELS, *POWER) if len(unit) > 1}
     units = {known[word.lower()] for word in words if word.lower() in known}
@@ -79,7 +79,7 @@ def unit_in(name: str) -> str | None:
     return units.pop() if len(units) == 1 else None
 
 
-def made_record(
+def make_record(
     name: str,
     t: np.ndarray,
     y: np.ndarray,
@@ -88,25 +88,25 @@ def made_record(
     facts: Mapping[str, str] | None = None,
     notes: tuple[str, ...] = (),
 ) -> EnvelopeRecord:
-    """Return the record of readings.
+    """Make an envelope record from times and readings.
 
     Parameters
     ----------
     name
-        Of the file.
+        Name of the file.
     t, y
         Times in s and readings in `unit`, shape (n,).
     unit
-        Of DECIBELS for levels, of POWER for powers, any other for amplitudes.
+        A unit of DECIBELS for levels, of POWER for powers, any other for amplitudes.
     frequency
-        Of the oscillation in Hz.
+        Frequency of the oscillation in Hz.
     facts, notes
         As in `EnvelopeRecord`.
 
     Raises
     ------
     InputError
-        Where times go back, or the readings are not those of an envelope.
+        If times decrease, or the readings cannot be an envelope.
     """
     if frequency is not None and not (np.isfinite(frequency) and frequency > 0):
         raise InputError(f"{name}: frequency must be positive, in Hz, not {frequency:g}")
@@ -117,25 +117,25 @@ def made_record(
     keep = np.concatenate([[True], steps > 0])
     remarks = list(notes)
     if not keep.all():
-        remarks.append(f"{int((~keep).sum())} readings at the time of the previous one are left out.")
+        remarks.append(f"{int((~keep).sum())} readings with the same time as the one before are left out.")
     if unit in DECIBELS:
         level = y.astype(float)
         far = level[np.argmax(np.abs(level))] if level.size else 0.0
         if abs(far) > LOUDEST:
             raise InputError(
-                f"{name}: a level of {far:g} {unit} is beyond any instrument's; is it the right column, and in {unit}?"
+                f"{name}: a level of {far:g} {unit} is implausible; is it the right column, and is it in {unit}?"
             )
     else:
         size = np.abs(y)
         size[size < 10.0 ** (-LOUDEST / 20.0) * size.max(initial=0.0)] = 0.0
         if np.any(y < -STRONG * size.max()):
             raise InputError(
-                f"{name}: readings swing to both sides ({y.min():g} to {y.max():g}), which no amplitude does; "
+                f"{name}: readings have both signs ({y.min():g} to {y.max():g}), so they are not amplitudes; "
                 "give --unit dB for levels, or leave out --quantity envelope for an oscillation"
             )
         if np.any(y < 0):
             remarks.append(
-                f"The absolute value is used of {int((y < 0).sum())} readings below zero, of a floor."
+                f"The absolute value is used for {int((y < 0).sum())} readings below zero (noise)."
             )
         if np.any(size == 0):
             remarks.append(f"{int((size == 0).sum())} readings that are zero are left out.")
@@ -146,7 +146,7 @@ def made_record(
 
 
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
-    """Return whether a file's levels are those of an envelope: their unit, or their column's name, is dB or dBm."""
+    """Return whether a file is an envelope: the given unit, or that in its column's name, is of DECIBELS."""
     if unit is not None:
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():
@@ -156,7 +156,7 @@ def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = 
     try:
         with path.open("rb") as file:
             lines = file.read(HEAD).decode("latin-1").splitlines()
-    except OSError:  # reported when the file is read
+    except OSError:  # the error is reported later, when the file is read
         return False
     named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
     return bool(named) and unit_in(named[-1]) in DECIBELS
@@ -168,12 +168,12 @@ def are_envelopes(
     unit: str | None = None,
     quantity: str | None = None,
 ) -> bool:
-    """Return whether records are envelopes: as `quantity` says, else as `is_envelope` of each.
+    """Return whether all files are envelopes: according to `quantity` if given, else to `is_envelope`.
 
     Raises
     ------
     InputError
-        Where some are and some are not.
+        If some are envelopes and some are not.
     """
     if quantity is not None:
         return quantity == "envelope"
@@ -201,26 +201,31 @@ def read_envelope(
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     time, value
-        Columns by name or number from 1, else the first and the second of two.
+        Columns by name or number from 1; by default chosen as in `read_record`.
     rate
-        In Hz, for a file without times.
+        Sampling rate in Hz, for a file without times.
     unit
-        Of the readings, else as the column's name says: dB, dBm and such are levels, W and such powers, any other an
-        amplitude.
+        Unit of the readings; by default that in the column's name. Readings in dB, dBm etc. are levels, in W etc.
+        powers, in any other unit amplitudes.
     frequency
-        Of the oscillation in Hz, else as the file's head says (`% Frequency [Hz]: 1562325`).
+        Frequency of the oscillation in Hz; by default that in the header of the file (`% Frequency [Hz]: 1562325`).
+
+    Returns
+    -------
+    EnvelopeRecord
+        The record.
 
     Raises
     ------
     InputError
-        Where the file cannot be read, or its readings are not those of an envelope.
+        If the file cannot be read, or its readings cannot be an envelope.
     """
     path = Path(path)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    about = replace(raw.provenance, header_lines=0)  # they are read
+    about = replace(raw.provenance, header_lines=0)  # the facts in them have been read
     facts = {name: str(fact) for name, fact in about.facts.items()}
     column = about.value_column
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
@@ -234,30 +239,30 @@ def read_envelope(
         if number and float(number[0]) > 0:
             frequency = float(number[0]) * (_HERTZ[hertz[1].lower()] if hertz else 1.0)
             break
-    return made_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
+    return make_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
 
 
 def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplitude: float) -> Scale:
-    """Return the amplitude in rad or m and the frequency in rad/s that the parameters of damping terms are relative to.
+    """Return the amplitude (rad or m) and the frequency (rad/s) that damping terms need, as far as they need them.
 
     Parameters
     ----------
     record
-        In whose unit the amplitude is.
+        The record.
     sums
-        Damping terms by name.
+        Sums of damping terms, by name.
     log_amplitude
-        ln of the amplitude at the start.
+        ln of the amplitude at the start, in the unit of the record.
 
     Returns
     -------
     Scale
-        With 1 for what no term needs.
+        Amplitude and frequency; each is 1 if no term needs it.
 
     Raises
     ------
     InputError
-        Where a term needs the amplitude or the frequency and it is not known.
+        If a term needs the amplitude or the frequency and it is unknown.
     """
     amplitude = frequency = 1.0
     for name in dict.fromkeys(term for terms in sums for term in terms):
@@ -267,14 +272,15 @@ def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplit
             known = UNITS.get(unit)
             if known is None or not known.physical or known.quantity is not None:
                 raise InputError(
-                    f"{record.name}: damping term {name!r} has a size of its own, in rad or m, and amplitudes are in "
-                    f"{record.unit}; give them as a motion's with --unit (mm, deg, ...), or leave the term out"
+                    f"{record.name}: damping term {name!r} depends on the amplitude in rad or m, but the amplitudes "
+                    f"are in {record.unit}; give a unit of displacement with --unit (mm, deg, ...), or leave the "
+                    "term out"
                 )
             amplitude = float(np.exp(log_amplitude)) * known.factor
         if by_frequency:
             if record.frequency is None:
                 raise InputError(
-                    f"{record.name}: damping term {name!r} has a time of its own, and the frequency is not known; "
+                    f"{record.name}: damping term {name!r} depends on the frequency, which is not known; "
                     "give --frequency HZ"
                 )
             frequency = 2.0 * np.pi * record.frequency

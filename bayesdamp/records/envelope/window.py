@@ -1,4 +1,7 @@
-"""The free decay in a record of an envelope: after the drive, before the noise floor, by a power of the amplitude."""
+"""Find the free decay in a record of an envelope, between the end of the drive and the noise floor.
+
+The decay is described by dA/dt ∝ −A^p with unknown exponent p.
+"""
 
 from __future__ import annotations
 
@@ -11,77 +14,81 @@ from bayesdamp.physics.amplitude import EXPONENTS, power_decay, power_slopes
 from bayesdamp.types import Refusal
 
 NEPER = 20.0 / np.log(10.0)
-"""dB."""
+"""dB in a neper, 20/ln 10."""
+# Unless a comment says otherwise, the following thresholds are conventional.
 FITTED = 80
-"""Blocks that a decay and its floor are fitted to."""
+"""Number of blocks to which a decay and its noise floor are fitted."""
 LEAST_DROP = 3.0
-"""dB that a decay has to fall for its rate to be determined; a half-life is 6."""
+"""Smallest fall of a decay in dB from which its rate is determined; half the amplitude is 6 dB."""
 LEAST_POINTS = 6
+"""Smallest number of readings of a decay."""
 WORSE = 2.0
-"""Multiple of the usual misfit of a short line at which it is not part of the decay."""
+"""A short line, or a power law, is not part of the decay if its misfit is this many times the usual one."""
 GUARD = 0.02
-"""Share of the decay's duration left out after the release where a drive precedes it."""
+"""Fraction of the decay's duration that is left out after the release, if a drive precedes it."""
 CHECKED = 0.05
-"""Share of a decay, at its start, that a law must fit by itself."""
+"""Fraction of a decay at its start that a power law must fit also by itself."""
 WON = 0.15
-"""Share of a decay's duration, or of its fall in dB, by which it must be longer to begin where a power law begins
-rather than where a straight line does."""
+"""The start from a power law is used if the decay is longer by this fraction, in time or in dB, than from straight
+lines."""
 SMALLEST = 0.15
-"""dB below which a deviation is not significant: detectors are not linear to better."""
+"""Smaller deviations in dB are not significant, because detectors are not more linear."""
 ABOVE_FLOOR = 10.0
-"""dB above the mean power of the floor where a decay ends: there a Gaussian in the logarithm still describes what the
-floor does to it, and its mean is right to 1e-5 (the logarithm of a circular Gaussian's power plus a constant's)."""
+"""A decay ends where its level is this many dB above the mean power of the noise floor. There the effect of the floor
+on the level is still Gaussian, and its mean is right to 1e-5 (for a circular complex Gaussian floor)."""
 LAG = 0.1
-"""Decay times (1/rate) between readings of a floor that are compared: thermal motion of the mode itself, which is
-correlated over its decay time, hardly moves in that time, noise of a detector does."""
+"""Readings of the floor at this distance, in decay times (1/rate), are compared. Thermal motion of the mode itself is
+correlated over its decay time and hardly changes in this time; detector noise does."""
 PARTS = 8
-"""Stretches that each give the floor's swing, for its standard error."""
+"""Number of parts of the floor from which a standard error is computed."""
 LEAST = 24
-"""Readings below which a floor's swing is not known."""
+"""Smallest number of readings from which the fluctuation of the floor is measured."""
 KNOWN = 0.3
-"""Relative sd of a floor's constant part near the decay, measured behind it."""
+"""Relative standard deviation of the constant part of the floor during the decay, which is measured only after it."""
 POINTS = 600
-"""Blocks that a record is averaged into."""
+"""Number of blocks into which a record is averaged."""
 COARSE = 72
-"""Blocks among which the straightest descent is searched."""
+"""Number of blocks among which the straightest descent is searched."""
 LOST = 0.4
-"""Share of the straightest descent that has to be left behind the start."""
+"""A start is rejected if less than this fraction of the straightest descent is after it."""
 SURE_DROP = 8.0
-"""dB of descent that only a decay can cause."""
+"""Larger falls in dB can only be a decay."""
 SPARSE = 60
-"""Readings below which a record is a table: no release and no floor is searched."""
+"""A record with fewer readings is a table, in which no release and no floor is searched."""
 MISFIT_WEIGHT = 20.0
-"""dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
+"""In the search of the straightest descent, 1 dB of rms misfit counts as much as this many dB of fall."""
 NARROWEST = 10
+"""Smallest number of blocks in a short line."""
 ROUNDS = 4
+"""Most rounds of the search for the start."""
 SHORT = 0.12
-"""Length of the short lines that find the release, as a share of the decay's duration."""
+"""Length of the short lines with which the release is found, as a fraction of the decay's duration."""
 AHEAD = 2
-"""Lengths of short lines ahead over which the usual misfit is taken: it grows towards the floor."""
+"""The usual misfit is the median over this many lengths of short lines ahead, because it grows towards the floor."""
 SLOWEST, FASTEST = 0.4, 5.0
-"""Multiples of the rate after it beyond which a fall is not part of the decay."""
+"""A short line is not part of the decay if its rate is outside these multiples of the rate after it."""
 FLAT = 0.2
-"""Share of the rate before it below which a level no longer falls."""
+"""A level with less than this fraction of the earlier rate is no longer falling."""
 WILD, WILD_OVER = 2.5, 15
-"""dB of scatter from one block to the next, over so many, at which a level is a floor's (of random phase: 5.6)."""
+"""A level that scatters by this many dB from block to block, over so many blocks, is noise (for random phases: 5.6)."""
 LAST, ROUGHER = 8, 3.0
-"""Least number of readings at a record's end that are checked for a steeper fall; multiple of the roughness of a
-decay's first eighth that a floor, which scatters by 5.6 dB where it is of random phase, has at least."""
+"""Smallest number of readings at the end of a record that are tested for a steeper fall; a noise floor is rougher than
+the first eighth of the decay by at least the second number (for random phases it scatters by 5.6 dB)."""
 SMOOTH = 7
-"""Blocks over which the level is smoothed where it is compared with the floor's."""
+"""Number of blocks over which the level is averaged for the comparison with the floor."""
 LEVEL = 0.15
-"""As SLOWEST, the multiple below which a fall is never part of the decay, however the slope varies."""
+"""A short line with less than this multiple of the rate after it is never part of the decay."""
 TOLERANCE = 3.0
-"""Multiple of the usual change of the slope that a slope must deviate by to be no part of the decay."""
+"""A slope outside the limits is not part of the decay if it also deviates by this many usual changes of the slope."""
 
 
 @dataclass(frozen=True)
-class SeenFloor:
-    """A floor in units of the reading's power.
+class NoiseFloor:
+    """A measured noise floor, in units of power.
 
-    power: its mean; decay: mean power of the remaining decay in the readings that it was measured from; swing: half of
-    the mean square difference of readings a LAG apart (power squared), nan where there are too few readings; error:
-    relative standard error of swing over power squared.
+    power: mean power; decay: mean power of the decay that remains in the readings from which it was measured; swing:
+    half of the mean squared difference of readings a LAG apart, NaN if there are too few readings; error: relative
+    standard error of swing / power².
     """
 
     power: float
@@ -89,26 +96,26 @@ class SeenFloor:
     swing: float = float("nan")
     error: float = float("nan")
 
-    def scaled(self, factor: float) -> SeenFloor:
-        """Return the floor in another unit of power."""
-        return SeenFloor(self.power * factor, self.decay * factor, self.swing * factor**2, self.error)
+    def scaled(self, factor: float) -> NoiseFloor:
+        """Return the floor with all powers multiplied by a factor."""
+        return NoiseFloor(self.power * factor, self.decay * factor, self.swing * factor**2, self.error)
 
     def parts(self, slow: float) -> tuple[float, float, float, float]:
-        """Separate the fluctuating and the constant power of the floor.
+        """Separate the floor into fluctuating and constant power.
 
-        Of a circular Gaussian of power F and autocorrelation R, added to an amplitude of power D, half of the mean
-        square difference of powers is F²(1 - R²) + 2FD(1 - R). The rest of the mean is constant; the weight is that of
-        a uniform prior for the constant's share.
+        For circular Gaussian noise of power F and autocorrelation R plus an amplitude of power D, half of the mean
+        squared difference of powers is F²(1 - R²) + 2FD(1 - R). The measured value gives F; the rest of the mean power
+        is constant. The weight corresponds to a uniform prior for the constant fraction.
 
         Parameters
         ----------
         slow
-            Share of the fluctuations that is slow.
+            Fraction of the fluctuations that is slow (thermal motion of the mode).
 
         Returns
         -------
         tuple[float, float, float, float]
-            Fluctuating power, constant power, its sd, log weight.
+            Fluctuating power, constant power, its standard deviation, log weight.
         """
         if not np.isfinite(self.swing):
             return self.power, 0.0, 0.0, 0.0
@@ -124,49 +131,49 @@ class SeenFloor:
         return self.power, 0.0, 0.0, float(-0.5 * off**2)
 
 
-def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: float) -> SeenFloor:
-    """Return the floor in the readings behind a decay.
+def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: float) -> NoiseFloor:
+    """Measure the noise floor in the readings after a decay.
 
     Parameters
     ----------
     t
         Times in s, shape (n,).
     power, decay
-        Power of the readings, and of the decay itself at these times, shape (n,).
+        Power of the readings, and of the decay at these times, shape (n,).
     rate
-        Mean -d ln A/dt of the decay in 1/s.
+        Mean decay rate -d ln A/dt in 1/s.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
     span = rate * float(t[-1] - t[0])
     lag = max(1, round(LAG * (t.size - 1) / span)) if span > 0 else t.size
     if t.size < LEAST + lag:
-        return SeenFloor(mean)
+        return NoiseFloor(mean)
     squares = 0.5 * (power[lag:] - power[:-lag]) ** 2
     swing = float(squares.mean())
     if not swing > 0:
-        return SeenFloor(mean)
-    # Of the swing in units of the power squared, both of which a few slow values of the floor may change.
+        return NoiseFloor(mean)
+    # Error of swing / power²; both errors are from parts, because slow fluctuations correlate the readings.
     error = np.hypot(_relative_error(squares), 2.0 * _relative_error(power))
-    return SeenFloor(mean, rest, swing, float(error))
+    return NoiseFloor(mean, rest, swing, float(error))
 
 
 def _relative_error(values: np.ndarray) -> float:
-    """Return the relative standard error of the mean of correlated values, from those of PARTS stretches."""
+    """Return the relative standard error of the mean of correlated values, from the means of PARTS parts."""
     means = np.array([part.mean() for part in np.array_split(values, PARTS)])
     return float(means.std(ddof=1)) / np.sqrt(PARTS) / float(means.mean())
 
 
-def blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return means of times and values over at most so many runs of samples, and the runs' bounds (blocks + 1,)."""
+def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Average times and values in at most `most` blocks; return both and the bounds of the blocks, (blocks + 1,)."""
     count = min(most, t.size)
     edges = np.linspace(0, t.size, count + 1).round().astype(int)
     size = np.diff(edges)
     return np.add.reduceat(t, edges[:-1]) / size, np.add.reduceat(y, edges[:-1]) / size, edges
 
 
-def fall(y: np.ndarray, begin: int, end: int) -> float:
-    """Return the fall in dB from the first twentieth to the last."""
+def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
+    """Return the fall in dB from the first to the last twentieth of levels `begin` to `end` − 1."""
     if end - begin < 2:
         return 0.0
     part = max(1, (end - begin) // 20)
@@ -175,9 +182,9 @@ def fall(y: np.ndarray, begin: int, end: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Levels over time, and their means over blocks of samples.
+    """Levels against time, and their means in blocks.
 
-    t: in s, y: in dB of power, (n,); tb, yb: their means, (blocks,); edges: bounds of the blocks, (blocks + 1,).
+    t: times in s, y: levels in dB, (n,); tb, yb: their means, (blocks,); edges: bounds of the blocks, (blocks + 1,).
     """
 
     t: np.ndarray
@@ -189,10 +196,10 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class DecayFit:
-    """A power of the amplitude and a floor, fitted from a block on.
+    """A power law and a noise floor, fitted to the levels from a block on.
 
-    x: ln of the amplitude at the blocks; floor: its power; floor_at: the block from which the floor is visible;
-    stop: the reading up to which both were fitted; scale: the level in dB that these are relative to.
+    x: ln of the amplitude at the blocks; floor: power of the floor; floor_at: first block in which the decay is below
+    the floor; stop: end of the readings that were fitted; scale: level in dB relative to which amplitude and floor are.
     """
 
     x: np.ndarray
@@ -203,10 +210,11 @@ class DecayFit:
 
 
 def power_law_start(levels: Levels, begin: int, end: int) -> int:
-    """Return the block from which one power of the amplitude, and a floor, describe the level up to a block.
+    """Return the first block from which a power law and a noise floor describe the levels.
 
-    Straight lines follow a decay back only as long as it is straight in dB: dry friction bends it, and drag. The search
-    halves the blocks before the one that straight lines gave (begin), which is kept where little is gained.
+    Straight lines follow a decay back only while it is straight in dB, but dry friction and drag curve it. The search
+    bisects the blocks before `begin`, which was found by straight lines; `begin` is returned if the gain is small. end:
+    end of the decay.
     """
     y = levels.yb
     low, first = -1, begin
@@ -216,18 +224,15 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
             first = middle
         else:
             low = middle
-    span, whole = max(end - first, 1), fall(y, first, end)
-    won = whole - fall(y, begin, end)
+    span, whole = max(end - first, 1), fall_in_db(y, first, end)
+    won = whole - fall_in_db(y, begin, end)
     if won < LEAST_DROP or (begin - first < WON * span and won < WON * whole):
         return begin
     return first + (max(1, round(GUARD * span)) if first > 0 else 0)
 
 
 def power_law_holds(levels: Levels, at: int) -> bool:
-    """Return whether one power of the amplitude, and a floor, describe the level from a block on.
-
-    They must also describe it right behind that block by itself.
-    """
+    """Return whether a power law and a noise floor describe the levels from a block on, and also those at its start."""
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
     off = levels.yb[at : at + x.size] - fit.scale - 10.0 * np.log10(np.exp(2.0 * x) + fit.floor)
@@ -237,13 +242,13 @@ def power_law_holds(levels: Levels, at: int) -> bool:
 
 
 def fit_power_law(levels: Levels, begin: int) -> DecayFit:
-    """Fit a power of the amplitude and a floor from a block on."""
+    """Fit a power law and a noise floor to the levels from a block on."""
     t, y = levels.t, levels.y
     start, stop = int(levels.edges[begin]), y.size
     scale = float(y[start:].max())
     x, floor_at, floor, p = np.zeros(0), levels.tb.size, 0.0, None
     for _ in range(2):
-        tc, power, _ = blocks(t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED)
+        tc, power, _ = average_in_blocks(t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED)
         p = _fit_decay_and_floor(tc - t[start], power, p)
         times = levels.tb[begin:] - t[start]
         x = power_decay(times, p[0], p[1] - (p[2] - 1.0) * p[0], p[2])
@@ -251,7 +256,7 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
         reached = np.flatnonzero(np.exp(2.0 * x) < floor)
         if not reached.size:
             break
-        # What the floor does long after is not what it does to the decay.
+        # Fit again only up to twice the time at which the floor is reached, because the floor may change later.
         floor_at = begin + int(reached[0])
         stop = int(np.searchsorted(t, t[start] + 2.0 * float(times[reached[0]])))
         stop = min(max(stop, start + LEAST_POINTS), y.size)
@@ -261,9 +266,10 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
 
 
 def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
-    """Fit powers (n,) at times t (s); return ln of the first amplitude and rate, the exponent, and ln of the floor.
+    """Fit a power law and a floor to powers (n,) at times t (s).
 
-    begin: the values to start from; None for three exponents.
+    Return ln of the first amplitude, ln of the first rate, exponent, and ln of the floor. begin: initial values of
+    these; None to start from three exponents.
     """
     level = 5.0 * np.log(power)
     tail = float(np.median(power[-max(2, power.size // 8) :]))
@@ -271,7 +277,7 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
     fallen = np.flatnonzero(0.5 * np.log(power) < 0.5 * (x0 + 0.5 * np.log(tail)))
     half = float(t[fallen[0]]) if fallen.size and fallen[0] > 0 else float(t[-1])
     depth = max(0.5 * (x0 - 0.5 * np.log(tail)), 0.05)
-    # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
+    # Tolerance: 0.3 dB, and the scatter that a floor of random phase causes.
     width = np.hypot(0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail)))
 
     def signal(p: np.ndarray) -> np.ndarray:
@@ -288,7 +294,7 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
     low, high = [-30.0, -60.0, EXPONENTS[0], -80.0], [10.0, 60.0, EXPONENTS[1], 1.0]
     starts = [] if begin is None else [begin]
     for exponent in (1.0, 0.2, 1.8) if begin is None else ():
-        # The rate at the start with which this law falls by `depth` in the time `half`.
+        # The initial rate with which ln A falls by `depth` in the time `half`.
         q = exponent - 1.0
         rate = depth if q == 0.0 else np.expm1(q * depth) / q
         starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
@@ -309,43 +315,43 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
 
 @dataclass(frozen=True)
 class EnvelopeWindow:
-    """The part of a record that decays freely.
+    """The free decay in a record.
 
-    start, stop: indices of its first sample and behind its last one. why: sentences on how they were chosen.
-    floor: the noise floor measured behind it, None where the record does not reach it.
+    start, stop: index of its first sample, and of the sample after its last one. why: clauses on how they were chosen.
+    floor: noise floor measured after the decay, None if the record does not reach it.
     """
 
     start: int
     stop: int
-    floor: SeenFloor | None
+    floor: NoiseFloor | None
     why: tuple[str, ...]
 
 
 def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
-    """Find the free decay in times (s) and levels (dB of power), both of shape (n,).
+    """Find the free decay in levels y (dB) at times t (s), both of shape (n,).
 
-    The search follows what an eye does: the longest straight descent, followed back to where it begins (the reading
-    before it is above or below its continuation) and on to the noise floor. Raises Refusal where nothing decays.
+    First the longest straight descent is searched. Then it is followed back to its start, before which the readings do
+    not continue it, and on to the noise floor. Raises Refusal if nothing decays.
     """
     if t.size < LEAST_POINTS:
-        raise Refusal(f"{t.size} readings: an envelope needs at least {LEAST_POINTS}")
+        raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
     if t.size < SPARSE:
-        # A table of few readings, which somebody has read off a decay already: from the highest one on.
+        # A table of few readings is a decay from its highest reading on.
         top = int(np.argmax(y))
         if t.size - top < LEAST_POINTS:
             raise Refusal(
-                f"{t.size - top} readings from the highest one on: at least {LEAST_POINTS} are needed"
+                f"only {t.size - top} readings from the highest one on; at least {LEAST_POINTS} are needed"
             )
         _refuse_small(float(y[top] - y[-1]))
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
         return EnvelopeWindow(top, t.size, None, (begins, "ends with the record"))
-    levels = Levels(t, y, *blocks(t, y, POINTS))
+    levels = Levels(t, y, *average_in_blocks(t, y, POINTS))
     yb = levels.yb
     first, last = _straightest(levels)
-    core = fall(yb, first, last + 1)
+    core = fall_in_db(yb, first, last + 1)
     top = int(np.argmax(yb))
-    # Or it falls from its highest block on, nowhere straight, by one power of the amplitude.
-    bent = core < LEAST_DROP and fall(yb, top, yb.size) > SURE_DROP and power_law_holds(levels, top)
+    # A decay that is nowhere straight in dB: it follows a power law from its highest block on.
+    bent = core < LEAST_DROP and fall_in_db(yb, top, yb.size) > SURE_DROP and power_law_holds(levels, top)
     if not bent:
         _refuse_small(core)
     begin, broken = first, first > 0
@@ -355,14 +361,16 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         if abs(begin - before) <= 1:
             break
     end, floor = _follow_on(levels, begin)
-    if core > SURE_DROP and (fall(yb, begin, end) < LEAST_DROP or fall(yb, begin, last) < LOST * core):
-        begin, broken = first, first > 0  # the short lines gave a start that leaves no decay
+    if core > SURE_DROP and (
+        fall_in_db(yb, begin, end) < LEAST_DROP or fall_in_db(yb, begin, last) < LOST * core
+    ):
+        begin, broken = first, first > 0  # the start from short lines leaves hardly any decay
         end, floor = _follow_on(levels, begin)
     earlier = power_law_start(levels, begin, end)
     if earlier != begin:
         behind, lower = _follow_on(levels, earlier)
-        # Unless what it takes for its floor is a decay.
-        if min(fall(yb, begin, end), fall(yb, behind, end)) < LEAST_DROP:
+        # Unless the decay continues in what would be the floor.
+        if min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = earlier, earlier > 0, behind, lower
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     begins = "starts with the record"
@@ -373,20 +381,20 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         ends = f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
     if stop - start < LEAST_POINTS:
         raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
-    _refuse_small(fall(yb, begin, end))
+    _refuse_small(fall_in_db(yb, begin, end))
     return EnvelopeWindow(start, stop, floor, (begins, ends))
 
 
 def _refuse_small(drop: float) -> None:
-    """Raise Refusal for a fall in dB that is too small."""
+    """Raise Refusal if the fall `drop` in dB is too small."""
     if drop < LEAST_DROP:
-        raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
+        raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
 
 
-def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
-    """Return the window between given bounds, in s of the record's clock; None: as `find_window` finds it.
+def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
+    """Return the window between start and stop, in s of the record's times; each None is found by `find_window`.
 
-    Raises Refusal where too few readings are between them.
+    Raises Refusal if too few readings are between them.
     """
     try:
         window = find_window(t, y)
@@ -402,7 +410,7 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
         behind = int(np.searchsorted(t, stop, side="right"))
     if behind - first < LEAST_POINTS:
         raise Refusal(
-            f"{max(0, behind - first)} readings are between start and stop; at least {LEAST_POINTS} are needed"
+            f"only {max(0, behind - first)} readings are between start and stop; at least {LEAST_POINTS} are needed"
         )
     if start is not None:
         begins = f"starts at {t[first]:.4g} s, as asked"
@@ -412,11 +420,12 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
 
 
 def _straightest(levels: Levels) -> tuple[int, int]:
-    """Return the first and last block of the descent that falls farthest for the misfit of a straight line.
+    """Return the first and last block of the straightest descent.
 
-    Levels are means of power, and none is below that of the record's end: a floor's dips are not a descent.
+    It has the largest fall minus `MISFIT_WEIGHT` times the misfit of a straight line. Levels are means of power,
+    limited from below by the level at the end of the record, so that dips of the floor are not taken for a descent.
     """
-    t, power, edges = blocks(levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE)
+    t, power, edges = average_in_blocks(levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE)
     y = 10.0 * np.log10(power)
     y = np.maximum(y, 10.0 * np.log10(power[-max(1, y.size // 12) :].mean()))
     i, j = np.triu_indices(t.size + 1, k=min(4, t.size))
@@ -429,10 +438,10 @@ def _straightest(levels: Levels) -> tuple[int, int]:
 
 
 def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
-    """Return the block at which the decay begins, and whether something else precedes it.
+    """Return the block at which the decay begins, and whether other readings precede it.
 
-    Short straight lines are fitted to the readings; going back from the straight part, the first one that fits
-    worse than those do, or falls at another rate, contains readings that are not part of the decay.
+    Short straight lines are fitted to the levels. Going back from the straight part (blocks `first` to `last`), the
+    first line that fits worse or has another rate contains readings that are not part of the decay.
     """
     t, y = levels.tb, levels.yb
     span = last - first + 1
@@ -457,7 +466,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
             near = slice(max(0, at - width), min(at + 2 * width, last + 1))
             t, y = t[near], y[near]
             corners = np.arange(3, t.size - 2)
-            if corners.size:  # from the corner on, a second straight line describes these readings best
+            if corners.size:  # the corner between two straight lines that fit best
                 rms_before = _lines(t, y, np.zeros_like(corners), corners)[1]
                 rms_after = _lines(t, y, corners, np.full_like(corners, t.size))[1]
                 squares = corners * rms_before**2 + (t.size - corners) * rms_after**2
@@ -468,7 +477,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
 
 
 def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return slope and root mean square misfit of straight lines through readings low (k,) to, not with, high (k,)."""
+    """Return slope and rms misfit of straight lines through readings `low` to `high` − 1; low and high are (k,)."""
     t = t - t.mean()
     terms = (np.ones_like(t), t, t * t, y, y * t, y * y)
     sums = [np.concatenate([[0.0], np.cumsum(term)]) for term in terms]
@@ -478,17 +487,17 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
     return slope, np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * spread, 0.0) / n)
 
 
-def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
-    """Return the block behind the decay's last one, and the floor that is measured behind it.
+def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
+    """Return the block after the last one of the decay, and the noise floor measured after it (None if not reached).
 
-    A decay by a power of the amplitude, plus a floor, is fitted to the powers from the start on, robustly.
+    A power law and a floor are fitted robustly to the levels from the start on.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
     count = tb.size
     fit = fit_power_law(levels, begin)
     x, floor, floor_at, stop, scale = fit.x, fit.floor, fit.floor_at, fit.stop, fit.scale
     behind = slice(int(edges[floor_at]), stop)
-    measured = SeenFloor(floor)
+    measured = NoiseFloor(floor)
     if stop - behind.start > 4:
         power = 10.0 ** ((y[behind] - scale) / 10.0)
         floor = max(floor, float(power.mean()))
@@ -497,7 +506,7 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
         rate = float(x[0] - x[floor_at - begin]) / took if took > 0 else 0.0
         measured = measure_floor(t[behind], power, rest, rate)
     elif (part := (count - begin) // 8) >= 3:
-        # Where the last part of the record no longer falls, its mean power is that of the floor.
+        # If the level no longer falls in the last part of the record, its mean power there is the floor.
         late, level = tb[begin:], yb[begin:] - scale
         last_power, power_before = 10.0 ** (level[-part:] / 10.0), 10.0 ** (level[-2 * part : -part] / 10.0)
         step = float(late[-part:].mean() - late[-2 * part : -part].mean())
@@ -506,9 +515,9 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
         usual = float(level[:part].mean() - level[middle].mean()) / took
         if 10.0 * np.log10(power_before.mean() / last_power.mean()) < FLAT * usual * step:
             floor, floor_at = max(floor, float(last_power.mean())), count - 1
-            measured = SeenFloor(floor)
+            measured = NoiseFloor(floor)
     end, after = count, yb[begin:]
-    if after.size >= 2 * WILD_OVER:  # where levels scatter as at a floor, a decay cannot be recognised
+    if after.size >= 2 * WILD_OVER:  # end the decay where levels scatter like noise
         bends = (after[1:-1] - 0.5 * (after[:-2] + after[2:])) ** 2 / 1.5
         wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
         end = min(count, begin + int(wild[0]) + WILD_OVER // 2) if wild.size else count
@@ -527,10 +536,10 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, SeenFloor | None]:
 
 
 def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int) -> bool:
-    """Return whether readings from `floor_at` to `stop`, or the last few, are a decay rather than a floor.
+    """Return whether the readings from `floor_at` (or the last few) to `stop` are a decay and not a noise floor.
 
-    They fall faster than those before do and are no rougher than the decay's first eighth, from `begin` on: one power
-    of the amplitude does not follow this decay.
+    They are a decay, which no power law follows, if they fall faster than the readings before and are not much rougher
+    than the first eighth of the decay, from `begin` on.
     """
     floor_at = min(floor_at, stop - LAST)
     before = slice(max(begin, floor_at - max(NARROWEST, (floor_at - begin) // 4)), floor_at)
@@ -540,6 +549,6 @@ def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int
         float(np.polyfit(t[part] - t[floor_at], y[part], 1)[0]) for part in (slice(floor_at, stop), before)
     )
     early, late = y[begin : begin + max((floor_at - begin) // 8, LAST)], y[floor_at:stop]
-    # Third differences, which a curve hardly has.
+    # Roughness from third differences, in which a smooth curve hardly appears.
     rough_early, rough_late = (float(np.median(np.abs(np.diff(part, 3)))) for part in (early, late))
     return slope < usual < 0.0 and rough_late < ROUGHER * rough_early

@@ -1,1 +1,1 @@
-"""Files as they are: opening them, the columns and facts in them, and which of these are a record."""
+"""Represent what a file contains: its columns, its facts, and what their names mean."""

@@ -1,4 +1,4 @@
-"""What a reader returns for a file: its columns of numbers and the facts that it states. Limits on its size."""
+"""Define what a reader returns for a file (columns of numbers and facts), the reader interface, and size limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
 LARGEST = 2**31
-"""Bytes of a file, and bytes that it may unpack to (conventional)."""
+"""Largest size of a file in bytes, also after unpacking (conventional)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,27 +24,27 @@ class Column:
     Parameters
     ----------
     name
-        What a user types to select the column, unique in the file; empty where the file gives no name.
+        Name with which a user selects the column; "" if the file gives no name.
     values
-        Shape (n,), NaN where a cell is empty or does not hold a number.
+        Values, shape (n,); NaN where a cell is empty or has no number.
     group
-        The sheet, group or variable that it belongs to: a column uses only the times of its own group.
+        Sheet, group or variable that contains the column. A column uses only the times of its own group.
     run
-        The run that it belongs to in a file of several; empty where the file does not say.
+        Label of the run; "" if the file does not state it.
     unit
-        As the file writes it outside the name.
+        Unit as the file writes it, if it is stated outside the name.
     quantity
-        "angle", "velocity", "acceleration", or empty.
+        "angle", "velocity", "acceleration", or "" if it is not stated.
     rate
-        The column's own sampling rate in Hz, where the file states one.
+        Sampling rate of the column in Hz, if the file states one.
     start
-        Time of the first sample in s, where the file states one.
+        Time of the first sample in s, if the file states one.
     clock
         Whether the cells are written as times of day.
     empty
-        Which cells are empty, shape (n,); None where none is.
+        Mask of the empty cells, shape (n,); None if there are none.
     words
-        The text of the cells that do not hold a number, by row.
+        Text of the cells that have no number, by row.
     """
 
     name: str
@@ -60,12 +60,12 @@ class Column:
     words: Mapping[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Half a letter (a lone surrogate) can occur in a name of JSON, HDF5 or MATLAB, and cannot be printed.
+        # Names in JSON, HDF5 or MATLAB files can contain lone surrogates, which cannot be printed.
         object.__setattr__(self, "name", self.name.encode("utf-8", "replace").decode("utf-8"))
 
     @property
     def label(self) -> str:
-        """The name with its unit."""
+        """Return the name with its unit."""
         unit = UNITS[self.unit].of(self.quantity) if self.unit in UNITS and self.quantity else self.unit
         return f"{self.name} ({unit})" if self.name and unit else self.name
 
@@ -77,25 +77,25 @@ class Contents:
     Parameters
     ----------
     format
-        The format's name in a word or two.
+        Short name of the format.
     columns
-        In the order of the file.
+        Columns in the order of the file.
     facts
-        What the file states outside its columns, as it is written there.
+        Numbers and texts that the file states outside its columns, by name.
     notes
         Sentences on what the reader did.
     layout
-        How a text is laid out, for run.json.
+        Separator and decimal mark of a text file, for run.json.
     first_line
-        Line of a text file (from 1) with the first row of numbers.
+        Line number (from 1) of the first row of numbers in a text file.
     lines
-        Line of each row, counted from 0 at `first_line`, shape (n,).
+        Line of each row, shape (n,), counted from 0 at `first_line`.
     channels
         Whether the format declares each column to be a sensor's channel.
     paired
-        Whether columns of values have times of their own, so that each is a record.
+        Whether columns of values have their own times, so that each is a record.
     warnings
-        Sentences that a user has to know.
+        Sentences that the user must see.
     """
 
     format: str
@@ -113,11 +113,11 @@ class Contents:
 class Reader(Protocol):
     """A plug-in that reads one file format.
 
-    A module in `bayesdamp.records.readers` binds a reader to the name PLUGIN and imports the format's library only in
-    `read`. A user's reader derives from this class and has a `name`.
+    A module in `bayesdamp.records.readers` assigns a reader to the name PLUGIN and imports the library of the format
+    only in `read`. A user's reader derives from this class and has a `name`.
 
-    format: the format's name with its article, as in "this is an Excel file". extensions: in small letters, with the
-    dot. extra: the extra of this package that installs its library, empty where the library is always installed.
+    format: name of the format with its article, as in "this is an Excel file". extensions: file extensions in small
+    letters, with the dot. extra: the extra of this package that installs the library; "" if it is always installed.
     """
 
     format: str
@@ -129,19 +129,19 @@ class Reader(Protocol):
         ...
 
     def read(self, path: Path) -> Contents:
-        """Return what the file contains. Raises InputError, or whatever its library raises on a damaged file."""
+        """Return the contents of the file. May raise any exception for a damaged file; `opening` reports it."""
         ...
 
 
 def refuse_large(size: float) -> None:
-    """Raise InputError where data unpacks to more than LARGEST. size: in bytes."""
+    """Raise InputError if `size`, the unpacked size in bytes, is more than LARGEST."""
     if size > LARGEST:
         right = f"files of more than {LARGEST / 2**30:.3g} GiB are not read: give a part of it"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
 
 
 def refuse_archive(path: Path) -> None:
-    """Raise InputError where a zip archive is encrypted or too large, zipfile.BadZipFile where it is damaged."""
+    """Raise InputError if a zip archive is encrypted or too large, zipfile.BadZipFile if it is damaged."""
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
     if any(member.flag_bits & 1 for member in members):

@@ -1,4 +1,4 @@
-"""What a file states in names and facts: runs, units, quantities, times, sampling rates; and columns that a user names.
+"""Interpret names and facts of a file: runs, units, quantities, times and sampling rates; find columns by their names.
 
 Units are written in many ways: `Angle(deg)`, `Time [ms]`, `acceleration / (m/s²)`, `phi_deg`.
 """
@@ -15,7 +15,7 @@ from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
 DAY = 86400.0
-"""Seconds."""
+"""Seconds in a day."""
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), 1e-3),
@@ -26,22 +26,22 @@ SECONDS = {
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
     **dict.fromkeys(("d", "day", "days", "tag", "tage"), DAY),
 }
-"""Seconds in a unit of time, by the ways of writing it."""
+"""Seconds in a unit of time, for each way of writing the unit."""
 _JOINED = re.compile(
     r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
 )
-"""A unit that is joined to the name of times, as in ArduPilot's `TimeUS`."""
+"""A name of times with a unit directly behind it, as ArduPilot's `TimeUS`."""
 TIMES = re.compile(
     r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
     re.IGNORECASE,
 )
-"""Names of columns of times."""
+"""Pattern of names of columns that contain times."""
 _ONLY_OF_TIMES = {text for text, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
-"""Units only behind a name of times: elsewhere `d`, `h`, `ps` and such are a depth, a height or horsepower."""
+"""These count as units of time only after a name of times; elsewhere `d`, `h`, `ps` may be a depth, height or power."""
 _UNSURE = ("in", "v", "V", "g", "au", "foot")
-"""Behind a "_" these may as well be a word of the name."""
+"""After "_" these do not count as units, because they may be words of the name."""
 _SHORT = ("mm", "cm", "um", "mV", "ms", "us")
-"""Units of two letters that are not words, so that a blank before them is enough."""
+"""Units of two letters that are not words, so that they count as units after a blank."""
 _QUANTITIES = {
     **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
     **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
@@ -64,9 +64,9 @@ _INDEX = re.compile(
 )
 _BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
 MOST, WIDTH = 12, 110
-"""Number of names that a message lists, and the characters that they take."""
+"""Most names in a list in a message, and most characters of the list (conventional)."""
 MOST_FACTS, LONGEST_FACT = 60, 200
-"""Number of facts of a file that are kept, and characters of one."""
+"""Most facts of a file that are stored, and most characters of one (conventional)."""
 _PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S.*?)\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
@@ -78,7 +78,7 @@ _HERTZ = {
         ("", "hz", "1/s", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "samples per second"), 1.0
     ),
 }
-"""Hz in a unit of rates, by the ways of writing it."""
+"""Hz in a unit of sampling rates, for each way of writing the unit."""
 _RATES = re.compile(
     r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
     r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
@@ -95,11 +95,12 @@ _MATLAB_STEP = "Ts"
 
 
 def _plain(text: str) -> str:
-    """Return a unit in small letters, without blanks and signs of powers."""
+    """Return the text of a unit in small letters, without blanks, brackets and signs of powers."""
     return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
 
 
 _WRITTEN = {_plain(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
+"""The unit for each way of writing it, as `_plain` returns it."""
 
 
 def _bare(text: str) -> str:
@@ -107,7 +108,7 @@ def _bare(text: str) -> str:
 
 
 def _unit_candidates(name: str) -> list[str]:
-    """Return the parts of a name that may be a unit: within brackets, or behind a "/", " in ", "_" or blank."""
+    """Return the parts of a name that may be a unit: in brackets, or after "/", " in ", "_" or a blank."""
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
         return ["".join(groups).strip() for groups in inside]
@@ -125,7 +126,7 @@ def _unit_candidates(name: str) -> list[str]:
 
 
 def seconds_in(name: str) -> float | None:
-    """Return the seconds in the unit that the name of a column of times states; None where it states none."""
+    """Return the seconds in the unit that the name of a column of times states; None if it states none."""
     units = [unit for unit in map(_bare, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
         units = [joined[1].lower()]
@@ -153,7 +154,7 @@ def may_be_unit(cell: str, name: str) -> bool:
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
-    """Return the displacement's unit and the quantity in a column's name; None where it has none, or several."""
+    """Return unit (of the displacement) and quantity that a column's name states; None without a unique unit."""
     units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
     if len(units) != 1:
         return None
@@ -162,14 +163,14 @@ def unit_and_quantity(name: str) -> tuple[str, str] | None:
 
 
 def _quantity_of(name: str) -> str | None:
-    """Return the quantity that a word of a name states: velocity or acceleration; None where none does."""
+    """Return "velocity" or "acceleration" if a word of a name states it; else None."""
     words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
     quantities = {_QUANTITIES[word] for word in words if word in _QUANTITIES}
     return quantities.pop() if len(quantities) == 1 else None
 
 
 def unit_written(text: str) -> tuple[str, str] | None:
-    """Return the unit and the quantity that the text of a unit stands for; None where it is not known."""
+    """Return the unit (of the displacement) and the quantity for the text of a unit; None if it is not known."""
     text = _plain(text)
     if text in _WRITTEN:
         return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
@@ -181,14 +182,19 @@ def unit_written(text: str) -> tuple[str, str] | None:
 
 
 def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
-    """Return a given unit by its name in `UNITS`, and the quantity.
+    """Convert a unit that a user gives to its name in `UNITS`, and return it with the quantity.
 
     Parameters
     ----------
     unit
-        As it may be written in the head of a column: `°`, `degrees`, or `deg/s`, which gives the quantity too.
+        Unit in any way of writing: `°`, `degrees`, or `deg/s`, which also states the quantity.
     quantity
-        As given; it takes precedence over the one in the unit.
+        Quantity that the user gives; it has priority over that of the unit.
+
+    Returns
+    -------
+    tuple
+        Unit (unchanged if unknown) and quantity, each None if not stated.
     """
     if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
         return unit, quantity
@@ -197,10 +203,10 @@ def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | N
 
 
 def split_run(column: Column) -> tuple[str, str]:
-    """Return a column's name without the mark of a run, and the run's label, empty where the file has none."""
+    """Return a column's name without the mark of its run, and the label of the run ("" if there is none)."""
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:
-        bare = bare.removeprefix(f"{column.run}.")  # an element of a list in which each element is a run
+        bare = bare.removeprefix(f"{column.run}.")  # a list in which each element is a run
     for pattern, run, rest in ((_RUN_BEHIND, 2, 1), (_RUN_BEFORE, 1, 2)):
         at = pattern.match(bare)
         if at is not None:
@@ -215,15 +221,15 @@ def split_run(column: Column) -> tuple[str, str]:
 
 
 def seconds_of_unit(column: Column) -> float | None:
-    """Return the seconds in the unit of a column of times, stated in or outside its name; None where it has none."""
+    """Return the seconds in the unit of a column of times, from its name or its unit; None if no unit is stated."""
     seconds = seconds_in(split_run(column)[0]) or seconds_written(column.unit)
     return 1.0 if seconds is None and _SECONDS_ALONE.match(column.name) else seconds
 
 
 def unit_of_column(column: Column) -> tuple[str, str]:
-    """Return the unit and the quantity of a column; each empty where the file does not state it.
+    """Return the unit (of the displacement) and the quantity of a column; each is "" if the file does not state it.
 
-    The unit is the displacement's, by its name in UNITS; a unit that is not in UNITS is returned as it is written.
+    The unit is a name in UNITS; a unit that is not in UNITS is returned as it is written.
     """
     name = split_run(column)[0]
     named = _quantity_of(name) or column.quantity
@@ -241,25 +247,25 @@ def unit_of_column(column: Column) -> tuple[str, str]:
 
 
 def names_time(column: Column) -> bool:
-    """Return whether a column's name or unit states that it holds times."""
+    """Return whether a column's name or unit says that it contains times."""
     bare = re.sub(r"[(\[{].*?[)\]}]", "", split_run(column)[0]).rpartition(".")[2].strip()
     return bool(TIMES.search(bare)) or column.clock or seconds_of_unit(column) is not None
 
 
 def names_index(column: Column) -> bool:
-    """Return whether a column's name states that it counts the samples."""
+    """Return whether a column's name says that it numbers the samples."""
     return bool(_INDEX.match(split_run(column)[0].rpartition(".")[2].strip()))
 
 
 def quote_name(columns: Sequence[Column], column: Column) -> str:
-    """Return a column's name in quotes, or its number from 1 where it has none."""
+    """Return a column's name in quotes, or its number from 1 if it has no name."""
     if column.name:
         return repr(column.name[:60])
     return str(next(i for i, c in enumerate(columns, start=1) if c is column))
 
 
 def list_names(columns: Sequence[Column]) -> str:
-    """Return the names that a user may type, in a line."""
+    """Return the names of the columns in one line for a message, shortened if there are many."""
     if not any(column.name for column in columns):
         return f"1 to {len(columns)} (they have no names)" if len(columns) > 1 else "1 (it has no name)"
     names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
@@ -272,20 +278,20 @@ def list_names(columns: Sequence[Column]) -> str:
 
 
 def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
-    """Return the columns that a user means.
+    """Return the columns that a user selects.
 
     Parameters
     ----------
     columns
-        Those of the file.
+        All columns of the file.
     wanted
-        A name, or a number from 1. In a file of several runs, a name without the run and the unit selects one column of
-        each run.
+        A name, or a number from 1. In a file with several runs, a name without run and unit selects one column of each
+        run.
 
     Raises
     ------
     InputError
-        With the nearest name, where there is no such column.
+        If there is no such column; the message suggests the most similar name.
     """
     name = str(wanted).strip()
     exact = [column for column in columns if name and column.name == name]
@@ -297,7 +303,7 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
         if len(name) < 9 and 1 <= int(name) <= len(columns):
             return [columns[int(name) - 1]]
         raise InputError(f"there is no column {name[:20]}, the file has {len(columns)}")
-    forms = []  # of a name: as it is, with its unit, without its run, and without run and unit
+    forms = []  # forms of each name: as it is, with its unit, without run, and without run and unit
     for column in columns:
         bare = split_run(column)[0]
         without_unit = re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", bare).strip() or bare
@@ -317,19 +323,19 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
 
 
 def select_runs(text: str, labels: Sequence[str]) -> list[str]:
-    """Return the labels of runs that a text selects.
+    """Return the labels of the runs that a user selects.
 
     Parameters
     ----------
     text
-        Such as `1,3-5`.
+        The selection, such as `1,3-5`.
     labels
-        Those of the file.
+        Labels of all runs of the file.
 
     Raises
     ------
     InputError
-        Where the text is not a selection, or selects none.
+        If the text is not a valid selection, or selects no run.
     """
     more = f" and {len(labels) - MOST} more" if len(labels) > MOST else ""
     choice = "there are " + (f"runs {', '.join(labels[:MOST])}{more}" if labels else "none to choose from")
@@ -353,9 +359,9 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
 
 
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
-    """Return the facts in the lines above a table.
+    """Return the facts, by name, in the lines above a table.
 
-    Such a line is `key: value`, `key = value`, `key,value,unit`, `key,value,value` with the same value for each
+    A line with a fact is `key: value`, `key = value`, `key,value,unit`, `key,value,value` with the same value for each
     channel, or a line of names followed by a line of as many values.
     """
     facts: dict[str, Fact] = {}
@@ -381,7 +387,7 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
 
 
 def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
-    """Return the first MOST_FACTS numbers and texts among some facts, each cut to LONGEST_FACT characters."""
+    """Return the first MOST_FACTS facts that are numbers or texts, each cut to LONGEST_FACT characters."""
     trimmed: dict[str, Fact] = {}
     for name, value in facts.items():
         text = " ".join(str(name).split())[:LONGEST_FACT]
@@ -395,18 +401,18 @@ def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
 
 
 def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
-    """Return the sampling rate that facts state.
+    """Return the sampling rate that the facts of a file state.
 
     Parameters
     ----------
     facts
-        By name, such as `Sample interval (ms)`.
+        Facts by name, such as `Sample interval (ms)`.
 
     Returns
     -------
     tuple or None
-        The rate in Hz and the name of the fact. None where no fact states one, where several differ, or where a
-        number's comma is ambiguous.
+        The rate in Hz and the name of the fact; None if no fact states a rate, if several facts differ, or if the comma
+        in the number is ambiguous.
     """
     rates: dict[float, str] = {}
     for name, value in facts.items():
@@ -429,7 +435,7 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """Return the last part of a fact's name, reduced to its letters, and the unit behind it."""
+    """Return the last part of a fact's name, in small letters only, and the unit after it ("" for none)."""
     last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)
     unit = at[1].strip().lower() if at else ""
@@ -441,7 +447,7 @@ def _split_unit(name: str) -> tuple[str, str]:
 
 
 def stated_unit(facts: Mapping[str, Fact]) -> str:
-    """Return the unit that a fact gives for the values; empty where none does."""
+    """Return the unit of the values that the facts state; "" if they state none or several."""
     wanted = ("unit", "units", "yunit", "yunits", "verticalunits", "angleunit")
     units = {str(value) for name, value in facts.items() if _split_unit(name)[0] in wanted}
     return units.pop() if len(units) == 1 else ""

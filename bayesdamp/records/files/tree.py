@@ -1,4 +1,4 @@
-"""Arrays by name under variables, structs, cells and groups, as columns."""
+"""Convert nested data (variables, structs, cells, groups, lists) to columns and facts named by their paths."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
 from bayesdamp.types import Fact, InputError
 
 WIDEST = 64
-"""Columns of a matrix that are taken for columns of records."""
+"""A matrix with more columns than this is ignored (conventional)."""
 DEEPEST = 20
-"""Levels of nesting that are followed."""
+"""Deeper levels of nesting are ignored (conventional)."""
 _NUMBERS = "fiub"
-"""Kinds of NumPy's data types that hold numbers."""
+"""Kinds of NumPy data types that are numbers."""
 
 
 class Walk:
-    """Collects vectors of numbers as columns, and scalars and texts as facts, each by a path with dots.
+    """Collector that walks through nested data: vectors become columns, scalars and texts become facts.
 
-    A matrix gives its columns, numbered from 1. Elements of a list (a cell array, an array of structs) that hold
-    vectors are runs, numbered from 1.
+    Each is named by its path with dots. A matrix gives one column for each of its columns, numbered from 1. If several
+    elements of a list (a cell array, an array of structs) contain vectors, each element is a run, numbered from 1.
 
     Attributes
     ----------
     columns
-        Those collected so far.
+        Columns collected so far.
     facts
-        Numbers and texts by path.
+        Numbers and texts collected so far, by path.
     """
 
     def __init__(self) -> None:
@@ -38,18 +38,18 @@ class Walk:
         self.facts: dict[str, object] = {}
 
     def add(self, path: str, item: Any, run: str = "", depth: int = 0) -> None:
-        """Collect every vector and every fact in an item.
+        """Collect all vectors and facts in an item.
 
         Parameters
         ----------
         path
-            Of the item; empty for the whole file.
+            Path of the item; "" for the whole file.
         item
             A mapping, list, array, number or text; other items are ignored.
         run
-            The run that the item belongs to; empty where there is none.
+            Run to which the item belongs; "" for none.
         depth
-            Levels of nesting above the item.
+            Number of levels above the item.
         """
         if depth > DEEPEST:
             return
@@ -97,11 +97,11 @@ class Walk:
             self.add(join_path(path, i), below, run or (str(i) if filled > 1 else ""), depth + 1)
 
     def _add_vector(self, path: str, values: np.ndarray, run: str, unit: str = "") -> None:
-        group = path.partition(".")[0] if "." in path else ""  # a variable with all that is below it
+        group = path.partition(".")[0] if "." in path else ""  # the top-level variable
         self.columns.append(Column(path or "1", values, group, run, unit))
 
     def contents(self, format_name: str) -> Contents:
-        """Return all that was collected. Raises InputError where there is no vector."""
+        """Return the collected columns and facts. Raises InputError if there is no column."""
         if not self.columns:
             raise InputError(
                 "contains no numeric array with more than one number; save the times and the values as plain arrays"
@@ -110,23 +110,24 @@ class Walk:
 
 
 def unit_and_rate(attributes: Mapping[str, Fact]) -> dict[str, Any]:
-    """Return the fields `unit` and `rate` of a column that the attributes of its array state."""
+    """Return the `unit` and the `rate` that an array's attributes state, as keyword arguments of `Column`."""
     rate = sampling_rate(attributes)
     return {"unit": stated_unit(attributes), "rate": rate[0] if rate else None}
 
 
 def to_seconds(times: np.ndarray) -> np.ndarray:
-    """Return dates or lengths of time in s.
+    """Convert datetimes or durations to seconds.
 
     Parameters
     ----------
     times
-        Dates or lengths of time, (n,).
+        Array of NumPy datetimes or durations, (n,).
 
     Returns
     -------
     np.ndarray
-        Dates from the first one's midnight on; NaN where a time is missing, (n,).
+        Seconds, (n,); NaN where a time is missing. Datetimes count from midnight of the first day. Durations without a
+        unit are returned as plain numbers.
     """
     if times.dtype.kind == "M":
         known = times[~np.isnat(times)]
@@ -137,12 +138,12 @@ def to_seconds(times: np.ndarray) -> np.ndarray:
 
 
 def join_path(path: str, key: object) -> str:
-    """Return the path of what is below a path."""
+    """Return the path of the item `key` below a path."""
     return f"{path}.{key}" if path else str(key)
 
 
 def to_plain(value: Any) -> Any:
-    """Return an attribute as a number or a text, where it is one."""
+    """Convert a NumPy scalar, one-element array or bytes to a plain number or text; return other values unchanged."""
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, np.ndarray) and value.size == 1:

@@ -1,1 +1,1 @@
-"""What a record shows of its oscillation by itself: no law of damping or restoring force is assumed."""
+"""Measure an oscillation in a record without assuming a damping law or a restoring law."""

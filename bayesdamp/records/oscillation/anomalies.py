@@ -1,4 +1,4 @@
-"""Detect what is not a free decay: clipped peaks, a lost sign, an amplitude that rises, a tone burst."""
+"""Detect records that are not free decays: clipped peaks, lost sign, rising amplitude, tone burst."""
 
 from __future__ import annotations
 
@@ -7,68 +7,72 @@ from itertools import pairwise
 import numpy as np
 
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.records.oscillation.modes import lifted
+from bayesdamp.records.oscillation.modes import relative_rise
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import true_runs
 from bayesdamp.types import Signal
 
 RISE = 0.02
-"""Share by which later swings must significantly exceed earlier ones. Measured: a beat of 0.4 mm in a decay of 80 mm
-rises by 0.027, decays of one oscillator by 0.01 at most."""
+"""The amplitude counts as rising if half cycles grow significantly by more than this, relatively. Measured: a beat of
+0.4 mm in a decay of 80 mm grows by 0.027, decays of one oscillator by at most 0.01."""
 TOGETHER = 3
-"""Swings that must rise together: a spike spoils one turning point, and with it two swings."""
+"""Number of successive half cycles that must grow together, because a spike spoils one turning point and so two half
+cycles."""
 FLAT = 3
-"""Samples in a row at the extreme value that chance does not explain where values are not rounded."""
+"""Smallest number of successive samples at the extreme value of a clipped peak, if values are not rounded."""
 MARGIN = 1.5
-"""How much longer than a sinusoid a rounded record must stay at its extreme: a pendulum at 2.8 rad does."""
+"""A rounded record counts as clipped if it stays at its extreme this many times longer than a sinusoid does; a pendulum
+at 2.8 rad also stays longer."""
+# For rectified records, all conventional:
 FEWEST = 6
-"""Fewest half-cycles for a decision."""
+"""Smallest number of half cycles for a decision."""
 LARGE = 0.3
-"""Share of the largest peak down to which half-cycles are used: below are noise and offsets."""
+"""Half cycles are used as long as their peak is above this fraction of the largest; below are noise and offsets."""
 TOUCHES = 0.15
-"""Share of a peak to which the record falls on either side: with eleven samples a half-cycle or more it does."""
+"""The record must fall below this fraction of each peak; it does with at least eleven samples in a half cycle."""
 FALLS = 0.8
-"""Largest share of the first peak that the last one has: pulses, or a counter, do not decay."""
+"""The last peak must be below this fraction of the first; pulses or a counter do not decay."""
 NOISE = 0.1
-"""Largest excursion below zero that noise may cause in values of one sign, as a share of the largest peak."""
+"""Values of one sign may go below zero by this fraction of the largest peak, because of noise."""
 BETWEEN = 0.3
-"""Least share of a peak that the median of its half-cycle has: 0.71 for |sin|, 0.5 for sin², near 0 for pulses."""
+"""The median of a half cycle must be above this fraction of its peak: it is 0.71 for |sin|, 0.5 for sin², 0 for
+pulses."""
 PER_PERIOD, MOST = 24, 200_000
-"""Samples in a period, and most in a record, from which the envelope is computed."""
+"""Samples in a period, and most samples in total, from which the envelope is computed."""
 FLANK, FLANK_CYCLES, MIRRORED = 0.2, 3, 0.15
-"""Share of its peak from which an envelope's flanks are compared, their fewest cycles, and the share of the peak by
-which the two may differ. Measured: tone bursts differ by up to 0.13 at a twentieth of noise, real decays whose rise is
-so long by 0.6 and more."""
+"""The two flanks of an envelope are compared above this fraction of its peak, if they last at least this many cycles.
+In a tone burst they differ by less than the third number, relative to the peak. Measured: tone bursts with 5 % noise
+differ by up to 0.13, real decays with so long a rise by at least 0.6."""
 
 CLIPPED = "The peaks are cut off: the record stays at its extreme value."
 RISES = "The amplitude rises again, which beats, a second mode or a drive would cause."
 
 
 def anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
-    """Return sentences on what is wrong with a record as a free decay."""
+    """Return sentences that say why a record may not be a free decay: clipped peaks, or an amplitude that rises."""
     faults = []
-    if clipped(signal.y, features.samples_per_cycle):
+    if is_clipped(signal.y, features.samples_per_cycle):
         faults.append(CLIPPED)
-    # Rounding shifts all samples about a turning point equally.
+    # Rounding shifts all samples near a turning point equally, so it does not average out: add half a step.
     noise = float(np.hypot(features.roughness, 0.5 * signal.step))
-    if lifted(2 * features.swing_sizes, noise, TOGETHER) > RISE:
+    if relative_rise(2 * features.swing_sizes, noise, TOGETHER) > RISE:
         faults.append(RISES)
     return tuple(faults)
 
 
-def clipped(y: np.ndarray, per_cycle: float) -> bool:
-    """Return whether a record stays at an extreme value because it was cut off there.
+def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
+    """Return whether the peaks of a record are cut off (clipped) at an extreme value.
 
-    A peak is flat for other reasons too: few levels, a sensor that repeats its values for some samples, a body that
-    friction stops, a hand that holds it at the start. Then the record approaches its extreme slowly, whereas a clipped
-    one reaches and leaves it at full speed.
+    A peak can be flat for other reasons: few levels, a sensor that repeats values, a body that sticks by friction, or a
+    hand that holds it at the start. Then the record approaches its extreme slowly, whereas a clipped record reaches and
+    leaves it at full speed.
 
     Parameters
     ----------
     y
         Equally spaced values, (n,).
     per_cycle
-        Samples a cycle.
+        Number of samples in a cycle.
     """
     size = 0.5 * float(np.ptp(y))
     levels = np.unique(y)
@@ -77,45 +81,47 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     if gaps.size == 0:
         return False
     step = float(np.median(gaps))
-    # A sensor may repeat a value for some samples, also in the middle of the swings, where all moves. Few levels repeat
-    # as well, but then the steps between them are the motion in so many samples.
+    # `repeats`: how often the sensor repeats each value, measured near the midline, where the motion is fast. If there
+    # are only few levels, values also repeat, but then neighbouring values differ by one level (not `is_lone`).
     edges = np.flatnonzero(np.diff(y)) + 1
     begins, ends = np.concatenate([[0], edges]), np.concatenate([edges, [y.size]])
     is_fast = np.abs(y[begins] - 0.5 * (y.max() + y.min())) < 0.5 * size
     is_lone = np.abs(np.diff(y, prepend=y[0])[begins]) > 1.5 * float(np.diff(levels).min())
     moving = (ends - begins)[is_fast & is_lone]
     repeats = max(int(np.median(moving)), 1) if moving.size >= 5 else 1
-    # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
+    # A sinusoid that just reaches the extreme level stays within one step of it for so many samples.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(FLAT, MARGIN * usual + 1) * repeats
     runs = [run for edge in (levels[0], levels[-1]) for run in true_runs(np.abs(y - edge) <= 1e-9 * size)]
-    runs = [(a, b) for a, b in runs if a > 0 and b < y.size]  # at its ends it may be held, or stick
+    runs = [
+        (a, b) for a, b in runs if a > 0 and b < y.size
+    ]  # at the ends of the record the body may be held or stick
     return any(limit <= b - a < 0.5 * per_cycle and _has_corners(y, a, b, per_cycle, step) for a, b in runs)
 
 
 def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
-    """Return whether y leaves its flat peak like a sinusoid that is cut off, rather than like one that turns there."""
+    """Return whether y leaves its flat peak as fast as a clipped sinusoid does, not as slowly as one that stops."""
     flat = end - begin
-    phase = np.pi * flat / per_cycle  # half of what is flat
+    phase = np.pi * flat / per_cycle  # half of the duration of the flat part
     away = max(round(per_cycle / 24), 2)
     near = y[max(begin - round(per_cycle), 0) : end + round(per_cycle)]
-    height = abs(float(y[begin] - np.median(near)))  # a cut does not change the median
+    height = abs(float(y[begin] - np.median(near)))  # clipping does not change the median
     if begin < away or end + away > y.size or phase > 1.4 or per_cycle <= 2.5 * flat:
         return False
     angle = 2 * np.pi * (away - 0.5) / per_cycle  # the flat part ends between two samples
     cut = height * (1 - np.cos(phase + angle) / np.cos(phase))
-    # Where it rests at each turn, it swings faster in between.
-    turned = height * (1 - np.cos(min(angle / (1 - 2 * flat / per_cycle), np.pi)))
+    # A body that stops at each turning point moves faster in between.
+    stopped = height * (1 - np.cos(min(angle / (1 - 2 * flat / per_cycle), np.pi)))
     fallen = float(np.mean(np.abs(y[begin] - y[[begin - away, end - 1 + away]])))
-    return bool(fallen > max(0.5 * (cut + turned), turned + step))
+    return bool(fallen > max(0.5 * (cut + stopped), stopped + step))
 
 
-def rectified(y: np.ndarray) -> bool:
-    """Return whether equally spaced values y (n,) are a decaying oscillation without its sign, |y| or y²."""
+def is_rectified(y: np.ndarray) -> bool:
+    """Return whether equally spaced values y (n,) are the absolute value or the square of a decaying oscillation."""
     y = y if abs(y.max()) >= abs(y.min()) else -y
     if y.min() < -NOISE * y.max():
         return False
-    half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # from a peak to the next
+    half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # the period of |y|
     if y.size < FEWEST * half_cycle or half_cycle < 2:
         return False
     edges = np.arange(0.0, y.size, half_cycle).astype(int)
@@ -133,18 +139,18 @@ def rectified(y: np.ndarray) -> bool:
     return bool(falls and lowest.max() < TOUCHES and np.median(middle) > BETWEEN)
 
 
-def tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
-    """Return whether a record rises in the way it falls, as a windowed tone does.
+def is_tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
+    """Return whether the envelope of a record rises in the same way as it falls, as that of a tone burst does.
 
-    The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, but
-    rises in a hit, in a release, or by a drive.
+    The envelope is that of the strongest frequency, averaged over a period. In a free decay the rise is shorter or has
+    another shape, because a hit, a release or a drive causes it.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        Of the strongest oscillation, s.
+        Period of the strongest oscillation, s.
     """
     count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))
     grid = np.linspace(t[0], t[-1], count)

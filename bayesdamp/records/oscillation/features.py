@@ -1,4 +1,4 @@
-"""Measure the features of a decaying oscillation that all estimators share, and find holes without a sample."""
+"""Measure features of a decaying oscillation: period, amplitude, noise and turning points; find gaps in the samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.records.oscillation.noise import of_equal_size, roughness
+from bayesdamp.records.oscillation.noise import group_by_size, roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import (
     Turning,
@@ -24,22 +24,22 @@ from bayesdamp.records.oscillation.turning import (
 from bayesdamp.types import FeaturesSeen, Refusal, Signal
 
 NO_NEARER = 0.7
-"""Mean square of changes over a period, as a share of those over half of one, from which a record does not oscillate: 2
-for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, 2/3 for two equal modes a fifth
-apart."""
+"""A record does not oscillate if the mean square change over a period is larger than this fraction of that over half a
+period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, and 2/3
+for two equal modes whose frequencies differ by a fifth."""
 HOLE = 0.25
-"""Share of a time lag without samples that is a hole in it."""
+"""Changes over a time lag are not used if a gap longer than this fraction of the lag is at its end."""
 LEAST, USUAL, BESIDE = 0.5, 5.0, 0.25
-"""Periods without a sample, and number of usual gaps, from which these are a hole; periods next to a hole in which a
-turning point is not trusted (conventional)."""
+"""A gap is longer than this many periods and than so many usual sampling intervals. Turning points within so many
+periods of a gap are not used (conventional)."""
 NEIGHBOURHOOD = 1.5
-"""Periods on either side of the turning points in which a record must come back to where it was."""
+"""Number of periods before the first and after the last turning point that are used in this test."""
 LEAST_SHARE = 0.3
-"""Share that an oscillation must have in the variation of a record within a period or two."""
+"""Smallest fraction of the variance within one or two periods that an oscillation must explain."""
 
 
-KEPT = 16
-"""Records whose results stay in memory."""
+MAX_CACHED = 16
+"""Number of records whose results are cached (conventional)."""
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
 
@@ -47,45 +47,46 @@ Result = TypeVar("Result")
 def once_per_record(
     compute: Callable[Concatenate[Signal, Options], Result],
 ) -> Callable[Concatenate[Signal, Options], Result]:
-    """Keep what a function computes from the samples of the last few records.
+    """Cache the results of a function of a signal for the last `MAX_CACHED` different records.
 
-    A record is read, stored, and read back under several names: its results are computed once all the same. Threads of
-    a linear algebra library would only wait for each other at such small matrices, so there is one.
+    The key is made from the samples, because the same record occurs under several names. The function runs with one
+    BLAS thread, which is fastest for its small matrices.
     """
-    kept: dict[tuple[object, ...], Result] = {}
+    cache: dict[tuple[object, ...], Result] = {}
 
     @wraps(compute)
     def of_signal(signal: Signal, *options: Options.args, **named: Options.kwargs) -> Result:
         samples = hashlib.blake2b(np.stack([signal.t, signal.y]).tobytes()).digest()
         key = (samples, signal.quantity, signal.unit, signal.step, *options, *named.items())
         with suppress(KeyError):
-            return kept[key]
+            return cache[key]
         with threadpool_limits(1, "blas"):
             result = compute(signal, *options, **named)
-        for old in list(kept)[: 1 - KEPT]:
-            kept.pop(old, None)
-        kept[key] = result
+        # Remove the oldest results; another thread may have removed one already.
+        for oldest in list(cache)[: 1 - MAX_CACHED]:
+            cache.pop(oldest, None)
+        cache[key] = result
         return result
 
     return of_signal
 
 
-def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
-    """Return what values do instead of oscillating, in words; empty where they oscillate.
+def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
+    """Return why values do not oscillate with a given period, as a clause for a message; "" if they do.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        Of the presumed oscillation, s.
+        Period of the presumed oscillation, s.
     noise
-        Standard deviation of a sample's noise.
+        Standard deviation of the noise of a sample.
     """
     usual = 2.5 * float(np.median(np.diff(t)))
 
     def variance_of_changes(lag: float) -> float:
-        """Return the variance of what changes over a time, not into a hole; nan if the record is hardly longer."""
+        """Return the variance of changes over `lag` seconds, except those that end in a gap; NaN if too few."""
         after = t + lag
         place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
         first = (after <= t[-1]) & (t[place] - t[place - 1] < max(HOLE * lag, usual))
@@ -100,27 +101,27 @@ def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
 
 
 def holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Return the stretches of time without a sample, where others have many.
+    """Return the gaps in the samples that are much longer than the usual sampling interval.
 
     Parameters
     ----------
     t
         Times of the samples in s, (n,).
     period
-        Of the oscillation, in s.
+        Period of the oscillation, in s.
 
     Returns
     -------
     np.ndarray
-        Start and end of each, in s, (h, 2).
+        Start and end of each gap, in s, (h, 2).
     """
     gaps = np.diff(t)
     at = np.flatnonzero((gaps > LEAST * period) & (gaps > USUAL * np.median(gaps)))
     return np.stack([t[at], t[at + 1]], axis=1)
 
 
-def without_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
-    """Return the turning points without those in and next to holes, which a line across the hole makes."""
+def without_gap_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
+    """Return the turning points that are not in or near a gap, where interpolation would create false ones."""
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
         good &= (turns.times < a - BESIDE * period) | (turns.times > b + BESIDE * period)
@@ -129,18 +130,18 @@ def without_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
 
 @dataclass(frozen=True)
 class Features(FeaturesSeen):
-    """Features of a record, and its turning points.
+    """Features of a record, with its turning points.
 
     Attributes
     ----------
     turning_times, turning_values
-        Times in s and values of alternating maxima and minima of the recorded quantity, each (k,).
+        Times in s and values of the turning points (alternating maxima and minima), each (k,).
     turning_amplitudes
         Distance of the turning values from the midline, (k,).
     crossing_times
-        Times in s at which the record crosses its midline between turning points, (k − 1,).
+        Times in s at which the record crosses its midline, between successive turning points, (k − 1,).
     swing_times, swing_sizes
-        Middle in s and half range of each swing, of all pieces between holes, each (m,).
+        Middle time in s and half range of each half cycle, in all pieces between gaps, each (m,).
     """
 
     turning_times: np.ndarray
@@ -153,31 +154,34 @@ class Features(FeaturesSeen):
 
 @once_per_record
 def features(signal: Signal) -> Features:
-    """Return the features of a signal. Raises Refusal, with a sentence, where it does not oscillate."""
+    """Return the features of a signal. Raises Refusal with a reason if it does not oscillate."""
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
-        raise Refusal(f"the record has {t.size} samples, and an oscillation needs at least 10")
+        raise Refusal(f"the record has {t.size} samples; at least 10 are needed")
     if np.ptp(y) == 0:
         raise Refusal("the record is constant: nothing oscillates")
+    # Rough period and noise, with which the turning points are found.
     period, share = coarse_period(t, y)
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
     noise = roughness(t, y, period)
-    runs = regular_runs(without_edges(turning_points(t, y, period, noise), t, period), noise)
+    runs = regular_runs(without_gap_edges(turning_points(t, y, period, noise), t, period), noise)
     turns = max(runs, key=lambda run: run.times.size, default=Turning(*np.empty((3, 0))))
     if turns.times.size < 3:
-        raise Refusal("no oscillation is seen: fewer than three turning points stand out of the noise")
+        raise Refusal("no oscillation is found: fewer than three turning points stand out of the noise")
     middle = midpoints(turns.values)
     sizes = _sizes(turns)
     crossings, sharp = crossing_times(t, y, turns, middle)
+    # The final period and noise.
     period = mean_period(crossings, sharp, turns.times)
     noise = roughness(t, y, period)
     near = NEIGHBOURHOOD * period
     inside = (t >= turns.times[0] - near) & (t <= turns.times[-1] + near)
-    if wanders := wandering(t[inside], y[inside], period, noise):
-        raise Refusal(f"no oscillation is seen: {wanders}")
+    if reason := reason_not_oscillating(t[inside], y[inside], period, noise):
+        raise Refusal(f"no oscillation is found: {reason}")
     pieces = _join_across_holes(runs, turns, t, period)
     first, last = pieces[0], pieces[-1]
+    # Fractions of a cycle before the first and after the last turning point, at most half a cycle each.
     before = min((first.times[0] - t[0]) / (2 * (first.times[1] - first.times[0])), 0.5)
     after = min((t[-1] - last.times[-1]) / (2 * (last.times[-1] - last.times[-2])), 0.5)
     cycles = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
@@ -185,8 +189,9 @@ def features(signal: Signal) -> Features:
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     return Features(
         rest=float(np.median(middle[middle.size // 2 :])) if order == 0 else 0.0,
-        amplitude=extrapolated(first.times - t[0], _sizes(first)) / frequency**order,
-        final_amplitude=extrapolated((t[-1] - last.times)[::-1], _sizes(last)[::-1]) / frequency**order,
+        amplitude=extrapolate_to_start(first.times - t[0], _sizes(first)) / frequency**order,
+        final_amplitude=extrapolate_to_start((t[-1] - last.times)[::-1], _sizes(last)[::-1])
+        / frequency**order,
         frequency=frequency,
         period=period,
         cycles=float(cycles + before + after),
@@ -202,7 +207,7 @@ def features(signal: Signal) -> Features:
 
 
 def regular_runs(turns: Turning, noise: float) -> list[Turning]:
-    """Return the runs of turning points that are in phase and stand out of the noise, in their order."""
+    """Return runs of turning points with regular distances and ranges above the noise, in time order."""
     if turns.times.size < 3:
         return [turns]
     gaps = np.diff(turns.times)
@@ -216,12 +221,12 @@ def regular_runs(turns: Turning, noise: float) -> list[Turning]:
 
 
 def _join_across_holes(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
-    """Return `turns` and the runs that only holes separate from it and from each other, in their order."""
+    """Return `turns` and the runs before and after it that are separated only by gaps in the samples, in time order."""
     missing = holes(t, period)
     pieces = [turns]
 
     def follows(a: Turning, b: Turning) -> bool:
-        """Return whether run b comes after run a, with a hole and not much else between them."""
+        """Return whether run b follows run a with a gap and less than two other periods between them."""
         inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
         gap = b.times[0] - a.times[-1]
         return bool(gap > 0 and np.sum(inside[:, 1] - inside[:, 0]) > gap - 2 * period)
@@ -240,52 +245,54 @@ def _sizes(turns: Turning) -> np.ndarray:
     return np.abs(turns.values - midpoints(turns.values))
 
 
-def _swing(x: np.ndarray) -> np.ndarray:
-    """Return columns (..., 4) for half an oscillation, x (...) from −1/2 to 1/2 between its turning points."""
+def _half_cycle_basis(x: np.ndarray) -> np.ndarray:
+    """Return the basis 1, sin πx, cos πx − 1, x of a half cycle, (..., 4); x is −1/2 to 1/2 between turning points."""
     return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
 
 
 def crossing_times(
     t: np.ndarray, y: np.ndarray, turns: Turning, middle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return when a record crosses its midline between turning points.
+    """Return the times at which a record crosses its midline, between successive turning points.
 
-    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing.
+    A sinusoid with a slow drift is fitted to the samples in the middle half of each half cycle.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     turns
-        The turning points, k of them.
+        The k turning points.
     middle
-        The midline at these, (k,).
+        Midline at each of them, (k,).
 
     Returns
     -------
     tuple of np.ndarray
-        The times in s, and their weights, both (k − 1,): the swing's range squared times the number of samples.
+        Times in s, and their weights (squared range of the half cycle times the number of samples), each (k − 1,).
     """
     gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
     centres = (turns.times[:-1] + turns.times[1:]) / 2
     levels = (middle[:-1] + middle[1:]) / 2
     half = 0.25 * gaps
+    # Use wider windows where there are few samples.
     few = np.searchsorted(t, centres + half) - np.searchsorted(t, centres - half) < 4
     half = np.where(few, 0.6 * gaps, half)
     begins = np.searchsorted(t, centres - half)
     sizes = np.searchsorted(t, centres + half) - begins
     times = centres.copy()
     grid = np.linspace(-0.4, 0.4, 801)
-    for n, same in of_equal_size(sizes, 3, grid.size):
+    for n, same in group_by_size(sizes, 3, grid.size):
         rows = begins[same][:, None] + np.arange(n)
         x = (t[rows] - centres[same][:, None]) / gaps[same][:, None]
-        columns = _swing(x)[:, :, : 4 if n > 5 else 2]
+        columns = _half_cycle_basis(x)[:, :, : 4 if n > 5 else 2]
         values = (y[rows] - levels[same][:, None])[:, :, None]
         c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
-        curve = c @ _swing(grid)[:, : c.shape[1]].T
-        sign = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
-        crosses = np.flatnonzero(sign.any(axis=1))
-        j = np.argmin(np.where(sign[crosses], np.abs(grid[:-1]), np.inf), axis=1)
+        curve = c @ _half_cycle_basis(grid)[:, : c.shape[1]].T
+        # The sign change of the fitted curve that is nearest to the middle, by linear interpolation on the grid.
+        changes = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
+        crosses = np.flatnonzero(changes.any(axis=1))
+        j = np.argmin(np.where(changes[crosses], np.abs(grid[:-1]), np.inf), axis=1)
         before, after = curve[crosses, j], curve[crosses, j + 1]
         z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
         which = same[crosses]
@@ -295,14 +302,16 @@ def crossing_times(
 
 
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
-    """Return the period in s by a weighted line through crossings, of which those upwards may have an offset.
+    """Return the period in s, from a weighted line through the crossings against their number.
+
+    Upward crossings may have a constant delay against downward ones, because the midline is not known exactly.
 
     Parameters
     ----------
     crossings, weights
         Times in s at which the record crosses its midline, and their weights, each (k,).
     turning_times
-        Times in s of the turning points, for a record with too few crossings.
+        Times in s of the turning points, used if there are too few crossings.
     """
     if np.count_nonzero(weights) < 4:
         ready = crossings if crossings.size >= 3 else turning_times
@@ -313,14 +322,14 @@ def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.nd
     return float(np.linalg.lstsq(columns * root[:, None], crossings * root, rcond=None)[0][1])
 
 
-def extrapolated(times: np.ndarray, sizes: np.ndarray) -> float:
-    """Return the amplitude at time 0 by a smooth curve through the first amplitudes after it.
+def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:
+    """Extrapolate amplitudes to time 0, by a polynomial through the logarithms of the first ones.
 
     Parameters
     ----------
     times, sizes
-        Times in s and amplitudes, each (k,). Where the first time is later than half a period, its amplitude is
-        returned.
+        Times in s and amplitudes, each (k,). If the first time is later than about half a period, the first amplitude
+        is returned.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])

@@ -1,14 +1,14 @@
-"""Measure damping and frequency against amplitude from the record alone, without a damping law or a restoring law.
+"""Estimate damping and frequency as functions of the amplitude, without assuming a damping law or a restoring law.
 
-Sinusoids are fitted in short windows. A window of two periods or more, weighted by a raised cosine, isolates the
-oscillation: a second mode or a harmonic near twice its frequency or above hardly changes the fitted amplitude, whereas
-it changes turning points by its own size.
+First, sinusoids are fitted in short windows. The windows are at least two periods long and weighted by a raised cosine,
+so that a second mode or a harmonic at about twice the frequency or above hardly changes the fitted amplitude (it would
+change turning points by its own size).
 
-The amplitudes and phases are then smoothed. The amplitude, or a power of it, is a straight line in time plus an
-integrated random walk, so that the rate of decay may wander (a cubic smoothing spline: G. Wahba, 1978); the walk's size
-is unknown and averaged over by its marginal likelihood. The frequency is the slope of the phases, smoothed in the same
-way. A polynomial in the squared amplitude through it gives the energy of the oscillation, and with it the equivalent
-viscous damping ratio.
+Then amplitudes and phases are smoothed. The amplitude, or a power of it, is modelled as a straight line in time plus an
+integrated random walk, which lets the decay rate vary (a cubic smoothing spline: G. Wahba, 1978). The unknown variance
+of the walk is averaged over, weighted by its marginal likelihood. The frequency is the slope of the phases, smoothed in
+the same way. A polynomial of the frequency in the squared amplitude (the backbone curve) gives the energy of the
+oscillation, and from it the equivalent viscous damping ratio follows.
 """
 
 from __future__ import annotations
@@ -25,82 +25,83 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features, once_per_record
-from bayesdamp.records.oscillation.noise import of_equal_size
-from bayesdamp.records.oscillation.spectrum import averaged
+from bayesdamp.records.oscillation.noise import group_by_size
+from bayesdamp.records.oscillation.spectrum import block_means
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.units import Unit
 
 SHORTEST, LONGEST, SHARE = 2.0, 8.0, 0.05
-"""Shortest and longest window in periods, and its share of the record's cycles between these (conventional)."""
+"""A window has this fraction of the record's cycles, but at least `SHORTEST` and at most `LONGEST` periods
+(conventional)."""
 PER_WINDOW = 4
-"""Windows that begin within the length of one."""
+"""Windows overlap: this many start within the length of one (conventional)."""
 MOST, FEWEST = 100, 3
-"""Most windows (in a longer record they are further apart), and fewest."""
+"""Largest and smallest number of windows; in long records they are further apart (conventional)."""
 PER_CYCLE = 64
-"""Samples a cycle above which neighbours are averaged, which makes every amplitude 0.04 % smaller."""
+"""Neighbouring samples are averaged to about this many samples a cycle; this reduces all amplitudes by 0.04 %."""
 FEWEST_SAMPLES = 8
-"""Fewest samples of a window."""
+"""Smallest number of samples in a window."""
 COVERED = 0.6
-"""Share of a window's weight that samples must cover, so that windows over holes are left out."""
+"""Samples must cover at least this fraction of a window's weight, so that windows over gaps are left out."""
 FAR = 6.0
-"""Robust standard deviations from which a sample is left out of a window's fit."""
+"""Samples further than this many robust standard deviations from a window's fit are left out (conventional)."""
 ROUNDING = 0.29
-"""Standard deviation of a rounding error, in steps."""
+"""Standard deviation of a rounding error, 1/√12 of a step."""
 LEAST_ERROR = 1e-5
-"""Smallest relative error of an amplitude: below it the fit's own error rules."""
+"""Smallest relative error of an amplitude, which is that of the fitted model (conventional)."""
 NUGGET = 1e-3
-"""Share of the errors' variance that neighbouring windows do not share, which keeps the correlation matrix regular."""
+"""Fraction of the error variance that is independent between windows, which keeps the correlation matrix regular."""
 POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Powers of the amplitude (0: its log) that may be a straight line in time: drag makes the first one, viscous damping
-the middle one, dry friction the last (Box and Cox 1964)."""
+"""Powers of the amplitude (0: its log) that may be a straight line in time (Box and Cox 1964): the first one for drag,
+the middle one for viscous damping, the last one for dry friction."""
 WALKS = np.concatenate([[0.0], np.geomspace(1.0, 1e8, 9)])
-"""Variances of the random walk over the whole record, relative to those of the amplitudes' errors: none, and as
-much as the errors or more."""
+"""Possible variances of the random walk over the whole record, relative to the error variance of the amplitudes."""
 KNOWN = 4.0
-"""Number of amplitudes that the noise within the windows is worth, in addition to their scatter (conventional)."""
+"""The noise within the windows counts as much as this many amplitudes in the estimate of the variance
+(conventional)."""
 STEADY = 0.2
-"""Prior probability that there is no walk; its sizes share the rest. No power of a sum of dampings is a straight
-line, so that with 0.5 and smaller walks the intervals at the ends of a record were too narrow (of 104 records, one by a
-factor of 7; with these, of 3.5)."""
+"""Prior probability of no walk; the other variances share the rest. With 0.5 and smaller walks, the intervals at the
+ends of a record were too narrow, because no power of the amplitude is a straight line under a sum of dampings (measured
+on 104 records: the worst by a factor of 7; with the present values, 3.5)."""
 SYSTEMATIC = 5e-4
-"""Relative error of every rate, from averaging over a window."""
+"""Relative systematic error of decay rates, from averaging over a window."""
 SLOWER = 1.0
-"""Relative error of a frequency, in squares of the damping ratio: the phase of a decaying sinusoid is slower than the
-natural frequency by half of this square with viscous damping, by twice it with dry friction, whose alternating offset
-4 δ / π is at right angles to the sinusoid and grows relative to it."""
+"""Relative systematic error of a frequency, in units of the squared damping ratio. The phase of a decaying sinusoid is
+slower than the natural frequency by 0.5 of this unit for viscous damping, and by 2 for dry friction, whose alternating
+offset 4 δ / π is in quadrature with the sinusoid and grows relative to it."""
 TWO_SIDED = 1.96
-"""Standard deviations of a 95 % interval."""
+"""Half width of a 95 % interval in standard deviations."""
 DEGREE = 5
-"""Highest degree of the polynomial of log amplitudes that gives the times of amplitudes."""
+"""Highest degree of the polynomial of the log amplitude in time, from which the time of a given amplitude follows."""
 ROUNDS = 2
-"""Number of rounds that correct the amplitudes for the average over their windows."""
+"""Number of rounds that correct the amplitudes for the averaging over windows."""
 FLOORS = (0.0, 0.03, 0.1, 0.3, 1.0)
-"""Constant errors that are tried, relative to the smallest amplitude."""
+"""Constant errors of the amplitudes that are tried, relative to the smallest amplitude."""
 POINTS = 12
-"""Points of a curve that is drawn."""
+"""Largest number of points of the curves in reports."""
 INDEPENDENT = 1.5
-"""Windows' starts within one window over the number of independent estimates in it (of raised cosines)."""
+"""Number of independent estimates within the length of one window (for overlapping raised cosines)."""
 _X, _W = np.polynomial.legendre.leggauss(16)
 
 
 @dataclass(frozen=True)
 class Sinusoids:
-    """Fits in k windows, in the order of time.
+    """Sinusoids fitted in k windows, in time order.
 
     Attributes
     ----------
     times
-        Middles of the windows in s, (k,).
+        Middle times of the windows in s, (k,).
     amplitudes
-        In the unit of the record, (k,).
+        Amplitudes in the unit of the record, (k,).
     phases
-        In rad, continuous along the record, (k,).
+        Unwrapped phases in rad, (k,).
     errors
-        Standard errors of the phases, which are those of the amplitudes relative to themselves, (k,).
+        Standard errors of the phases, which equal the relative standard errors of the amplitudes, (k,).
     correlation
-        Of the errors of overlapping windows, (k, k).
+        Correlation matrix of the errors, because windows overlap, (k, k).
     widths
-        Of the windows in s, (k,).
+        Widths of the windows in s, (k,).
     """
 
     times: np.ndarray
@@ -123,25 +124,25 @@ class Sinusoids:
 
 
 def sinusoids(signal: Signal) -> Sinusoids:
-    """Fit a sinusoid of linearly changing amplitude and midline in each of many overlapping windows.
+    """Fit a sinusoid with linearly changing amplitude and midline in each of many overlapping windows.
 
-    Raises Refusal where the record is too short for three windows.
+    Raises Refusal if the record is too short for three windows.
     """
     measured = features(signal)
     block = max(int(measured.samples_per_cycle / PER_CYCLE), 1)
-    t, y = (averaged(np.asarray(values, float), block) for values in (signal.t, signal.y))
+    t, y = (block_means(np.asarray(values, float), block) for values in (signal.t, signal.y))
     first = max(float(t[0]), float(measured.swing_times[0]) - 0.75 * measured.period)
     last = min(float(t[-1]), float(measured.swing_times[-1]) + 0.75 * measured.period)
     crossings = measured.crossing_times
     if last - first > MOST * SHORTEST * measured.period and crossings.size > 1:
-        # Windows that hardly overlap do not show how many turns are between them: turning points do.
+        # Windows that hardly overlap do not determine the number of cycles between them; the crossings do. Stay within.
         first, last = max(first, float(crossings[0])), min(last, float(crossings[-1]))
     span = (last - first) / measured.period
     periods = max(min(float(np.clip(SHARE * measured.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
     inside = last - first - periods * measured.period
     count = int(np.clip(PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST, MOST))
     middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
-    # A first pace from neighbouring turning points, smooth, so that one spoilt point does no harm.
+    # First estimate of the local period, from neighbouring turning points; smoothed, because one may be wrong.
     turns = measured.turning_times
     local = np.full(middles.size, measured.period)
     if turns.size >= 3:
@@ -149,7 +150,7 @@ def sinusoids(signal: Signal) -> Sinusoids:
         if local.size >= 5:
             local = uniform_filter1d(median_filter(local, 5, mode="nearest"), 5, mode="nearest")
         local = np.interp(middles, turns[1:-1], local)
-    # The phases are more precise than turning points, which a second mode shifts: fit again with their pace.
+    # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
     times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, crossings)
     pace = np.interp(middles, times, np.gradient(phases, times))
     pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
@@ -157,8 +158,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
     widths = 2 * np.pi * periods / used
     noise = float(np.hypot(measured.roughness, ROUNDING * signal.step)) / np.sqrt(block)
     errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
-    # Estimates from overlapping raised cosines correlate by these windows' autocorrelation at their distance. One width
-    # for all keeps the matrix positive definite.
+    # The errors of overlapping windows correlate by the autocorrelation of the raised cosine at their distance. The
+    # same width is used for all, so that the matrix is positive definite.
     lag = np.minimum(np.abs(times[:, None] - times) / float(np.median(widths)), 1.0)
     turn = 2 * np.pi * lag
     overlap = (1 - lag) * (2 + np.cos(turn)) / 3 + np.sin(turn) / (2 * np.pi)
@@ -174,17 +175,18 @@ def _fit_windows(
     periods: float,
     crossings: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Fit windows of so many periods at `middles` (m,) with sinusoids of a pace (m,), in rad/s.
+    """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
-    crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, continuous phases,
-    noise gains and pace of the windows that have samples, (k,) each. Raises Refusal where these are too few.
+    crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
+    noise gains and angular frequencies of the windows with enough samples, (k,) each. Raises Refusal if there are too
+    few.
     """
     width = periods * 2 * np.pi / pace
     begins = np.searchsorted(t, middles - 0.5 * width)
     sizes = np.searchsorted(t, middles + 0.5 * width) - begins
     spacing = float(t[-1] - t[0]) / (t.size - 1)
     fits = np.full((3, middles.size), np.nan)
-    for n, same in of_equal_size(sizes, FEWEST_SAMPLES):
+    for n, same in group_by_size(sizes, FEWEST_SAMPLES):
         rows, wide = begins[same, None] + np.arange(n), width[same, None]
         u, values = t[rows] - middles[same, None], y[rows]
         angle, place = pace[same, None] * u, u / wide
@@ -207,7 +209,7 @@ def _fit_windows(
     if np.count_nonzero(good) < FEWEST:
         raise Refusal("the record has too few cycles to estimate damping and frequency")
     times, used, (amplitudes, phases, gains) = middles[good], pace[good], fits[:, good]
-    # Whole turns are added to the phases, so that they advance as the crossings of the midline count them.
+    # Unwrap the phases: their advance between windows must agree with the number of midline crossings.
     ahead = np.diff(times) * 0.5 * (used[1:] + used[:-1])
     if crossings.size > 1:
         counted = np.diff(np.interp(times, crossings, np.pi * np.arange(crossings.size)))
@@ -222,9 +224,9 @@ def _fit_windows(
 def _solve_weighted(
     columns: np.ndarray, values: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve weighted least squares in w windows with columns (w, n, 6), values and weights (w, n).
+    """Solve weighted least squares in w windows, with columns (w, n, 6), values and weights (w, n).
 
-    Return the coefficients (w, 6) and the matrices (w, 6, n) that give them.
+    Return the coefficients (w, 6), and the matrices (w, 6, n) that give them from the values.
     """
     weighted = np.swapaxes(columns * weight[:, :, None], 1, 2)
     inverse = np.linalg.pinv(weighted @ columns, hermitian=True) @ weighted
@@ -233,12 +235,12 @@ def _solve_weighted(
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves at k places along a record, each of shape (k,).
+    """Amplitude, damping ratio and frequency at k times of a record, each of shape (k,).
 
     Attributes
     ----------
     amplitude
-        Of the displacement, in rad or m.
+        Amplitude of the displacement, in rad or m.
     ratio, ratio_sd
         Equivalent viscous damping ratio, and its standard error.
     frequency, frequency_sd
@@ -259,13 +261,13 @@ class LawFree:
     Attributes
     ----------
     windows
-        The fits in windows.
+        Sinusoids fitted in windows.
     sizes
         Log amplitudes of the displacement in the windows, (k,).
     backbone
-        The frequency's polynomial.
+        Frequency as a polynomial in the squared amplitude.
     line
-        A polynomial log amplitude, by the place −1 to 1 along the record.
+        Log amplitude as a polynomial in time, which is scaled to −1 to 1.
     """
 
     windows: Sinusoids
@@ -275,23 +277,23 @@ class LawFree:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Return the first and last time that it covers, in s."""
+        """Return the middle times of the first and of the last window, in s."""
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return when the displacement has these amplitudes (rad or m), in s, within the span."""
+        """Return the times in s, within the span, at which the displacement has these amplitudes (rad or m)."""
         first, last = self.span
         grid = np.linspace(-1, 1, 401)
         falling = np.minimum.accumulate(self.line(grid))
         return first + 0.5 * (np.interp(-np.log(amplitudes), -falling, grid) + 1) * (last - first)
 
     def halfway(self) -> float:
-        """Return when the log amplitude is halfway between its first and its last, in s."""
+        """Return the time in s at which the log amplitude is halfway between its first and its last value."""
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     def at(self, times: np.ndarray) -> Curves:
-        """Evaluate the curves at times in s, shape (k,)."""
+        """Return amplitude, damping ratio and frequency at times in s, (k,)."""
         first, last = self.span
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
@@ -311,10 +313,10 @@ class LawFree:
 
 @once_per_record
 def law_free(signal: Signal) -> LawFree:
-    """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
+    """Fit and smooth the amplitude and frequency of a record. Raises Refusal if it has too few cycles."""
     windows = sinusoids(signal)
-    # The likeliest of several constant errors is added to those of the amplitudes: noise that was filtered to the
-    # oscillation's own band does not appear within a window, only between windows.
+    # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
+    # oscillation is not visible within a window, only between windows.
     least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.places
     options = [
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
@@ -326,7 +328,7 @@ def law_free(signal: Signal) -> LawFree:
     line = _fit_line(windows, sizes)
     backbone, phases = _fit_backbone(windows, np.exp(line(x))), windows.phases
     for _ in range(2 if order else 0):
-        # A derivative multiplies x = exp(iωt − σt) by iω − σ: amplitude and phase of the displacement.
+        # A time derivative multiplies x = exp(iωt − σt) by iω − σ. Convert amplitude and phase to the displacement.
         pace, rate = backbone.at(np.exp(line(x)))[0], -line.deriv()(x) / half
         sizes = log_sizes - order * np.log(np.hypot(pace, rate))
         line = _fit_line(windows, sizes)
@@ -336,7 +338,7 @@ def law_free(signal: Signal) -> LawFree:
     share = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * share) ** 2
     for _ in range(ROUNDS):
-        # A window's average amplitude is larger than the one in its middle where the curve is hollow.
+        # Correct for the average over a window, which is larger than at its middle if the curve is convex.
         curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x, with_slopes=False)[0])
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
@@ -344,9 +346,9 @@ def law_free(signal: Signal) -> LawFree:
 
 
 def amplitude_curves(signal: Signal) -> Curves:
-    """Evaluate the curves at up to `POINTS` times along a record, from the first on.
+    """Return amplitude, damping ratio and frequency at up to `POINTS` equidistant times of a record.
 
-    Raises Refusal where it has too few cycles.
+    Raises Refusal if it has too few cycles.
     """
     fit = law_free(signal)
     count = int(np.clip(fit.sizes.size // PER_WINDOW + 1, 2, POINTS))
@@ -354,7 +356,7 @@ def amplitude_curves(signal: Signal) -> Curves:
 
 
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
-    """Fit a polynomial to log amplitudes (k,)."""
+    """Fit a polynomial in time to log amplitudes (k,)."""
     degree = min(DEGREE, max(sizes.size // PER_WINDOW, 1))
     return np.polynomial.Polynomial.fit(windows.places, sizes, degree, w=1 / windows.errors)
 
@@ -366,10 +368,10 @@ def _smooth(
     powers: Sequence[float] = POWERS,
     with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth log amplitudes or phases (k,).
+    """Smooth log amplitudes or phases (k,), averaged over powers and sizes of the random walk.
 
-    Return those at places `at` (m,), their slopes by the place, and the variances of the slopes, these two empty where
-    they are not wanted.
+    Return the smoothed values at scaled times `at` (m,), their slopes and the variances of the slopes; the latter two
+    are empty without `with_slopes`.
     """
     fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
     logs = np.array([f.log for f in fits])
@@ -382,37 +384,33 @@ def _smooth(
 def _mix(
     weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and variance, (k,), of a mixture of curves with these weights (m,), values and sds, (m, k)."""
+    """Return mean and variance, (k,), of a mixture with weights (m,) of curves with means and sds (m, k)."""
     mean = weights @ np.array(values)
     return mean, weights @ (np.square(sds) + (np.array(values) - mean) ** 2)
 
 
 @dataclass(frozen=True)
 class Backbone:
-    """Angular frequency as a polynomial in the squared amplitude: several degrees, each with a weight.
+    """Angular frequency as a polynomial in the squared amplitude, averaged over several degrees.
 
     Attributes
     ----------
     largest
-        The amplitude by which amplitudes are divided.
+        Largest amplitude, by which amplitudes are divided.
     parts
-        Weight, coefficients (m,), and their covariance (m, m), of each degree.
+        For each degree, its weight, the coefficients (m,) and their covariance (m, m).
     """
 
     largest: float
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate at amplitudes (k,).
-
-        Return the frequency (rad/s), and the factor that turns a rate of decay (1/s) into a damping ratio, with its sd
-        (s).
-        """
+        """Return frequency (rad/s), and damping ratio over decay rate (s) with its sd, at amplitudes (k,)."""
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
         sds = []
         for (_, c, covariance), middle in zip(self.parts, curves, strict=True):
-            # One step along each principal axis of the coefficients' covariance.
+            # Error propagation: one standard deviation along each principal axis of the covariance.
             values, axes = np.linalg.eigh(covariance)
             total = np.zeros(a.size)
             for size, axis in zip(np.sqrt(np.maximum(values, 0.0)).tolist(), axes.T, strict=True):
@@ -424,28 +422,31 @@ class Backbone:
 
 
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the frequency at relative amplitudes a (k,), and the damping ratio over the rate of decay, (2, k).
+    """Return the frequency at relative amplitudes a (k,), and the damping ratio over the decay rate, as rows (2, k).
 
-    The damping ratio is the rate of decay of the energy over 2ω. The action of a nearly sinusoidal oscillation is
-    J = ωa²/2, and its energy E has dE/dJ = ω exactly.
+    The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²/2, and dE/dJ = ω gives
+    the energy E(a) = ∫ ω dJ. c: coefficients of ω in powers of a².
     """
     powers = np.arange(c.size)
 
     def pace(b: np.ndarray) -> np.ndarray:
         return np.maximum((b[..., None] ** (2 * powers)) @ c, 1e-6 * abs(c[0]) + 1e-300)
 
-    def bend(b: np.ndarray) -> np.ndarray:
+    def slope(b: np.ndarray) -> np.ndarray:
         return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
 
     inside = 0.5 * a[:, None] * (_X + 1)
     w = pace(inside)
-    energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * bend(inside))) @ _W)
+    energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * slope(inside))) @ _W)
     omega = pace(a)
-    return np.stack([omega, omega * a**2 * (2 + a * bend(a) / omega) / (4 * np.maximum(energy, 1e-300))])
+    return np.stack([omega, omega * a**2 * (2 + a * slope(a) / omega) / (4 * np.maximum(energy, 1e-300))])
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
-    """Fit the phases by integrals over time of the powers of the squared amplitude (k,)."""
+    """Fit the phases by time integrals of powers of the squared amplitude (k,), for up to three coefficients.
+
+    The numbers of coefficients are weighted by the Bayesian information criterion.
+    """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
     root = np.linalg.cholesky(windows.covariance)
@@ -473,7 +474,7 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
 @dataclass(frozen=True)
 class _Smoothed:
-    """One curve: log marginal likelihood; log amplitudes, their slopes by the place, and the slopes' sds, (k,)."""
+    """A smoothed curve: log marginal likelihood; log amplitudes, their slopes in scaled time and sds of these (k,)."""
 
     log: float
     sizes: np.ndarray
@@ -484,21 +485,22 @@ class _Smoothed:
 def _smooth_power(
     windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray, with_slopes: bool
 ) -> list[_Smoothed]:
-    """Smooth a power of the amplitude by a line and a random walk of each of the sizes.
+    """Smooth a power of the amplitude by a line plus a random walk, for each variance of the walk in `WALKS`.
 
-    logs: log amplitudes in the windows, (n,), whose relative errors have the windows' covariance. at: places where the
-    curve is wanted, (k,). with_slopes: whether its slopes and their sds are wanted too; else they are empty.
+    logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
+    curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty.
     """
     x = windows.places
     middle = logs.mean()
     base = np.exp(power * (logs - middle))
     values = logs - middle if power == 0 else (base - 1) / power
+    # Covariance of the transformed values, and kernel of the integrated random walk, which starts at the first window.
     noise = windows.covariance * np.outer(base, base)
     scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
     columns = np.stack([np.ones_like(x), x], axis=1)
     columns_at = np.stack([np.ones_like(at), at], axis=1)
     columns_slope = np.stack([0 * at, np.ones_like(at)], axis=1)
-    z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # distances from the start, where the walk begins
+    z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # scaled times from the start
     less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
     walk = less**2 * (3 * more - less) / 6
     less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
@@ -512,7 +514,7 @@ def _smooth_power(
         try:
             factor = cho_factor(noise / scale + ratio * walk, lower=True)
         except np.linalg.LinAlgError:
-            continue  # a walk so much larger than the errors leaves no digits of these
+            continue  # the walk is so much larger than the errors that the matrix is singular
         weighted = cho_solve(factor, columns)
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)
@@ -524,10 +526,10 @@ def _smooth_power(
             - float(np.sum(np.log(np.diag(factor[0]))))
             + 0.5 * float(np.linalg.slogdet(inverse)[1])
             - 0.5 * (free + KNOWN) * np.log(variance)
-            + float(np.sum(np.log(base)))  # densities are those of the log amplitudes
+            + float(np.sum(np.log(base)))  # Jacobian: all densities are those of the log amplitudes
         )
         level = columns_at @ c + ratio * walk_at @ off
-        # The curve may not leave the amplitudes.
+        # Keep the curve within 20 to 25 % of the amplitudes.
         stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
         sizes = middle + (level if power == 0 else np.log(stretched) / power)
         slopes = sds = np.empty(0)
@@ -545,9 +547,9 @@ def _smooth_power(
 
 @dataclass(frozen=True)
 class DampingAt:
-    """The equivalent viscous damping ratio at an amplitude (rad or m), with its standard error.
+    """The equivalent viscous damping ratio at an amplitude (rad or m), and its standard error.
 
-    It is the energy lost in a cycle over 4π times the energy of the oscillation at that amplitude; for a linear spring,
+    The ratio is the energy lost in a cycle over 4π times the energy of the oscillation; for a linear spring this is
     −(dA/dt)/(ωA).
     """
 
@@ -563,20 +565,20 @@ class DampingAt:
 
 @dataclass(frozen=True)
 class FirstWords:
-    """What a record shows before any model is fitted.
+    """Frequency and damping of a record, before any model is fitted.
 
     Attributes
     ----------
     frequency, frequency_low, frequency_high
-        In Hz, mean of the piece used, and its 95 % interval, nan where there are too few crossings for one.
+        Mean frequency in Hz, and its 95 % interval.
     damping
-        At the largest amplitude of the piece, the geometric mean, and the smallest that is clear of the noise.
+        Damping ratio at the largest amplitude, at the geometric mean, and at the smallest amplitude above the noise.
     cycles
-        Number above the noise.
+        Number of cycles above the noise.
     start, stop
-        Of the piece used, in s of the record's own times.
+        Start and stop of the part used, in s of the record's times.
     unit
-        "rad" or "m", of the amplitudes.
+        Unit of the amplitudes, "rad" or "m".
     """
 
     frequency: float
@@ -594,7 +596,7 @@ class FirstWords:
         return self.damping[1].quality
 
     def in_unit(self, unit: Unit) -> FirstWords:
-        """Return the same with amplitudes in a record's own unit of displacement."""
+        """Return a copy with amplitudes in the record's unit of displacement."""
         own = unit.displacement
         if own.base != self.unit:
             return self
@@ -602,7 +604,7 @@ class FirstWords:
         return replace(self, damping=(top, middle, least), unit=own.name)
 
     def sentence(self) -> str:
-        """Write it as a sentence; half a 95 % interval follows each ±."""
+        """Return frequency and damping as a sentence; the number after ± is half the width of the 95 % interval."""
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
         near = half < self.frequency
@@ -628,9 +630,9 @@ class FirstWords:
 
 
 def first_words(signal: Signal) -> FirstWords:
-    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without a damping law.
+    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without assuming a damping law.
 
-    Raises Refusal where the record does not oscillate.
+    Raises Refusal if the record does not oscillate.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)

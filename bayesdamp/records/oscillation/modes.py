@@ -10,80 +10,82 @@ from typing import Literal
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.records.oscillation.features import LEAST_SHARE, wandering
+from bayesdamp.records.oscillation.features import LEAST_SHARE, reason_not_oscillating
 from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import averaged, coarse_period
+from bayesdamp.records.oscillation.spectrum import block_means, coarse_period
 from bayesdamp.records.oscillation.turning import zigzag
 
 MOST = 1500
-"""Samples that are fitted at most; in longer records, neighbours are averaged as long as `PER_CYCLE` samples remain in
-a period."""
+"""Most samples that are fitted. In longer records neighbouring samples are averaged, but at least `PER_CYCLE` samples
+remain in a period (conventional)."""
 PER_CYCLE = 12
 APART = 0.6
-"""Distance of two frequencies, in 1 over the record's length, from which they are sought as two lines."""
+"""A new mode is searched only if its start frequency differs from those of the present modes by at least this, in units
+of 1 / (duration of the record)."""
 PADDED = 4
-"""Times its length to which a record is padded before its spectrum is taken."""
+"""Before its spectrum is computed, a record is padded with zeros to this many times its length."""
 SEARCHED = 6_000
-"""Samples that a search uses of a longer record, drawn from all of it at random, so that there is no aliasing; the
-result is judged on all samples."""
+"""Most samples for a search. From a longer record so many are drawn at random (which avoids aliasing); the result is
+then judged on all samples (conventional)."""
+# Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 EXPLAINED = 0.95
-"""Share of what one damped sinusoid leaves that a second must explain, and of the whole that both must."""
+"""Two damped sinusoids must explain at least this fraction of the variance, and one alone at least so much for a record
+of one oscillation."""
 SIGMAS = 6.0
-"""Standard errors of a rate from which an oscillation grows."""
+"""An oscillation grows if its decay rate is below zero by more than this many standard errors."""
 GROWN = 1.05
-"""Factor by which an oscillation must grow over the record."""
+"""Smallest factor by which a growing oscillation grows over the record."""
 CLOSE = 0.2
-"""Relative distance of two frequencies below which only a rising amplitude distinguishes their sum from one oscillator:
-the frequency of one oscillator may change with its amplitude by so much."""
+"""If two frequencies differ by less than this, relatively, they may be one oscillator whose frequency changes with its
+amplitude; then only a rising amplitude shows that they are two."""
 HARMONIC = 0.05
-"""Relative distance from a whole multiple of the first frequency below which a second is one oscillator's harmonic."""
+"""A second frequency this close to a multiple of the first, relatively, counts as a harmonic of one oscillator."""
 LIFTED = 0.05
-"""Rise of the amplitude, relative to itself then, from which close frequencies are two oscillations."""
+"""Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction."""
 CLEAR = 3.0
-"""Standard deviations of a sample by which a range of a period must exceed an earlier one; its own is about one."""
+"""A rise counts if it exceeds this many standard deviations of a sample's noise."""
 TOGETHER = 2
-"""Swings that must rise together."""
+"""Number of successive periods that must rise together."""
 GONE, PASSING = 0.01, 15.0
-"""Share of the first oscillation to which a second one must fall within so many cycles to be a passing one."""
+"""A second oscillation that falls below this fraction of the first within so many cycles is only a transient."""
 STEADY = 0.1
-"""Share of the other's decay rate below which a drive sustains an oscillation."""
+"""An oscillation counts as sustained by a drive if its decay rate is below this fraction of the other one's."""
 HOLE = 0.2
-"""Part of a period without a sample in which a turning point may be missed."""
+"""Periods that contain a gap longer than this fraction of the period are not used, because a peak may be missing."""
 CYCLES = 3.0
-"""Cycles of the slower mode below which nothing is decided."""
+"""Smallest number of cycles of the slower mode for a decision."""
 WANDERING = 8.0
-"""Cycles of a smaller, slower oscillation that does not decay below which it is a base line that wanders."""
+"""A smaller, slower oscillation that does not decay and has fewer cycles than this is a drift of the baseline."""
 UNSEEN = 3.0
-"""Standard errors of a rate below which no decay is seen."""
+"""A decay rate of fewer standard errors than this is not significant."""
 SUSTAINED = 0.05
-"""Fall of the amplitude over a record, or over its last third, below which something sustains it: for damping by a
-power of the velocity up to the third, an amplitude that has halved falls by 10 % and more in the last third."""
+"""An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
+a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
 HALVED = 2.0
-"""Factor by which the amplitude falls at least before it stays."""
+"""Smallest factor by which the amplitude falls before it stays constant."""
 AGAIN, RISES, SLOWLY = 1.5, 4, 3
-"""Factor by which an amplitude rises, how many times, and in how many periods at least, where it is excited
-throughout."""
+"""An amplitude that is excited throughout rises by at least this factor, so many times, and over so many periods."""
 RISING = 0.25
-"""Share of the record in which it does so, at least: half where chance does it, little where a hand lets go again and
-again."""
+"""Smallest fraction of the record in which it rises: random excitation gives a half, repeated releases little."""
 ABOVE = 20.0
-"""Standard deviations of a sample by which a range of a period must exceed it, to be an oscillation that stays."""
+"""An oscillation that stays constant must have a range of at least this many standard deviations of a sample's
+noise."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Damped sinusoids, the largest first.
+    """Damped sinusoids fitted to a record, the largest first.
 
     Attributes
     ----------
     frequencies
-        In Hz, (k,).
+        Frequencies in Hz, (k,).
     rates, errors
-        Decay rates in 1/s, below 0 where they grow, and their standard errors, each (k,).
+        Decay rates in 1/s (negative for growth), and their standard errors, each (k,).
     first, last
-        Amplitudes at the first and the last time, each (k,).
+        Amplitudes at the first and at the last time, each (k,).
     left
-        Share of the variance about the midline that they do not explain.
+        Fraction of the variance about the midline that the fit does not explain.
     """
 
     frequencies: np.ndarray
@@ -95,19 +97,25 @@ class Modes:
 
     @property
     def ratios(self) -> np.ndarray:
-        """Damping ratios of the modes, (k,), each decay rate over its undamped angular frequency."""
+        """Return the damping ratios, (k,): decay rate over undamped angular frequency."""
         return self.rates / np.hypot(self.rates, 2 * np.pi * self.frequencies)
 
 
 def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
-    """Fit one damped sinusoid and a constant to a record, then two, and so on, until no search converges.
+    """Fit a constant and one damped sinusoid to a record, then two, and so on, until no search converges.
 
-    Amplitudes and phases are linear and solved for, frequencies and rates searched from the spectrum's lines.
+    Amplitudes and phases are linear and are eliminated (variable projection); frequencies and decay rates are searched,
+    starting from lines of the spectrum.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
+
+    Yields
+    ------
+    Modes
+        The fit with one mode more.
 
     References
     ----------
@@ -125,6 +133,7 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
         order = np.argsort(-np.maximum(size, ends))
         misfit = float(rest @ rest)
         variance = misfit / max(t.size - columns.shape[1] - points.size, 1)
+        # Standard errors from the Jacobian of all parameters, linear and nonlinear.
         both = np.column_stack([columns, _slopes(t, columns, c)])
         spread = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(both.T @ both)), 0.0))
         errors = spread[columns.shape[1] + 1 :: 2]
@@ -133,7 +142,10 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
 
 
 def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return 1, and cosine and sine of each mode, (n, 1 + 2k); points: angular frequencies and rates, (k, 2)."""
+    """Return the columns of the linear fit, (n, 1 + 2k): 1, then damped cosine and sine of each mode.
+
+    points: angular frequency and decay rate of each mode, (k, 2).
+    """
     parts = [np.ones_like(t)]
     for omega, rate in points:
         fall = np.exp(-np.clip(rate * t, -50, 50))
@@ -142,7 +154,7 @@ def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Return the derivatives of columns (n, 1 + 2k) times c by angular frequencies and rates in turn, (n, 2k)."""
+    """Return the derivatives of `columns @ c` by angular frequency and decay rate of each mode in turn, (n, 2k)."""
     slopes = np.empty((t.size, c.size - 1))
     for i in range(1, c.size, 2):
         pair = columns[:, i : i + 2]
@@ -159,17 +171,17 @@ def _residuals(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _add_mode(
     t: np.ndarray, y: np.ndarray, points: np.ndarray, rest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the best fit with one mode more: its points, (k + 1, 2), and residuals, (n,); None without convergence.
+    """Return the best fit with one more mode, as points (k + 1, 2) and residuals (n,); None if no search converges.
 
-    It is searched from the strongest line of the residuals `rest` of the fit with modes `points`, (k, 2), and from
-    frequencies near these modes.
+    The search for the new mode starts at the strongest line in the spectrum of the residuals `rest` of the fit with
+    modes `points`, (k, 2), and at frequencies beside these modes.
     """
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(0.0, t[-1], spacing)
     values = np.interp(grid, t, rest)
     size = PADDED * grid.size
     power = np.abs(np.fft.rfft(values * np.hanning(grid.size + 2)[1:-1], size)) ** 2
-    power[: PADDED * 2] = 0.0  # less than two cycles in a record are a drift
+    power[: PADDED * 2] = 0.0  # fewer than two cycles in the record are a drift
     bin_width = 2 * np.pi / t[-1]
     starts = [2 * np.pi * float(np.argmax(power)) / (size * spacing)]
     starts += [omega + side * bin_width for omega, _ in points for side in (-1.5, 1.5)]
@@ -191,12 +203,12 @@ def _add_mode(
         inverse = np.linalg.pinv(columns)
         c = inverse @ few_y
         of_columns = _slopes(few, columns, c)
-        turned = np.zeros((c.size, c.size - 1))  # the columns' own derivatives times the residuals
+        by_residuals = np.zeros((c.size, c.size - 1))  # derivatives of the columns times the residuals
         along = (few * (few_y - columns @ c)) @ columns
         for i in range(1, c.size, 2):
-            turned[i : i + 2, i - 1] = -along[i + 1], along[i]
-            turned[i : i + 2, i] = -along[i : i + 2]
-        return (columns @ (inverse @ of_columns) - of_columns - inverse.T @ turned) * scale
+            by_residuals[i : i + 2, i - 1] = -along[i + 1], along[i]
+            by_residuals[i : i + 2, i] = -along[i : i + 2]
+        return (columns @ (inverse @ of_columns) - of_columns - inverse.T @ by_residuals) * scale
 
     best: tuple[np.ndarray, np.ndarray] | None = None
     for omega in starts:
@@ -219,27 +231,28 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the record with at most `MOST` samples, or `PER_CYCLE` a period where that is more, by block averages."""
+    """Average a record in blocks to at most `MOST` samples, or `PER_CYCLE` samples a period if that is more."""
     cycles = float(t[-1] - t[0]) / period
     block = int(max(t.size // max(MOST, round(PER_CYCLE * cycles)), 1))
     block = min(block, max(int(period * t.size / float(t[-1] - t[0]) / PER_CYCLE), 1))
-    return averaged(t, block), averaged(y, block)
+    return block_means(t, block), block_means(y, block)
 
 
 @dataclass(frozen=True)
 class OtherMotion:
-    """The motion of a record that is not the free decay of one oscillator.
+    """A motion that is not the free decay of one oscillator.
 
     Attributes
     ----------
     kind
-        What it is.
+        Kind of the motion. "steady" stays constant, "driven" is a decay beside a sustained oscillation, "excited" is
+        excited throughout.
     modes
-        The oscillation that grows or stays, or both oscillations. Of one that is excited throughout, rates are nan, and
-        amplitudes the least and the largest.
+        The oscillation or the two oscillations. For "excited", the rates are NaN, and the amplitudes are the smallest
+        and the largest one.
     size
-        Of the second mode, relative to the largest amplitude of the first. Of growth, the factor by which it grows,
-        less 1; of one that stays, 1; of one that is excited throughout, how many times its amplitude rises.
+        For two modes, the largest amplitude of the second relative to that of the first; for "growing", the factor of
+        growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -250,29 +263,29 @@ class OtherMotion:
 def find_other_motion(
     t: np.ndarray, y: np.ndarray, period: float, harmonics: bool = False
 ) -> OtherMotion | None:
-    """Return what a record is, if not the free decay of one oscillator; None where nothing contradicts that.
+    """Return the motion of a record that is not the free decay of one oscillator; None if it may be one.
 
-    A second mode is accepted where two damped sinusoids explain nearly all, one does not, and both together do what no
-    single oscillator does, be it linear or not: another frequency that is not a harmonic, or an amplitude that rises,
-    or falls and then stays.
+    A second mode is accepted if two damped sinusoids explain nearly all of the record and one does not, and if a single
+    (also nonlinear) oscillator cannot move so: because the second frequency is not a harmonic, or the amplitude rises,
+    or it falls and then stays constant.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        About the period of the oscillation, s.
+        Approximate period of the oscillation, s.
     harmonics
-        Whether a second mode at a whole multiple of the frequency, or one that soon decays, is accepted too.
+        Whether to accept also a second mode at a multiple of the frequency, or one that soon decays.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
         return None
-    return _other_by_modes(t, y, harmonics) or excited(t, y, period)
+    return _other_by_modes(t, y, harmonics) or find_excited(t, y, period)
 
 
 def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotion | None:
-    """Return the motion of which one damped sinusoid that does not decay is the fit, or two are."""
+    """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay."""
     fits = damped_modes(t, y)
     single = next(fits, None)
     if single is None or single.left >= 1:
@@ -288,22 +301,22 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
     two = next(fits, None)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * single.left:
         return None
-    if not harmonics and passing(two, duration / 4):
+    if not harmonics and transient_duration(two, duration / 4):
         return None
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
     slowest, fastest = sorted(two.rates.tolist())
-    # Steady: it does not halve in the record, while the other decays.
+    # Steady: the slower mode does not halve during the record, while the other one decays.
     steady = abs(slowest) < min(STEADY * fastest, np.log(HALVED) / duration)
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * duration < CYCLES:
         return None
     slow = int(np.argmin(two.frequencies))
     if slow == 1 and f * duration < WANDERING and two.rates[slow] < UNSEEN * two.errors[slow]:
-        return None  # a base line that wanders
+        return None  # a drift of the baseline
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        # The amplitude has fallen and stays, clear of the noise, for the last third; so does the slower mode.
+        # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
         last = ranges[-(ranges.size // 3) :]
         levels = steady and last.size >= 3 * TOGETHER
         levels = levels and ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise
@@ -311,7 +324,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
-        if lifted(ranges, noise) < LIFTED and not levels:
+        if relative_rise(ranges, noise) < LIFTED and not levels:
             return None
         return OtherMotion("driven" if steady else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
@@ -320,35 +333,35 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
     return OtherMotion("driven" if steady else "two modes", two, size)
 
 
-def excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
-    """Return the motion of a record whose amplitude rises again and again, as slowly as it falls, and ends unchanged.
+def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
+    """Return the motion of a record that is excited throughout, by random forces or a hand.
 
-    Random forces do this, or a hand that keeps pushing.
+    Its amplitude rises repeatedly, about as slowly as it falls, and is at the end about as large as at the start.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        Of the oscillation, in s.
+        Period of the oscillation, in s.
 
     Returns
     -------
     OtherMotion or None
-        None where the amplitude does not behave so.
+        The motion; None if the amplitude does not behave like this.
     """
     ranges = _ranges(t, y, period)
     if ranges.size < 3 * RISES * SLOWLY:
         return None
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
-    if not before < HALVED * after < HALVED**2 * before:  # also where the first third is constant
+    if not before < HALVED * after < HALVED**2 * before:  # written so that it also holds if a median is 0
         return None
     noise = roughness(t, y, period)
     if (
         ranges.min() <= CLEAR * noise
         or coarse_period(t, y)[1] < LEAST_SHARE
-        or wandering(t, y, period, noise)
+        or reason_not_oscillating(t, y, period, noise)
     ):
         return None
     turns, _ = zigzag(np.log(ranges), np.full(ranges.size, np.log(AGAIN)))
@@ -360,10 +373,10 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
     return OtherMotion("excited", modes, float(len(rises)))
 
 
-def passing(two: Modes, longest: float) -> float:
-    """Return for how long, in s, the faster decaying of two modes is seen at the beginning of a record.
+def transient_duration(two: Modes, longest: float) -> float:
+    """Return for how long, in s, the faster decaying of two modes is visible, if it is only a transient; else 0.
 
-    0 where that is more than a few cycles, or more than `longest`, s: then it is a mode, and not a filter's ringing.
+    It is a transient, such as the ringing of a filter, if it lasts at most `PASSING` cycles and at most `longest`, s.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))
@@ -372,26 +385,26 @@ def passing(two: Modes, longest: float) -> float:
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the ranges of whole periods without a hole, in order."""
+    """Return the range (maximum minus minimum) of each period without a gap in the samples, in time order."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE * period, 2.5 * float(np.median(np.diff(t))))
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
     return np.array([np.ptp(y[a:b]) for a, b in long if np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest])
 
 
-def lifted(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:
-    """Return by how much an amplitude significantly rises again after it has fallen, relative to itself then.
+def relative_rise(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:
+    """Return by how much an amplitude rises significantly after it has fallen, relative to its value after the rise.
 
-    Damping of any law takes energy: for one oscillator this is noise.
+    Any damping removes energy, so for a free decay of one oscillator the result is about 0.
 
     Parameters
     ----------
     ranges
-        Ranges of periods or of swings, (n,), in their order.
+        Ranges of successive periods or half cycles, (n,).
     noise
         Standard deviation of a sample.
     together
-        The largest of so many ranges in a row is compared with the least of as many later ones.
+        The largest of this many successive ranges is compared with the smallest of as many later ones.
     """
     if ranges.size < 2 * together:
         return 0.0

@@ -1,4 +1,4 @@
-"""Estimate the noise of a record: what a smooth oscillation does not explain in windows of about a period."""
+"""Estimate the noise of a record from residuals of smooth oscillations, fitted in windows of about a period."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from collections.abc import Iterator
 import numpy as np
 
 ENOUGH = 512
-"""Windows that suffice for the median of their noise: it is known to a per cent or better."""
+"""Number of windows from which the median noise is computed; it is then known to 1 % or better."""
 TALL = 200
-"""Samples in a window from which normal equations are used."""
+"""From this number of samples in a window, the least-squares problem is solved by its (faster) normal equations."""
 BLOCK = 200_000
-"""Samples that are fitted at a time: some 40 MB of columns."""
+"""Number of samples that are fitted at once, which limits the memory to about 40 MB."""
 
 
 class _Fits:
-    """Least squares in windows of n samples each: phases x and values, both (w, n).
+    """Least-squares fits in w windows of n samples each; phases x and values are (w, n).
 
-    The columns are sinusoids, overtones and slow changes, as many as half the number of samples allows.
+    The columns are sinusoids, harmonics, and both times powers of time (slow changes); at most half as many columns as
+    samples are used.
     """
 
     def __init__(self, x: np.ndarray, values: np.ndarray) -> None:
         self.values = values
         most = x.shape[1] // 2
-        # Equally spaced samples have the same design in all windows, which is inverted once.
+        # With equally spaced samples all windows have the same columns, which are inverted once.
         self.is_uniform = len(x) > 1 and float(np.abs(x - x[0]).max()) < 1e-9
         x = x[:1] if self.is_uniform else x
         u = x / np.maximum(np.abs(x).max(axis=-1, keepdims=True), 1e-300)
@@ -40,25 +41,25 @@ class _Fits:
         self.free = x.shape[1] - self.columns.shape[2]
 
     def residuals(self) -> np.ndarray:
-        """Return the residuals of fits to all samples, (w, n)."""
+        """Return the residuals of unweighted fits, (w, n)."""
         if self.is_uniform:
             return self.values - (self.values @ self.inverse[0].T) @ self.columns[0].T
         return self.values - (self.columns @ (self.inverse @ self.values[:, :, None]))[:, :, 0]
 
     def weighted_residuals(self, which: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the residuals of fits with weights (v, n) in the windows `which`, (v,)."""
+        """Return the residuals (v, n) of fits with weights (v, n) in the windows with indices `which`, (v,)."""
         columns = self.columns if self.is_uniform else self.columns[which]
         values = self.values[which]
         inverse = _inverse(columns * weights[:, :, None])
         return values - (columns @ (inverse @ (values * weights)[:, :, None]))[:, :, 0]
 
     def robust_residuals(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return residuals (w, n) and noise sd (w,) of fits without outliers."""
+        """Return residuals (w, n) and noise standard deviations (w,) of fits that leave out outliers."""
         count, n = self.values.shape
         plain = rest = self.residuals()
         scale = _scale(rest)
         weights = np.ones_like(rest)
-        for _ in range(5):  # towards least absolute distances, for a start that spikes do not affect
+        for _ in range(5):  # reweighting towards least absolute residuals, which spikes do not affect
             far = np.flatnonzero(np.abs(rest).max(axis=1) > 4 * scale[:, 0])
             if far.size == 0:
                 break
@@ -66,6 +67,7 @@ class _Fits:
             rest = rest.copy()
             rest[far] = self.weighted_residuals(far, weights[far])
             scale[far] = _scale(rest[far])
+        # Then leave out outliers, and repeat until the set of outliers does not change.
         least, inside = n - self.free + 3, 5 * np.sqrt(n / self.free)
         good = np.abs(rest) <= inside * scale
         good[good.sum(axis=1) < least] = True
@@ -85,22 +87,22 @@ class _Fits:
         return rest, np.sqrt(squares / np.maximum(good.sum(axis=1) - (n - self.free), 1))
 
 
-def of_equal_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tuple[int, np.ndarray]]:
-    """Return the windows of each number of samples, which are fitted together.
+def group_by_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tuple[int, np.ndarray]]:
+    """Group windows with the same number of samples, so that they can be fitted together.
 
     Parameters
     ----------
     sizes
         Number of samples in each window, (w,).
     least
-        Fewest samples of a window that is fitted.
+        Windows with fewer samples are skipped.
     values
-        Number of values in each window besides its samples.
+        Number of other values that are stored for each window.
 
     Yields
     ------
     tuple
-        The number of samples, and the windows, at most as many as have `BLOCK` samples or values.
+        The number of samples, and indices of windows that together have at most about `BLOCK` samples or values.
     """
     for n in np.unique(sizes[sizes >= least]).tolist():
         same = np.flatnonzero(sizes == n)
@@ -109,43 +111,43 @@ def of_equal_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tu
 
 
 def _inverse(columns: np.ndarray) -> np.ndarray:
-    """Return pseudo-inverses (w, k, n) of columns (w, n, k).
+    """Return the pseudo-inverses (w, k, n) of columns (w, n, k).
 
-    Tall ones are inverted by their k normal equations, a tenth of the work.
+    If n is large, the normal equations are used, which takes a tenth of the time.
     """
     if columns.shape[1] < TALL:
         return np.linalg.pinv(columns, rcond=1e-10)
-    turned = np.swapaxes(columns, 1, 2)
-    return np.linalg.pinv(turned @ columns, rcond=1e-13, hermitian=True) @ turned
+    transposed = np.swapaxes(columns, 1, 2)
+    return np.linalg.pinv(transposed @ columns, rcond=1e-13, hermitian=True) @ transposed
 
 
 def _scale(rest: np.ndarray) -> np.ndarray:
-    """Return the robust standard deviation of each row, (w, 1)."""
+    """Return a robust standard deviation (from the median absolute value) of each row, (w, 1)."""
     return 1.4826 * np.median(np.abs(rest), axis=1, keepdims=True) + 1e-300
 
 
 def residuals(
     t: np.ndarray, y: np.ndarray, period: float, most: int | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a smooth oscillation in windows of a period, or more where a period has few samples.
+    """Return the residuals of smooth oscillations that are fitted in windows of a period.
 
-    The windows do not overlap. In each, samples further than five robust standard deviations from a first fit are left
-    out of a second.
+    A window has at least 14 samples; windows do not overlap. In each, outliers of a first fit (five robust standard
+    deviations) are left out.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        Of the oscillation, in s.
+        Period of the oscillation, in s.
     most
-        Where there are more windows, so many are fitted, evenly spread; NaN in the others.
+        If there are more windows, only this many, evenly spread, are fitted; the results of the others are NaN.
 
     Returns
     -------
     tuple of np.ndarray
-        Residual of each sample, (n,); noise sd of each window, (m,); window of each sample, (n,). NaN where a window
-        has too few samples.
+        Residual of each sample, (n,); noise standard deviation of each window, (m,); index of the window of each
+        sample, (n,). NaN for windows with too few samples.
     """
     spacing = (t[-1] - t[0]) / (t.size - 1)
     length = max(period, 14 * spacing)
@@ -156,7 +158,7 @@ def residuals(
     starts = np.searchsorted(window, np.arange(count + 1))
     sizes = np.diff(starts)
     every = np.arange(count) if most is None or count <= most else np.linspace(0, count - 1, most).astype(int)
-    for n, same in of_equal_size(sizes[every], 7):
+    for n, same in group_by_size(sizes[every], 7):
         at = starts[every[same]][:, None] + np.arange(n)
         x = 2 * np.pi * (t[at] - (t[at[:, :1]] + t[at[:, -1:]]) / 2) / period
         rest[at], sd[every[same]] = _Fits(x, y[at]).robust_residuals()
@@ -164,6 +166,6 @@ def residuals(
 
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return the standard deviation of the noise of y (n,), in its unit: the median over windows of about a period."""
+    """Return the standard deviation of the noise of y (n,): the median over windows of about a period."""
     sd = residuals(t, y, period, ENOUGH)[1]
     return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0

@@ -1,42 +1,45 @@
-"""Estimate the period of a decaying oscillation coarsely: by the local sinusoid that explains most of a record."""
+"""Estimate the period of a decaying oscillation coarsely, as that whose sinusoids explain most of the record."""
 
 from __future__ import annotations
 
 import numpy as np
 
 MOST = 16384
-"""Samples that the search uses at most; longer records are averaged in blocks."""
+"""Most samples for the search; longer records are averaged in blocks (conventional)."""
 SHORTEST = 4.0
-"""Samples in the shortest period that is searched."""
+"""Number of samples in the shortest period that is searched."""
 LOST = 0.5
-"""Share of the variance below which an average over blocks has lost the oscillation."""
+"""If block averaging leaves less than this fraction of the variance, the oscillation may be lost."""
 UNSURE = 0.5
-"""Share of the variance that an oscillation must have in an average over blocks to be accepted."""
+"""An oscillation in block averages is accepted if it has at least this fraction of their variance."""
 WITHIN = 4.5
-"""Blocks of a period below which their averages do not show it."""
+"""A period of fewer blocks than this may be an alias of a faster oscillation."""
 LINE = 4
-"""Bins of a spectrum to either side of its highest that the line of a decaying oscillation covers, about."""
+"""Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
 WEAK = 0.1
-"""Share of the strongest period's power below which another is ignored."""
+"""A period with less than this fraction of the strongest period's power is ignored."""
 
 
-def averaged(values: np.ndarray, block: int) -> np.ndarray:
-    """Return the means of blocks of so many neighbouring values (n,)."""
+def block_means(values: np.ndarray, block: int) -> np.ndarray:
+    """Return the means of successive blocks of `block` values (n,); an incomplete last block is dropped."""
     return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
 
 
 def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Interpolate y (n,) linearly on equally spaced times: return their spacing in s and the values, (m ≤ MOST,)."""
+    """Return the spacing in s and the values, (m ≤ MOST,), of a record on equally spaced times.
+
+    Long records are averaged in blocks first; then values are interpolated linearly.
+    """
     block = -(-t.size // MOST)
-    t, y = averaged(t, block), averaged(y, block)
+    t, y = block_means(t, block), block_means(y, block)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
     return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the samples in a cycle of the line that has most of a record's power, nan where it is not isolated.
+    """Return the number of samples in a cycle of the strongest spectral line; NaN if no line has most of the power.
 
-    Between 2 and 4, a record oscillates but is sampled too coarsely to be followed.
+    With fewer than 4, a record is sampled too coarsely to follow its oscillation.
 
     Parameters
     ----------
@@ -52,20 +55,21 @@ def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
     return values.size / top
 
 
-def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
-    """Return how much of a record sinusoids of one period explain, in windows of two periods.
+def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
+    """Return how much of a record sinusoids of a given period explain, fitted in windows of two periods.
 
     Parameters
     ----------
     y
         Equally spaced values, (n,).
     samples
-        In a period.
+        Number of samples in a period.
 
     Returns
     -------
     tuple of float
-        The explained mean square beyond that of white noise, and its share of all but the trend.
+        The explained mean square minus that expected for white noise, and its fraction of the mean square about the
+        trend.
     """
     length = int(min(max(round(2 * samples), 7), y.size))
     u = np.linspace(-1.0, 1.0, length)
@@ -74,7 +78,7 @@ def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
     basis = np.stack([*trend, np.cos(angle), np.sin(angle)])
     windows = np.lib.stride_tricks.sliding_window_view(y, length)[:: max(1, length // 4)]
     windows = windows - windows.mean(axis=1, keepdims=True)
-    # The Cholesky factor makes the basis orthonormal in its order: the sinusoid beyond the trend comes last.
+    # The inverse Cholesky factor orthonormalises the basis in its order; the sinusoid comes after the trend.
     factor = np.linalg.cholesky(basis @ basis.T)
     power = (np.linalg.inv(factor) @ (basis @ windows.T)) ** 2
     wave = power[-2:].sum(axis=0)
@@ -86,9 +90,9 @@ def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
 
 
 def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return the period in s, to a few per cent, and the share 0..1 that the oscillation has in the record.
+    """Return the period in s, to a few per cent, and the fraction of the variance that the oscillation explains.
 
-    The period is an average where it changes with the amplitude. The share is near 0 for noise.
+    If the period changes with the amplitude, it is an average. For noise the fraction is about 0.
 
     Parameters
     ----------
@@ -99,9 +103,9 @@ def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
-    """Return up to `most` periods with their shares, the most powerful first, as `coarse_period`.
+    """Return up to `most` pairs of period and fraction as in `coarse_period`, the strongest first.
 
-    Where a hand moves the object to and fro, the first may be the hand's.
+    If a hand moves the object to and fro in a part of the record, the first period may be that of the hand.
     """
     spacing, coarse = on_grid(t, y)
     periods = _search_periods(coarse, spacing, most)
@@ -109,23 +113,23 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
         return periods
     left = float(np.var(coarse) / np.var(y))
     if left < LOST or periods[0][1] < UNSURE or periods[0][0] < WITHIN * spacing:
-        # Averages over blocks miss what swings within one or a few: use the samples of the piece that varies most.
+        # Block averages hide fast oscillations: search also in the samples of the piece with the largest variance.
         ends = np.arange(MOST, t.size + 1, MOST)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)
         finer, values = on_grid(t[piece], y[piece])
         near = _search_periods(values, finer, most)
-        # What the averages leave of it is an alias, as clean as itself: its share is then that of all samples.
+        # If the period in the averages is only an alias, its fraction must be reduced by the lost variance.
         alias = left if near[0][0] < WITHIN * spacing else 1.0
         periods = near if near[0][1] > periods[0][1] * alias else periods
     return periods
 
 
 def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
-    """Return up to `most` periods in s with their shares, of equally spaced values y (n,), the most powerful first."""
+    """Return up to `most` pairs of period (s) and fraction for equally spaced values y (n,), the strongest first."""
     top = max(y.size - 1, 4.4)
     grid = np.geomspace(SHORTEST, top, int(28 * np.log10(top / SHORTEST)) + 3)
-    scores, shares = np.array([captured(y, p) for p in grid]).T
+    scores, shares = np.array([explained_power(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
     peaks = peaks[np.argsort(-scores[peaks] * shares[peaks])]
@@ -134,7 +138,7 @@ def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[floa
     periods = []
     for best in peaks:
         fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)
-        results = [captured(y, p) for p in fine]
+        results = [explained_power(y, p) for p in fine]
         at = int(np.argmax([r[0] for r in results]))
         periods.append((float(fine[at] * spacing), max(results[at][1], 0.0)))
     return periods

@@ -1,4 +1,4 @@
-"""Find the turning points of an oscillation, to a fraction of the sampling interval, in noise and at any offset."""
+"""Find the turning points of a noisy oscillation with any offset, to a fraction of the sampling interval."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
-from bayesdamp.records.oscillation.noise import of_equal_size
+from bayesdamp.records.oscillation.noise import group_by_size
 
 PER_CYCLE = 48
-"""Samples a cycle that suffice to find a turning point before it is refined on all samples."""
+"""Number of samples a cycle for the first search of turning points, which are then refined on all samples."""
 FEW = 7
-"""Turning points below which smaller ones are searched for."""
+"""If fewer turning points are found, smaller ones are searched (heavy damping)."""
 LEAST = 9
-"""Samples about a turning point that determine a sinusoid whose amplitude, phase and midline change; the window grows
-until it has so many."""
+"""A window about a turning point is widened until it has this many samples, which determine a sinusoid with changing
+amplitude, phase and midline."""
 GRID = 81
-"""Points of a fitted curve among which its extremum is sought."""
+"""Number of points on a fitted curve among which its extremum is searched."""
 
 
 @dataclass(frozen=True)
 class Turning:
-    """Alternating maxima and minima.
+    """Turning points: alternating maxima and minima.
 
     Attributes
     ----------
     times
-        In s, (k,).
+        Times in s, (k,).
     values
-        In the unit of y, (k,).
+        Values in the unit of the record, (k,).
     gain
-        Noise of a value per unit of noise of a sample, (k,).
+        Noise of each value relative to the noise of a sample, (k,).
     """
 
     times: np.ndarray
@@ -39,40 +39,40 @@ class Turning:
     gain: np.ndarray
 
     def cut(self, first: int, last: int) -> Turning:
-        """Return those from index first up to, not including, last."""
+        """Return the turning points with indices `first` to `last` − 1."""
         return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
 def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return (first, last + 1) of the runs of true values in flags (n,)."""
+    """Return start and end (exclusive) of each run of true values in flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def local_median(values: np.ndarray) -> np.ndarray:
-    """Return the median of each of values (k,) and of up to four on either side of it, (k,)."""
+    """Return for each of the values (k,) the median of it and up to four neighbours on either side, (k,)."""
     padded = np.pad(values.astype(float), 4, constant_values=np.nan)
     return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 9).copy(), axis=1)
 
 
-def thinned(
+def resample(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Average a record on an equally spaced grid of at most PER_CYCLE samples a period.
+    """Resample a record by averages on an equally spaced grid with at most PER_CYCLE samples a period.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        Of the oscillation, in s.
+        Period of the oscillation, in s.
     smooth
-        Whether spikes and noise are reduced.
+        Whether to reduce spikes and noise with a median filter and a moving average.
 
     Returns
     -------
     tuple
-        Times in s, values, each (m,), and samples a period.
+        Times in s and values, each (m,), and the number of samples a period.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -86,7 +86,7 @@ def thinned(
     a_period = max(round(period / gap), 3)
     if not smooth:
         return grid, values, a_period
-    if a_period >= 24:  # spikes must not count as turning points
+    if a_period >= 24:  # so that spikes do not count as turning points
         values = median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
     half = a_period // 10
     if half:
@@ -97,21 +97,21 @@ def thinned(
 
 
 def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
-    """Find alternating extrema, each of which is confirmed by a way back.
+    """Find alternating extrema; each counts only if the values then return by at least a given distance.
 
-    The ends of the record count where the way to the next extremum is long enough.
+    The first and the last value count as extrema if the distance to the next extremum is large enough.
 
     Parameters
     ----------
     y
         Values, (n,).
     swing
-        Length of the way back at each, (n,).
+        Smallest distance of the return at each value, (n,).
 
     Returns
     -------
     tuple
-        Indices of the extrema, and whether the first is a maximum (1) or a minimum (−1).
+        Indices of the extrema, and 1 if the first is a maximum, −1 if it is a minimum.
     """
     extrema: list[int] = []
     kind = first = 0
@@ -122,7 +122,7 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
     turns = np.flatnonzero(up[1:] != up[:-1]) + 1
     begins = moves[np.concatenate([[0], turns])]
     ends = moves[np.concatenate([turns - 1, [moves.size - 1]])]
-    # On a monotone stretch the way back is confirmed where these pass the last extremum.
+    # On a monotone stretch, an extremum is confirmed when these pass it.
     fallen, risen = np.minimum.reduceat(y + swing, begins), np.maximum.reduceat(y - swing, begins)
     low = high = 0
     values = y.tolist()
@@ -147,7 +147,7 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
 
 
 def _basis(x: np.ndarray, order: int) -> np.ndarray:
-    """Return midline, sinusoid, and the slow change of both at phases x (...), (..., 6), differentiated so often."""
+    """Return the basis 1, cos x, sin x, x, x cos x, x sin x (..., 6) at phases x (...), or its order-th derivative."""
     c, s, zero, unity = np.cos(x), np.sin(x), np.zeros_like(x), np.ones_like(x)
     if order == 0:
         columns = [unity, c, s, x, x * c, x * s]
@@ -159,7 +159,10 @@ def _basis(x: np.ndarray, order: int) -> np.ndarray:
 
 
 def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients (w, 6) and pseudo-inverse (w, 6, n) for columns (w, n, k ≤ 6) and values (w, n)."""
+    """Return least-squares coefficients (w, 6) and the pseudo-inverse (w, 6, n); both are 0 beyond the k ≤ 6 columns.
+
+    columns: (w, n, k); values: (w, n).
+    """
     inverse = np.linalg.pinv(columns, rcond=1e-12)
     inverse = np.pad(inverse, ((0, 0), (0, 6 - columns.shape[2]), (0, 0)))
     return (inverse @ values[:, :, None])[:, :, 0], inverse
@@ -168,34 +171,34 @@ def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 def refine(
     t: np.ndarray, y: np.ndarray, at: np.ndarray, kind: np.ndarray, period: np.ndarray, half: np.ndarray
 ) -> np.ndarray:
-    """Return time, value and noise gain of the extrema near `at` (k,), shape (k, 3).
+    """Return time, value and noise gain of the extremum near each of the times `at` (k,), as an array (k, 3).
 
-    A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each of them. NaN where
-    there are too few samples or the fit has no such extremum.
+    A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each time. A row is NaN
+    if there are too few samples or the fit has no such extremum.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     at
-        Rough times of the extrema, s, (k,).
+        Approximate times of the extrema, s, (k,).
     kind
         1 for a maximum, −1 for a minimum, (k,).
     period
-        Of the sinusoid, s, (k,).
+        Period of the oscillation near each, s, (k,).
     half
-        Half widths of the windows, s, (k,).
+        Half width of each window, s, (k,).
     """
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
     for wider in (1.5, 2.25, 3.0):
         few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST
-        if wider > 2.5:  # at the ends of a record only one side would be wider
+        if wider > 2.5:  # at the ends of a record the window would become one-sided
             few &= (at - wider * half >= t[0]) & (at + wider * half <= t[-1])
         width[few] = wider * half[few]
     begins = np.searchsorted(t, at - width)
     sizes = np.searchsorted(t, at + width) - begins
-    for n, same in of_equal_size(sizes, 5, GRID):
+    for n, same in group_by_size(sizes, 5, GRID):
         rows = begins[same][:, None] + np.arange(n)
         scale = 2 * np.pi / period[same]
         x = scale[:, None] * (t[rows] - at[same][:, None])
@@ -205,17 +208,23 @@ def refine(
 
 
 def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return phase, value and noise gain of extrema, (w, 3), from samples at phases x (w, n); NaN without one."""
+    """Return phase, value and noise gain of the extremum in each window, (w, 3); NaN if a window has none.
+
+    x: phases of the samples, (w, n); values: of the samples, (w, n); kind: 1 for a maximum, −1 for a minimum, (w,);
+    width: half width of the window as a phase, (w,).
+    """
     n = x.shape[1]
     columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]
     c, inverse = _solve(columns, values)
+    # Fit again without outliers.
     off = np.abs(values - (columns @ c[:, : columns.shape[2], None])[:, :, 0])
     good = off <= 6 * 1.4826 * np.median(off, axis=1, keepdims=True) + 1e-300
     count = good.sum(axis=1)
     again = np.flatnonzero((count >= 2 * columns.shape[2]) & (count < n))
     if again.size:
-        kept_columns, kept_values = columns[again] * good[again][:, :, None], values[again] * good[again]
-        c[again], inverse[again] = _solve(kept_columns, kept_values)
+        good_columns, good_values = columns[again] * good[again][:, :, None], values[again] * good[again]
+        c[again], inverse[again] = _solve(good_columns, good_values)
+    # Find the sign change of the slope nearest to phase 0, then refine it by Newton's method.
     far = np.minimum(width, 2.0)
     edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
     grid = np.linspace(edges[0], edges[1], GRID, axis=1)
@@ -239,24 +248,24 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 
 
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> Turning:
-    """Find all turning points of a record.
+    """Return all turning points of a record.
 
-    The end of a record counts as a turning point where the fitted curve turns there.
+    An end of the record counts as a turning point if the fitted curve has its extremum there.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     period
-        The coarse period in s.
+        Approximate period in s.
     roughness
-        Standard deviation of a sample's noise.
+        Standard deviation of the noise of a sample.
     """
-    grid, smooth, a_period = thinned(t, y, period)
+    grid, smooth, a_period = resample(t, y, period)
     width = int(1.2 * a_period) | 1
     swing = 0.5 * (maximum_filter1d(smooth, width) - minimum_filter1d(smooth, width))
     extrema, first = zigzag(smooth, swing)
-    if len(extrema) < FEW:  # heavy damping: a swing is less than half of the one before
+    if len(extrema) < FEW:  # heavy damping: each half cycle is less than half of the one before
         extrema, first = zigzag(smooth, 0.5 * swing)
     if not extrema:
         return Turning(*np.empty((3, 0)))
@@ -265,10 +274,10 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     at, kind = grid[index], first * (-1.0) ** np.arange(index.size)
     gaps = np.diff(at)
     local = np.full(at.size, period)
-    if gaps.size:  # twice the mean distance to the neighbours
+    if gaps.size:  # local period: twice the mean distance to the neighbours
         near = np.concatenate([gaps[:1], 0.5 * (gaps[1:] + gaps[:-1]), gaps[-1:]])
         local = np.clip(2 * near, 0.5 * period, 2 * period)
-    # The narrowest windows in which noise moves a turning value by less than 0.1 % of the amplitude.
+    # Use the narrowest windows with which noise changes a turning value by less than 0.1 % of the amplitude.
     half = local / 4
     for share in (1 / 6, 1 / 8, 1 / 12):
         samples = 2 * share * local / spacing
@@ -285,8 +294,13 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:
-    """Return the midline (k,) at turning values (k ≥ 3,), exact where the decay is geometric (Aitken's formula)."""
+    """Return the midline (k,) at each turning value (k ≥ 3,); exact for a geometric decay (Aitken's formula)."""
     before, here, after = values[:-2], values[1:-1], values[2:]
-    bend = before + after - 2 * here
-    inner = np.divide(before * after - here**2, bend, out=(before + 2 * here + after) / 4, where=bend != 0)
+    second_difference = before + after - 2 * here
+    inner = np.divide(
+        before * after - here**2,
+        second_difference,
+        out=(before + 2 * here + after) / 4,
+        where=second_difference != 0,
+    )
     return np.concatenate([inner[:1], inner, inner[-1:]])

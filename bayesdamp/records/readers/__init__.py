@@ -1,4 +1,4 @@
-"""One reader a file format, found by name."""
+"""Register the readers, one for each file format."""
 
 from bayesdamp.plugins import Registry
 from bayesdamp.records.files.contents import Column, Contents, Reader

@@ -1,4 +1,4 @@
-"""CASSY Lab 2 files of LD Didactic, which are XML, plain or in a ZIP archive."""
+"""Read CASSY Lab 2 files of LD Didactic, which are XML, plain or in a ZIP archive."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _HEAD = 65536
 
 
 class CassyReader(Reader):
-    """CASSY Lab 2: a list of values for each quantity and run.
+    """Reader of CASSY Lab 2 files, which have a list of values for each quantity and run.
 
     References
     ----------
-    PhyPraKit 1.2, `labxParser`, and the files that come with it; LD Didactic publishes no description.
+    PhyPraKit 1.2, `labxParser`, and its example files; LD Didactic publishes no description of the format.
     """
 
     format = "a CASSY Lab file"
     extensions = (".labx",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise the root element, also of the XML within an archive."""
+        """Return whether the file, or the XML in its archive, has the root element of CASSY Lab."""
         if not head.startswith(b"PK"):
             return _ROOT in head
         try:
@@ -40,7 +40,7 @@ class CassyReader(Reader):
             return False
 
     def read(self, path: Path) -> Contents:
-        """Return the quantities of all runs. Raises InputError for a text that is too large or defines entities."""
+        """Return the quantities of all runs. Raises InputError if the XML is too large or has a document type."""
         if zipfile.is_zipfile(path):
             refuse_archive(path)
             with zipfile.ZipFile(path) as archive:
@@ -48,7 +48,7 @@ class CassyReader(Reader):
         else:
             data = path.read_bytes()
         if len(data) > LARGEST:
-            raise InputError(f"a text of more than {LARGEST >> 20} MiB; give a part of it")
+            raise InputError(f"is a text of more than {LARGEST >> 20} MiB; give a part of it")
         if b"<!DOCTYPE" in data:
             raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
         quantities = [list(channels) for channels in ElementTree.fromstring(data).iter("channels")]

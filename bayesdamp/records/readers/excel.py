@@ -1,4 +1,4 @@
-"""Excel workbooks, every sheet (openpyxl)."""
+"""Read all sheets of Excel workbooks with openpyxl."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import Fact, InputError
 
 _OLE = bytes.fromhex("d0cf11e0a1b11ae1")
-"""First bytes of an Excel 97-2003 workbook, and of a workbook with a password ([MS-CFB] 2.2)."""
+"""First bytes of a compound file: an Excel 97-2003 workbook, or one with a password ([MS-CFB] 2.2)."""
 _ENCRYPTED = "EncryptedPackage".encode("utf-16-le")
-"""The stream of a compound file that holds a workbook with a password ([MS-OFFCRYPTO] 2.3.4.4)."""
+"""Name of the stream that a workbook with a password contains ([MS-OFFCRYPTO] 2.3.4.4)."""
 
 
 class ExcelReader:
-    """Workbooks by openpyxl (ECMA-376)."""
+    """Reader of Excel workbooks (ECMA-376)."""
 
     format = "an Excel file"
     extensions = (".xlsx", ".xlsm", ".xls")
     extra = "excel"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise a ZIP archive with a workbook in it; an old or encrypted file by its name."""
+        """Return whether the file is a ZIP archive with a workbook, or an old or encrypted Excel file."""
         if head.startswith(_OLE):
             return path.suffix.lower() in self.extensions
         if not head.startswith(b"PK"):
@@ -33,7 +33,7 @@ class ExcelReader:
         return path.suffix.lower() in self.extensions if names is None else "xl/workbook.xml" in names
 
     def read(self, path: Path) -> Contents:
-        """Return the tables of all sheets. Raises InputError for a workbook with a password, and for an .xls."""
+        """Return the tables of all sheets. Raises InputError for a workbook with a password and for an .xls file."""
         with path.open("rb") as file:
             old = file.read(len(_OLE)) == _OLE
             if old and _ENCRYPTED in file.read():
@@ -45,7 +45,7 @@ class ExcelReader:
         refuse_archive(path)
         import openpyxl
 
-        with path.open("rb") as file:  # an open file: by its path openpyxl would go by its name
+        with path.open("rb") as file:  # given a path, openpyxl would check the extension
             book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
             sheets = {
                 sheet.title: ["\t".join(map(_cell, row)) for row in sheet.iter_rows(values_only=True)]
@@ -58,11 +58,11 @@ class ExcelReader:
         for title, lines in sheets.items():
             try:
                 table = parse_table([line if line.strip() else "" for line in lines], "Excel")
-            except InputError:  # a sheet of text or of charts
+            except InputError:  # a sheet without a table
                 continue
             tables += 1
             facts |= {f"{title}.{name}": value for name, value in table.facts.items()}
-            # Each of several tables side by side is already a group.
+            # Tables that are side by side already have groups.
             columns += [c if c.group else replace(c, group=title) for c in table.columns]
         if not tables:
             raise InputError(
@@ -77,7 +77,7 @@ class ExcelReader:
 
 
 def _cell(value: object) -> str:
-    """Return a cell as text, with numbers written so that they are read back exactly."""
+    """Return a cell as text; numbers are written without rounding."""
     if value is None:
         return ""
     if isinstance(value, datetime.datetime | datetime.time):

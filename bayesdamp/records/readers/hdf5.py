@@ -1,4 +1,4 @@
-"""HDF5, and MATLAB 7.3, which is HDF5 (h5py)."""
+"""Read HDF5 files, including MATLAB 7.3, with h5py."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
-"""Attributes by which netCDF, and what xarray writes, packs numbers and marks missing ones (CF-1.11, 2.5.1 and 8.1)."""
+"""Attributes with which netCDF and xarray pack numbers, and mark missing ones (CF-1.11, 8.1 and 2.5.1)."""
 
 
 class Hdf5Reader(Reader):
-    """HDF5 by h5py, including MATLAB 7.3."""
+    """Reader of HDF5 files, including MATLAB 7.3."""
 
     foreign = True
     format = "an HDF5 or MATLAB 7.3 file"
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise the signature at 0, 512, 1024 or 2048 bytes."""
+        """Return whether the file has the HDF5 signature at byte 0, 512, 1024 or 2048, or a MATLAB 7.3 header."""
         signed = any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048))
         return signed or head.startswith(b"MATLAB 7.3")
 
     def read(self, path: Path) -> Contents:
-        """Return the numeric data sets by their paths."""
+        """Return the numeric datasets as columns named by their paths."""
         import h5py
 
         with path.open("rb") as head:
@@ -43,7 +43,7 @@ class Hdf5Reader(Reader):
 
 
 class _GroupTree:
-    """Groups and datasets; the references of MATLAB's cells and structs are followed."""
+    """Collector of columns and facts in groups and datasets, including those that MATLAB's cells refer to."""
 
     def __init__(self, h5py: Any, matlab: bool) -> None:
         self.h5py, self.walk, self.matlab = h5py, Walk(), matlab
@@ -56,14 +56,14 @@ class _GroupTree:
         if isinstance(item, self.h5py.Group):
             self._add_facts(path, item)
             for key in item:
-                # Only what is in this file: a link may point anywhere on the machine.
+                # Follow only hard links: other links may point to any file of the machine.
                 if not key.startswith("#") and isinstance(item.get(key, getlink=True), self.h5py.HardLink):
                     self.visit(join_path(path, key), item[key], run, depth + 1)
             return
         if not isinstance(item, self.h5py.Dataset):
             return
         if item.is_virtual or item.external:
-            raise InputError(f"{path[:60]!r} lies in another file; copy the data into one file")
+            raise InputError(f"{path[:60]!r} is stored in another file; copy the data into one file")
         if item.shape is None:
             return
         self.total += item.dtype.itemsize * int(np.prod(item.shape, dtype=object))

@@ -1,4 +1,4 @@
-"""JSON: lists of numbers by name, or a list of samples."""
+"""Read JSON files: lists of numbers by name, or a list of samples."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from bayesdamp.records.files.tree import DEEPEST, Walk, join_path
 from bayesdamp.records.readers.text import make_column, read_text
 
 LARGEST = 2**28
-"""Bytes of a text that is read as JSON (conventional)."""
+"""Largest size of a JSON file in bytes (conventional)."""
 
 
 class JsonReader(Reader):
-    """JSON and JSON lines."""
+    """Reader of JSON files and of files with one JSON value a line."""
 
     format = "a JSON file"
     extensions = (".json", ".jsonl", ".ndjson")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise an opening bracket in a file of that name, or text that can be nothing else."""
+        """Return whether the text begins like JSON; without a JSON extension, only `{"` and `[{` count."""
         bare = head.removeprefix(b"\xef\xbb\xbf").lstrip()
         named = path.suffix.lower() in self.extensions
         return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
 
     def read(self, path: Path) -> Contents:
-        """Return the lists of numbers by their paths. Raises InputError for a text that is too large."""
+        """Return the lists of numbers as columns named by their paths. Raises InputError if the file is too large."""
         text = read_text(path, LARGEST)
         try:
             data = json.loads(text)
@@ -44,7 +44,7 @@ class JsonReader(Reader):
 
 
 def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
-    """Collect what an item of JSON contains: a list of samples gives a column for each of their names."""
+    """Collect the columns and facts in a JSON value; a list of samples (objects) gives a column for each key."""
     if isinstance(item, dict) and depth < DEEPEST:
         for key, below in item.items():
             _add(walk, join_path(path, key), below, depth + 1)
@@ -53,7 +53,7 @@ def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
         if all(isinstance(row, dict) for row in item) and not any(
             isinstance(x, list | dict) for row in item[:3] for x in row.values()
         ):
-            # Samples, each a table of names and values; numbers may be in quotes.
+            # Each object is a sample; its numbers may be in quotes.
             for key in dict.fromkeys(key for row in item for key in row):
                 cells = [row.get(key) for row in item]
                 texts = [["" if x is None or isinstance(x, bool) else str(x).strip()] for x in cells]

@@ -1,4 +1,4 @@
-"""LabVIEW measurement files, which are text."""
+"""Read LabVIEW measurement files (.lvm), which are text."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _OF_SEGMENTS = {
     "UUT_S/N", "Model_Number", "Serial_Number", "X_Dimension", "X_Unit_Label", "X0", "Delta_X",
     "Y_Dimension", "Y_Unit_Label",
 }  # fmt: skip
-"""Tags of a segment's header."""
+"""Tags in the header of a segment."""
 
 
 @dataclass
 class _Segment:
-    """What a segment contains: tags with a value for each channel, names of columns, rows of cells."""
+    """A segment of the file: tags with a value for each channel, names of columns, and rows of cells."""
 
     tags: dict[str, list[str]] = field(default_factory=dict)
     names: list[str] = field(default_factory=list)
     rows: list[list[str]] = field(default_factory=list)
 
     def tag(self, name: str, channel: int) -> str:
-        """Return a channel's value of a tag; tags have cells for columns of times too, which are empty."""
+        """Return the value of a tag for a channel; cells for columns of times are empty and skipped."""
         filled = [cell for cell in self.tags.get(name, ()) if cell]
         return filled[channel] if channel < len(filled) else ""
 
 
 class LvmReader(Reader):
-    """LabVIEW measurement files.
+    """Reader of LabVIEW measurement files.
 
     References
     ----------
@@ -49,11 +49,11 @@ class LvmReader(Reader):
     extensions = (".lvm",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise the header's first words."""
+        """Return whether the text begins with the words of the header."""
         return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK.encode())
 
     def read(self, path: Path) -> Contents:
-        """Return the channels of all segments. Raises InputError for a text that is too large or has no rows."""
+        """Return the channels of all segments. Raises InputError if the file is too large or has no rows."""
         lines = read_text(path).splitlines()
         separators = (line[len("Separator") :][:1] for line in lines if line.startswith("Separator"))
         separator = next(separators, "\t")
@@ -83,7 +83,7 @@ class LvmReader(Reader):
                 segment.rows.append(cells)
         segments = [segment for segment in segments if segment.rows]
         if not segments:
-            raise InputError("has no rows of numbers behind its header; export the record again")
+            raise InputError("has no rows of numbers after its header; export the record again")
         columns: list[Column] = []
         for i, segment in enumerate(segments, start=1):
             columns += _columns(segment, tags, str(i) if len(segments) > 1 else "")
@@ -91,10 +91,10 @@ class LvmReader(Reader):
 
 
 def _columns(segment: _Segment, tags: dict[str, str], run: str) -> list[Column]:
-    """Return a segment's columns: times where it has them, else each channel's own rate."""
+    """Return the columns of a segment, with its column of times or else a sampling rate for each channel."""
     axes, decimal = tags.get("X_Columns", "One"), tags.get("Decimal_Separator", ".")
     width = max(map(len, segment.rows))
-    timeless = axes == "No" and any(row[0] for row in segment.rows)  # not even an empty column of times
+    timeless = axes == "No" and any(row[0] for row in segment.rows)  # without even an empty column of times
     names = segment.names or [""] * width
     names = names[1:] if names[0] == "X_Value" and timeless else names
     names = names if names[0] == "X_Value" or timeless else ["X_Value", *names]
@@ -115,7 +115,7 @@ def _columns(segment: _Segment, tags: dict[str, str], run: str) -> list[Column]:
             columns.append(replace(column, name=name, run=run, unit="s"))
             continue
         numbers = []
-        for tag in ("Delta_X", "X0"):  # of the file where the segment has none
+        for tag in ("Delta_X", "X0"):  # from the segment, else from the file
             number = parse_number(segment.tag(tag, channel) or tags.get(tag, ""), decimal)
             numbers.append(number if number is not None and np.isfinite(number) else 0.0)
         step, start = numbers

@@ -1,4 +1,4 @@
-"""MATLAB files: version 4 to 7 (scipy), with structs and cells."""
+"""Read MATLAB files of version 4 to 7, including structs and cells, with SciPy."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from bayesdamp.records.files.tree import Walk
 from bayesdamp.types import InputError
 
 _COMPRESSED = 15
-"""Data type of a compressed element, in MathWorks' MAT-File Format, table 1-1."""
+"""Code of a compressed data element (MathWorks, MAT-File Format, table 1-1)."""
 
 
 class MatlabReader(Reader):
-    """MATLAB files of version 4 to 7 by SciPy."""
+    """Reader of MATLAB files of version 4 to 7."""
 
     foreign = True
     format = "a MATLAB file"
     extensions = (".mat",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise the header of version 5 to 7, or a matrix header of version 4; not 7.3, which is HDF5."""
+        """Return whether the file has a header of version 4 to 7; version 7.3 is HDF5."""
         if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
             return False
         return head.startswith(b"MATLAB 5.0 MAT-file") or (
@@ -30,7 +30,7 @@ class MatlabReader(Reader):
         )
 
     def read(self, path: Path) -> Contents:
-        """Return numeric variables, including fields of structures, by their names."""
+        """Return numeric variables, and fields of structs, as columns named by their paths."""
         from scipy.io import loadmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
@@ -48,7 +48,7 @@ class MatlabReader(Reader):
 
 
 def _refuse_large_elements(path: Path) -> None:
-    """Refuse a file whose compressed elements unpack to too much. Raises InputError, zlib.error."""
+    """Raise InputError if the compressed elements unpack to too much, zlib.error if they are damaged."""
     with path.open("rb") as file:
         head = file.read(128)
         if not head.startswith(b"MATLAB 5.0"):

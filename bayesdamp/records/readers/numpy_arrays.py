@@ -1,4 +1,4 @@
-"""NumPy's .npy and .npz; never pickles."""
+"""Read NumPy's .npy and .npz files, without unpickling anything."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _MAGIC = b"\x93NUMPY"
 
 
 class NumpyReader(Reader):
-    """`.npy` and `.npz`, without pickles."""
+    """Reader of `.npy` and `.npz` files."""
 
     format = "a NumPy file"
     extensions = (".npy", ".npz")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise NumPy's signature, or a ZIP archive of such arrays."""
+        """Return whether the file has NumPy's signature, or is a ZIP archive of `.npy` files."""
         if head.startswith(_MAGIC):
             return True
         if not head.startswith(b"PK"):
@@ -31,12 +31,12 @@ class NumpyReader(Reader):
         return bool(names) and all(name.endswith(".npy") for name in names)
 
     def read(self, path: Path) -> Contents:
-        """Return arrays, and fields of structured arrays, by their names."""
+        """Return arrays, and fields of structured arrays, as columns named by their paths."""
         walk = Walk()
         with path.open("rb") as file:
             single = file.read(len(_MAGIC)) == _MAGIC
         if single:
-            try:  # mapped: a header that claims more than the file has is refused before memory is taken
+            try:  # memory-mapped, so that a wrong size in the header is noticed before memory is allocated
                 walk.add("", np.array(np.load(path, mmap_mode="r", allow_pickle=False)))
             except ValueError as error:
                 if "Python objects" in str(error):
@@ -50,7 +50,7 @@ class NumpyReader(Reader):
                 try:
                     walk.add(key, data[key])
                 except ValueError as error:
-                    if "pickle" not in str(error):  # an array of objects is left out
+                    if "pickle" not in str(error):  # arrays of Python objects are skipped
                         raise
         return walk.contents("NumPy archive")
 

@@ -1,4 +1,4 @@
-"""Parquet tables (pyarrow)."""
+"""Read Parquet tables with pyarrow."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from bayesdamp.types import InputError
 
 
 class ParquetReader:
-    """Apache Parquet by pyarrow."""
+    """Reader of Apache Parquet files."""
 
     format = "a Parquet file"
     extensions = (".parquet", ".pq")
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise PAR1, or PARE where the file is encrypted."""
+        """Return whether the file begins with PAR1, or with PARE if it is encrypted."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
-        """Return numeric and time columns. Raises InputError where the file is encrypted."""
+        """Return the columns of numbers and times. Raises InputError if the file is encrypted."""
         import pyarrow
         import pyarrow.parquet as parquet
 
@@ -56,7 +56,7 @@ class ParquetReader:
 
 
 def _attributes(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
-    """Return metadata as numbers and texts by name."""
+    """Return metadata by name, as numbers where possible, else as texts."""
     attributes: dict[str, str | float] = {}
     for key, value in (metadata or {}).items():
         text = value.decode("utf-8", "replace")

@@ -1,4 +1,4 @@
-"""National Instruments' TDMS (npTDMS)."""
+"""Read National Instruments TDMS files with npTDMS."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from bayesdamp.records.files.tree import to_plain, to_seconds, unit_and_rate
 
 
 class TdmsReader(Reader):
-    """National Instruments' TDMS by npTDMS."""
+    """Reader of National Instruments TDMS files."""
 
     format = "a TDMS file"
     extensions = (".tdms",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise the tag of the first segment."""
+        """Return whether the file begins with the tag of a TDMS segment."""
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels of all groups, with the sampling rate of those that are waveforms."""
+        """Return the channels of all groups; waveforms have a sampling rate."""
         from nptdms import TdmsFile
 
         before = logging.root.manager.disable
-        logging.disable()  # the library's own lines on stderr about damaged segments
+        logging.disable()  # suppresses messages of the library about damaged segments
         try:
-            # Opened here, since the library leaves a damaged file open.
+            # Opened here, because the library does not close a damaged file.
             with path.open("rb") as stream, TdmsFile.open(stream) as file:
                 facts: dict[str, Any] = {str(k): to_plain(v) for k, v in file.properties.items()}
                 groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
@@ -47,14 +47,14 @@ class TdmsReader(Reader):
             lost = [c.expected_length - c.read_length for c in (status.channel_statuses or {}).values()]
             many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
             what = (
-                f"the file is cut off within its last segment{many}: it was not closed, or not copied whole."
+                f"the file is cut off in its last segment{many}: it was not closed, or not copied completely."
             )
             warnings = (what,)
         return Contents("TDMS", tuple(columns), trim_facts(facts), warnings=warnings, channels=True)
 
 
 def _columns(group: Any, prefix: str) -> list[Column]:
-    """Return the columns of a group's channels that hold numbers; prefix: of their names."""
+    """Return columns for the channels of a group that contain numbers or times; their names begin with `prefix`."""
     columns: list[Column] = []
     for channel in group.channels():
         name, data, properties = f"{prefix}{channel.name}", np.asarray(channel[:]), channel.properties

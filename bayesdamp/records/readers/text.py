@@ -1,7 +1,7 @@
-"""Text tables: CSV and its relatives, of loggers, phones and oscilloscopes.
+"""Read text tables, such as CSV files, of loggers, phones and oscilloscopes.
 
-Encoding, separator, decimal mark and header are found from the text. Times of day and the layouts of two oscilloscopes
-are known.
+Encoding, separator, decimal mark and header are detected from the text. Times of day and the formats of two makers of
+oscilloscopes are supported.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_f
 from bayesdamp.types import Fact, InputError
 
 LARGEST = 2**29
-"""Bytes of a text that is read; as lines it takes some ten times that (conventional)."""
+"""Largest size of a text file in bytes; split into lines it needs about ten times that memory (conventional)."""
 MOST_COLUMNS = 5000
-"""Columns beyond which a text is not a table of samples (conventional)."""
+"""Largest number of columns of a table (conventional)."""
 _CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
@@ -35,35 +35,36 @@ _FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
 _MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
 """The time of day that a serial monitor writes before each line."""
 BLANKS = " "
+"""Separator that stands for any number of blanks."""
 _GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
-"""What separates names that contain blanks: wide gaps, or any but those before a unit in brackets."""
+"""Separators of names that contain blanks: wide gaps, or any blanks except those before a unit in brackets."""
 SEEN = 100
-"""Lines in the middle of a text that show what a row of its table is like (conventional)."""
+"""Number of lines in the middle of a text from which the form of a row is determined (conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
-"""What loggers write where a number is missing."""
+"""Words that loggers write in place of a missing number."""
 LONGEST = 400
-"""Characters of a cell that is parsed closely; longer numbers must consist of digits alone (conventional)."""
+"""A cell with more characters is a number only if all of them are digits (conventional)."""
 _DATES = (
     re.compile(r"(?P<y>\d{4})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})"),
     re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})"),
 )
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
-"""A date whose order of day and month is not known: midnights are counted instead."""
+"""A date whose order of day and month is ambiguous; only its time of day is used, and midnights are counted."""
 _TIME = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )
 DEEP = 64
-"""Lines that an oscilloscope's settings take at most."""
+"""Number of lines that are searched for an oscilloscope's settings (conventional)."""
 
 
 class TextReader(Reader):
-    """Text of loggers and phones; delimiter, decimal mark, header and encoding are detected."""
+    """Reader of text tables; separator, decimal mark, header and encoding are detected."""
 
     format = "a text table"
     extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise text in a known encoding, without control characters."""
+        """Return whether the bytes are text: no zero bytes (except in UTF-16) and hardly any control characters."""
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return True
         controls = len(head) - len(head.translate(None, _CONTROLS))
@@ -76,24 +77,24 @@ class TextReader(Reader):
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file writes its table.
+    """The layout of a table in a text file.
 
     Attributes
     ----------
     separator
-        One character; BLANKS for any run of blanks.
+        Character between cells; BLANKS stands for any number of blanks.
     decimal
-        "." or ",".
+        Decimal mark, "." or ",".
     columns
-        Cells in a row.
+        Number of cells in a row.
     first
         Index of the first line of numbers.
     names
-        The header's names, stripped, or empty strings.
+        Names of the columns; empty strings if there is no header.
     units
-        Those of a line below the names, as written.
+        Units in a line below the names, as written; empty if there is no such line.
     groups
-        The table of each column, where several are side by side.
+        For each column the label of its table, if several tables are side by side; else empty.
     """
 
     separator: str
@@ -120,14 +121,14 @@ def parse_number(cell: str, decimal: str) -> float | None:
     Parameters
     ----------
     cell
-        Stripped text.
+        Text without blanks at its ends.
     decimal
-        The decimal mark, "." or ",".
+        Decimal mark, "." or ",".
 
     Returns
     -------
     float or None
-        The number; of a time of day the seconds of its day (see `parse_stamp`); None for other text.
+        The number; for a time of day, the seconds since midnight (see `parse_stamp`); None for other text.
     """
     if ":" in cell:
         stamp = parse_stamp(cell)
@@ -144,18 +145,19 @@ def parse_number(cell: str, decimal: str) -> float | None:
 
 
 def parse_stamp(cell: str) -> tuple[int | None, float] | None:
-    """Return the day and the seconds of that day in a cell that holds a time of day, with a date or without.
+    """Return the day and the seconds since midnight of a cell with a time of day.
 
-    Such a cell is `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` or `10:00:00.25`.
+    The cell has a date or not, such as `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` or
+    `10:00:00.25`.
 
     Returns
     -------
     tuple[int | None, float] | None
-        The day counted from the year 1, None without a date or where the order of day and month is not known; with a
-        zone, day and seconds are those of UTC. None where the cell is not a time that exists (`99:99`), or has neither
-        a date nor seconds.
+        The day is counted from the year 1; it is None without a date, or if the order of day and month is ambiguous.
+        If the cell has a time zone, day and seconds are in UTC. The result is None if the cell is not a valid time
+        (`99:99`), or has neither a date nor seconds.
     """
-    date, rest = 0, cell  # 0: without a date
+    date, rest = 0, cell  # 0 stands for no date
     if slashed := _SLASHED.match(cell):
         low, high = sorted((int(slashed[1]), int(slashed[2])))
         if not (1 <= low <= 12 and high <= 31):
@@ -194,19 +196,20 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
 
 
 def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
-    """Return times in s from days and seconds of the day.
+    """Return times in s from days and seconds since midnight.
 
     Parameters
     ----------
     days
-        The day of each stamp, None for stamps without a date.
+        Day of each time, or None for a time without a date.
     of_day
-        Seconds of the day, (n,).
+        Seconds since midnight, (n,).
 
     Returns
     -------
     np.ndarray
-        Counted from the first stamp's midnight on, (n,). Where a date is missing, midnights are counted.
+        Times from midnight of the first day, (n,). If a date is missing, a new day begins where the time of day falls
+        by more than 80000 s.
     """
     if None not in days:
         return of_day + DAY * (np.array(days, float) - float(days[0] or 0))
@@ -218,7 +221,7 @@ def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
 
 
 def separate_monitor_times(lines: list[str]) -> list[str]:
-    """Return lines in which the time that a serial monitor wrote (`10:00:00.125 -> 3.5,7.1`) is a cell of its own."""
+    """Return the lines with the time that a serial monitor writes (`10:00:00.125 -> 3.5,7.1`) as a separate cell."""
     marks = [_MONITOR.match(line) for line in lines]
     if 2 * sum(mark is not None for mark in marks) <= sum(bool(line.strip()) for line in lines):
         return lines
@@ -232,9 +235,9 @@ def separate_monitor_times(lines: list[str]) -> list[str]:
 
 
 def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
-    """Return the separator, decimal mark and number of columns by which most cells of lines hold a number.
+    """Return the separator, decimal mark and number of columns with which most cells are numbers.
 
-    None where no cell holds one.
+    Return None if no cell is a number.
     """
     filled = [line for line in lines if line.strip()]
     if not filled:
@@ -255,7 +258,7 @@ def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
 
 
 def find_layout(lines: list[str]) -> Layout | None:
-    """Return the layout of lines, or None where they do not hold numbers."""
+    """Return the layout of the table in lines of text; None if there are no numbers."""
     best = _choose_separator(lines)
     if best is None:
         return None
@@ -263,20 +266,20 @@ def find_layout(lines: list[str]) -> Layout | None:
     first = _first_row(lines, separator, decimal, columns)
     if first is None:
         return None
-    blanks = " \r\n" if separator == "\t" else None  # a tab is an empty cell there
+    blanks = " \r\n" if separator == "\t" else None  # do not strip tabs, which are empty cells
     top = [line.strip(blanks).lstrip("#% ") for line in lines[:first] if line.strip()]
     heads = [split_cells(line, separator) for line in top]
-    if separator != BLANKS and columns > 3:  # without the empty cells at its end
+    if separator != BLANKS and columns > 3:  # add empty cells that are missing at the end of a header
         heads[-2:] = [
             h + [""] * (columns - len(h)) if columns // 2 < len(h) < columns else h for h in heads[-2:]
         ]
     worded = any(_has_letters(cell) for h in heads for cell in h)
     if separator == "," and columns == 2 and worded and all(len(h) == 1 for h in heads):
-        separator, decimal, columns = BLANKS, ",", 1  # one column with decimal commas
+        separator, decimal, columns = BLANKS, ",", 1  # it is one column with decimal commas
         first = _first_row(lines, separator, decimal, columns) or first
     full = [h for h in heads if len(h) == columns]
     names, units = _choose_names(full, columns)
-    if names is None and separator != BLANKS and columns > 1:  # a head may have more cells than the rows
+    if names is None and separator != BLANKS and columns > 1:  # the header may have more cells than the rows
         full = [h[:columns] for h in heads if len(h) >= columns]
         names, units = _choose_names(full, columns)
     at = full.index(names) if names in full else 0
@@ -293,11 +296,11 @@ def find_layout(lines: list[str]) -> Layout | None:
 
 
 def _side_by_side(names: Sequence[str], above: Sequence[str]) -> tuple[str, ...]:
-    """Return the table that each column belongs to; empty where all of them are one table.
+    """Return for each column the label of its table, if several tables are side by side; else an empty tuple.
 
-    names: those of the columns, of which the first of a table is that of its times; tables have the same names, and
-    blank columns may separate them. above: the cells of the line above the names, of which the first in a table is
-    its label; where there is none, labels are `part 1` and so on.
+    Tables are recognised by the same sequence of names; the first name is that of the times, and blank columns may
+    separate the tables. above: cells of the line above the names; the first one above a table is its label. Without
+    labels the tables are called `part 1` and so on.
     """
     first = next((name for name in names if name), "")
     starts = [i for i, name in enumerate(names) if name == first]
@@ -317,15 +320,15 @@ def _side_by_side(names: Sequence[str], above: Sequence[str]) -> tuple[str, ...]
 
 
 def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
-    """Return the header among the lines above the numbers that have their columns, and the units in a line below it.
+    """Return the header among the lines above the numbers, and the units in the line below it.
 
-    The header is the last of those with most names, None where there is none: what an instrument states about itself
-    ("Model,DSO") is above it and may have as many cells.
+    The header is the last of the lines with the most names, because facts about the instrument ("Model,DSO") are above
+    it and may have as many cells. It is None, and the units are empty, if there is no such line.
     """
     units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
         heads = heads[:-1]
-    # `delta t,1E-5` is a fact.
+    # A line with a number, such as `delta t,1E-5`, is a fact, not a header.
     heads = [h for h in heads if all(c.isdigit() or parse_number(c, ".") is None for c in h)]
     named = [sum(map(_has_letters, h)) for h in heads]
     most = max(named, default=0)
@@ -339,10 +342,11 @@ def _has_letters(cell: str) -> bool:
 
 
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
-    """Return the first of two lines in a row (or the last line) that hold numbers in the table's columns.
+    """Return the index of the first row of numbers; None if there is none.
 
-    A line such as `delta t,1E-5` belongs to the head where numbers begin the other lines. Rows right above the first
-    one belong to the table where only cells beyond its columns make them longer.
+    It is the first of two successive lines (or the only line) with the right number of columns and mostly numbers. If
+    most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`, is not a row. Lines directly
+    above that have additional cells after the table's columns are rows too.
     """
     middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:SEEN]]
     begins = sum(parse_number(cells[0], decimal) is not None for cells in middle if cells)
@@ -368,21 +372,21 @@ def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> 
 
 
 def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | None:
-    """Return an oscilloscope's table as a plain table with one line of names, and its settings.
+    """Convert an oscilloscope's file to a plain table with one line of names, and return it with the settings.
 
-    Tektronix TDS writes its settings beside the first samples; Rigol numbers the samples and writes start and increment
-    in the head.
+    Tektronix TDS oscilloscopes write the settings beside the first samples; Rigol oscilloscopes number the samples and
+    write start and increment of the time in the header.
 
     Parameters
     ----------
     lines
-        Of the file.
+        Lines of the file.
 
     Returns
     -------
     tuple or None
-        The lines that were given, one by one, after a line of names where there was none, and the settings; None where
-        neither oscilloscope wrote the lines.
+        The lines of the table (for Tektronix after an additional line of names) and the settings; None if the file is
+        not from such an oscilloscope.
     """
     head = [split_cells(line, ",") for line in lines[:DEEP]]
     if len(head) < 3:
@@ -415,10 +419,10 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def read_text(path: Path, largest: int = LARGEST) -> str:
-    """Read a text file in UTF-8, UTF-16 with a mark, or else Latin-1. Raises InputError for one that is too large."""
+    """Return the text of a file, in UTF-8, UTF-16 or else Latin-1. Raises InputError if it is too large."""
     if path.stat().st_size > largest:
         raise InputError(
-            f"a text of more than {largest >> 20} MiB; give a part of it, or save it as .npy or HDF5"
+            f"is a text of more than {largest >> 20} MiB; give a part of it, or save it as .npy or HDF5"
         )
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -430,19 +434,19 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
 
 
 def parse_table(lines: list[str], format_name: str = "text") -> Contents:
-    """Return the table in lines of text, whatever its separator.
+    """Return the contents of a text table; its layout is detected.
 
     Parameters
     ----------
     lines
-        Of the text.
+        Lines of the text.
     format_name
-        The format that the contents state.
+        Name of the format in the contents.
 
     Raises
     ------
     InputError
-        Where there are no rows of numbers, or too many columns.
+        If there are no rows of numbers, or too many columns.
     """
     given = len(lines)
     scope = plain_oscilloscope(lines)
@@ -458,9 +462,8 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     first = layout.first - (len(lines) - given)
     header = [name for name in layout.names if name]
     labels = list(dict.fromkeys(layout.groups))
-    head: list[
-        tuple[str, int]
-    ] = []  # each line above the rows, and how many columns or labels of tables it names
+    # Each line above the rows, and how many columns or tables it names (0 for a fact).
+    head: list[tuple[str, int]] = []
     for line in lines[: layout.first]:
         cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
         longer = len(header) > 1 and cells[: len(header)] == header
@@ -491,7 +494,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         columns = [make_column(rows, i, layout.decimal, *labels) for i, labels in enumerate(heads)]
         warnings += _uneven(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
-        columns.pop()  # a separator at the end of each line
+        columns.pop()  # an empty column, from a separator at the end of each line
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
     notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:3])
@@ -501,10 +504,10 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
 
 
 def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
-    """Return a sentence on rows whose number of cells differs from the table's columns; empty where there is none.
+    """Return a warning if rows have more or fewer cells than the table has columns; else an empty tuple.
 
-    rows: the cells of each; lines: numbers of their lines, (n,). Empty cells at the end of a row are not counted beyond
-    the columns, and rows that are short until the table ends are columns of another length.
+    rows: cells of each row; lines: their line numbers, (n,). Additional empty cells at the end of a row are not
+    counted. Short rows at the end of the table are allowed, because columns may have different lengths.
     """
     many = [max((i for i, cell in enumerate(row, 1) if cell or i <= columns), default=0) for row in rows]
     whole = max((i for i, count in enumerate(many) if count >= columns), default=0)
@@ -518,7 +521,7 @@ def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str
 
 
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
-    """Return the table (rows, columns) where each cell holds a number and no line is blank, else None."""
+    """Return the table as an array (rows, columns), if each cell is a number and no line is blank; else None."""
     while body and not body[-1].strip():
         body = body[:-1]
     if not all(map(str.strip, body)) or '"' in body[0]:
@@ -538,18 +541,18 @@ def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
 def make_column(
     rows: Sequence[Sequence[str]], index: int, decimal: str, name: str, group: str = "", unit: str = ""
 ) -> Column:
-    """Return a column of a table of cells.
+    """Return one column of a table of text cells.
 
     Parameters
     ----------
     rows
-        The cells of each row, which may lack cells at its end.
+        Cells of each row; cells at the end of a row may be missing.
     index
-        The column's place in a row.
+        Index of the column in a row.
     decimal
-        The decimal mark.
+        Decimal mark.
     name, group, unit
-        Of the column.
+        Name, group and unit of the column.
     """
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)

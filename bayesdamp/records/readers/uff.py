@@ -1,4 +1,4 @@
-"""Universal File Format, data set 58: functions at nodal degrees of freedom (pyuff)."""
+"""Read the Universal File Format, data set 58 (functions at nodal degrees of freedom), with pyuff."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ from bayesdamp.types import Fact, InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")
 TIME_RESPONSE = (0, 1)
-"""Function types of a record in time: general, time response."""
+"""Function types that are time records: general, time response."""
 TIME_AXIS = (0, 17)
-"""Specific data types of an abscissa in time: unknown, time."""
+"""Data types of an abscissa that may be time: unknown, time."""
 _ORDINATES = {8: ("m", "angle"), 11: ("m", "velocity"), 12: ("m", "acceleration")}
-"""Unit and quantity of a data set's ordinate, by its specific data type; SI unless it names its unit."""
+"""Unit and quantity of the ordinate for each of its data types, in SI units unless the data set states a unit."""
 _DIRECTIONS = dict(
     zip(range(-6, 7), ("-RZ", "-RY", "-RX", "-Z", "-Y", "-X", "", "X", "Y", "Z", "RX", "RY", "RZ"))
 )
+"""Name of each direction code of a degree of freedom."""
 
 
 class UffReader(Reader):
-    """Universal files, data set 58, by pyuff."""
+    """Reader of universal files, data set 58."""
 
     format = "a universal file (UFF)"
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise a data set's opening lines."""
+        """Return whether the text contains the opening lines of a data set."""
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:
-        """Return the functions of all data sets 58."""
+        """Return the time records in all data sets 58. Raises InputError if there are none or the file is cut off."""
         import pyuff
 
         file = pyuff.UFF(str(path))
@@ -68,7 +69,7 @@ class UffReader(Reader):
         facts: dict[str, Fact] = {}
         names: list[str] = []
         for i, data in enumerate(timed, start=1):
-            # The response's node and direction, else its own words, else its number.
+            # Name: node and direction of the response, else the description, else the number of the data set.
             named = _text(data, "rsp_ent_name")
             node = f"{int(data.get('rsp_node', 0))}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
             named = f"{named} {node}".strip() if node != "0" else named or _text(data, "id1")
@@ -85,7 +86,7 @@ class UffReader(Reader):
             elif step > 0:
                 columns.append(replace(column, rate=1 / step, start=float(data["abscissa_min"])))
             else:
-                raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
+                raise InputError(f"{name}: the sampling interval is {step:g} s; export it again")
             texts = {f"{name}: {key}": _text(data, key) for key in ("id1", "id2", "id3", "id4")}
             facts |= {key: text for key, text in texts.items() if text}
         left = len(sets) - len(timed)
@@ -94,7 +95,7 @@ class UffReader(Reader):
 
 
 def _text(data: Any, key: str) -> str:
-    """Return a data set's text, empty where it is written as NONE."""
+    """Return a text of a data set; "" if it is NONE or missing."""
     text = str(data.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
 

@@ -1,4 +1,4 @@
-"""Sound in WAV files (scipy)."""
+"""Read WAV sound files with SciPy."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from bayesdamp.types import InputError
 
 
 class WavReader(Reader):
-    """WAV by SciPy, the sampling rate from its header."""
+    """Reader of WAV files; the sampling rate is in the header."""
 
     format = "a WAV file"
     extensions = (".wav", ".wave")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Recognise RIFF, RIFX or RF64, of kind WAVE."""
+        """Return whether the file is RIFF, RIFX or RF64 of type WAVE."""
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels. Raises InputError where the header has no rate."""
+        """Return the channels. Raises InputError if the header states no sampling rate."""
         from scipy.io import wavfile
 
         rate, data = wavfile.read(path)
         if rate <= 0:
-            raise InputError("its header gives no sampling rate; export it again")
+            raise InputError("its header states no sampling rate; export it again")
         table = np.asarray(data, float).reshape(len(data), -1)
         names = ["sound"] if table.shape[1] == 1 else [f"channel {i + 1}" for i in range(table.shape[1])]
         columns = [

@@ -78,7 +78,7 @@ def test_amplitude_phase_and_midline_are_the_true_motions_but_for_noise(name: st
     law, p, _ = truth(name)
     solver, found, at = solver_of(signal_of(name, 1e-3, 3), law, p)
     size = np.arange(at.size) < 3
-    right = solver.corrected(at * np.where(size, 1.003, 1.0), np.ones(3, bool))
+    right = solver.with_defect(at * np.where(size, 1.003, 1.0), np.ones(3, bool))
     assert right is not None
     assert np.all((misfit(right, found, at) > 0.3) & (misfit(right, found, at) < 1.9))
     assert misfit(right, found, at * np.where(size, 1.01, 1.0))[0] > 10  # another damping is seen

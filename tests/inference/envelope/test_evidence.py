@@ -15,7 +15,7 @@ from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude import SUMS, ClosedForm, decay
 from bayesdamp.priors import SCORE_RATIO
-from bayesdamp.records.envelope.record import made_record
+from bayesdamp.records.envelope.record import make_record
 from validation.truth.ringdowns import Ringdown, simulate
 
 OMEGA = 2 * np.pi * 50.0
@@ -86,7 +86,7 @@ def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
     ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
     truth = simulate(ringdown, np.random.default_rng(3))
     here, other = (
-        analyse(made_record("x", truth.t * unit, truth.level, "dBm")).verdict.probabilities
+        analyse(make_record("x", truth.t * unit, truth.level, "dBm")).verdict.probabilities
         for unit in (1.0, 2.0**13)
     )
     assert other == pytest.approx(here, abs=1e-6)

@@ -7,17 +7,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
-from bayesdamp.physics.amplitude import SUMS, Law, Scale, Tabled, decay, losses
+from bayesdamp.physics.amplitude import SUMS, DecayLaw, Scale, TabulatedLaw, decay, losses
 from bayesdamp.physics.damping import TERMS
 
 T = np.linspace(0.0, 5.0, 101)
 RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
 
 
-def tabled(*terms: str, scores: tuple[float, ...] = ()) -> Tabled:
+def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
     """From the registered terms also where there is a closed form."""
     law = Sum(terms, 0.5, -3.0, tuple(map(TERMS.get, terms)), Scale()).law(scores)
-    assert isinstance(law, Tabled)
+    assert isinstance(law, TabulatedLaw)
     return law
 
 
@@ -47,7 +47,7 @@ def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
     ).y[0]
     x = law.decay(T, 0.3, rates)
     assert x == pytest.approx(truth, abs=1e-6)
-    differences = Law.slopes(law, T, x, 0.3, rates, 1e-4)
+    differences = DecayLaw.slopes(law, T, x, 0.3, rates, 1e-4)
     assert law.slopes(T, x, 0.3, rates, 1e-4) == pytest.approx(differences, abs=1e-4)
     # Negative control.
     assert law.slopes(T, x, 0.3, 1.01 * rates, 1e-4) != pytest.approx(differences, abs=1e-4)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.amplitude import (
-    RESTED,
+    LOG_AT_REST,
     SUMS,
     ClosedForm,
     coefficient,
@@ -38,10 +38,10 @@ def test_a_sum_decays_as_its_equation_says(scale):
 
 def test_friction_comes_to_rest_and_stays():
     x = decay(T, 0.0, ("coulomb",), np.array([1.0]))
-    assert x[T >= 1.0] == pytest.approx(RESTED)
+    assert x[T >= 1.0] == pytest.approx(LOG_AT_REST)
     assert np.exp(x[T < 1.0]) == pytest.approx(1.0 - T[T < 1.0])
     x = decay(T, 0.0, SUMS[-1], np.array([0.1, 1.0, 1.0]))
-    assert np.all(x[T > 1.0] == RESTED)
+    assert np.all(x[T > 1.0] == LOG_AT_REST)
 
 
 def test_a_power_law_decays_as_its_equation_says():

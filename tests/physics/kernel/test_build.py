@@ -62,10 +62,10 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Mon
     occupied = tmp_path / "file"
     occupied.write_text("")
     monkeypatch.setenv("BAYESDAMP_CACHE", str(occupied))
-    path = build._kept("bayesdamp_kernel_x", "a = 1\n")
+    path = build._store("bayesdamp_kernel_x", "a = 1\n")
     assert path.read_text() == "a = 1\n"
     assert tmp_path not in path.parents
-    assert build._kept("bayesdamp_kernel_x", "a = 1\n") == path
+    assert build._store("bayesdamp_kernel_x", "a = 1\n") == path
 
 
 def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,9 +79,9 @@ def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (folder / "kernel.py").write_text("")
         old = now - (60.0 if i < 20 else 1e6 + i)
         os.utime(folder, (old, old))
-    build._kept("bayesdamp_kernel_new", "a = 1\n")
+    build._store("bayesdamp_kernel_new", "a = 1\n")
     left = {folder.name for folder in home.iterdir()}
-    assert len(left - {"other"}) == build.MOST_KEPT
+    assert len(left - {"other"}) == build.MAX_STORED
     assert {f"bayesdamp_kernel_{i:02d}" for i in range(20)} <= left
     assert {"other", "bayesdamp_kernel_new"} <= left
     assert "bayesdamp_kernel_59" not in left

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, differenced, differentiated
+from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, derivative_source, difference_source
 
 TIMES = np.linspace(0.0, 6.0, 161)
 
@@ -40,7 +40,7 @@ def test_rules() -> None:
     """The control: of the function times 1.001 they are not the slopes."""
     for text in RULES:
         source = f"def f(x, v):\n    u = {text}\n    u = u + x\n    return u\n"
-        slopes = differentiated(source, "g", ["x", "v"])
+        slopes = derivative_source(source, "g", ["x", "v"])
         assert np.all(errors(source, slopes, (0.4, 0.7)) < 1e-7), text
         assert np.any(errors(source.replace("return u", "return 1.001 * u"), slopes, (0.4, 0.7)) > 1e-5), text
 
@@ -49,6 +49,6 @@ def test_rules() -> None:
 def test_what_no_rule_is_known_of_is_differenced(body: str) -> None:
     source = f"def f(x, v):\n    {body}\n"
     with pytest.raises(NoSlopeError):
-        differentiated(source, "g", ["x", "v"])
-    slopes = differenced("f({x}, {v})", ["x", "v"], {"x": "1e-6", "v": "1e-6"}, "g")
+        derivative_source(source, "g", ["x", "v"])
+    slopes = difference_source("f({x}, {v})", ["x", "v"], {"x": "1e-6", "v": "1e-6"}, "g")
     assert np.all(errors(source, slopes, (0.4, 0.7)) < 1e-7)

@@ -136,7 +136,7 @@ def test_a_users_term_that_cannot_be_compiled() -> None:
     TERMS.add("foreign", Foreign())
     try:
         made = Solver(("foreign",), "linear", TIMES, "angle", 0.3, math.sqrt(20.0), 0.1, KNOTS)
-        with pytest.raises(Refusal, match="uses 'FACTOR': it may use"):
+        with pytest.raises(Refusal, match="uses 'FACTOR'; it may only use"):
             made.solve(np.array([0.8, 20.0, 0.0, 0.3, 0.0]), np.ones(1, bool))
     finally:
         TERMS.remove("foreign")

@@ -50,7 +50,7 @@ def test_a_given_start_ends_before_the_next_hit() -> None:
         assert any("struck or released again" in note for note in signal.provenance.notes)
     later = clean(raw, name="x", start=4.45)  # negative control: after the last hit nothing ends it
     assert ends(later)[1] > 5.5
-    at_rest = r"hardly anything swings between the start given .* near 0\.7\d* s"
+    at_rest = r"hardly anything moves between the given start .* near 0\.7\d* s"
     with pytest.raises(InputError, match=at_rest):
         clean(raw, name="x", start=0.4)
 

@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.law_free import first_words
-from bayesdamp.records.record import RawRecord, unwrapped
+from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.types import InputError
 from tests.failures import Failures
 
@@ -19,11 +19,11 @@ NOISE = 0.003 * np.random.default_rng(1).standard_normal(T.size)
 def test_a_wrapped_angle_is_unwrapped_and_that_is_said() -> None:
     for unit, turn in (("rad", 2 * np.pi), ("deg", 360.0)):
         angle = (Y + NOISE) * turn / (2 * np.pi)
-        signal = clean(unwrapped(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
+        signal = clean(unwrap(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
         assert first_words(signal).frequency == pytest.approx(1.0, rel=1e-3)
-        assert any("is unwrapped" in note for note in signal.provenance.notes)
+        assert any("is unwrap" in note for note in signal.provenance.notes)
         plain = RawRecord(T, angle)
-        assert unwrapped(plain, unit, "angle") is plain
+        assert unwrap(plain, unit, "angle") is plain
 
 
 LOST = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.envelope.record import read_envelope
-from bayesdamp.records.envelope.window import bounded, find_window
+from bayesdamp.records.envelope.window import find_window, window_between
 from bayesdamp.types import Refusal
 from tests.failures import Failures
 from validation.truth.ringdowns import Ringdown, simulate
@@ -64,11 +64,11 @@ def test_levels_that_only_fall_that_saturate_at_first_and_that_do_not_fall():
 
 def test_bounds_that_are_given_are_kept():
     t = np.linspace(0.0, 10.0, 400)
-    window = bounded(t, -2.0 * t, 2.0, 7.0)
+    window = window_between(t, -2.0 * t, 2.0, 7.0)
     assert t[window.start] == pytest.approx(2.0, abs=0.03)
     assert t[window.stop - 1] == pytest.approx(7.0, abs=0.03)
-    with pytest.raises(Refusal, match="0 readings are between"):
-        bounded(t, -2.0 * t, 11.0, None)
+    with pytest.raises(Refusal, match="only 0 readings are between"):
+        window_between(t, -2.0 * t, 11.0, None)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.envelope.noise import Noise
-from bayesdamp.records.envelope.window import SeenFloor, measure_floor
+from bayesdamp.records.envelope.window import NoiseFloor, measure_floor
 from validation.truth.ringdowns import wandering
 
 
-def floor(slow: float, constant: float, decay: float, seed: int) -> SeenFloor:
+def floor(slow: float, constant: float, decay: float, seed: int) -> NoiseFloor:
     """Of power 2 over 400 decay times, thermal motion in it to this share, beside a decay of this amplitude."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 400.0, 0.02)

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.records.cleaning.clean import recording_step
-from bayesdamp.records.oscillation.anomalies import CLIPPED, RISES, anomalies, clipped
+from bayesdamp.records.oscillation.anomalies import CLIPPED, RISES, anomalies, is_clipped
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Signal
 
@@ -60,18 +60,18 @@ def test_a_flat_peak_that_nobody_cut_is_not_warned_of() -> None:
     """A sensor that holds its values or has few levels, a body that rests against friction at each turn, a hand."""
     phase = np.arange(0.0, 20 * np.pi, np.pi / 50)
     wave = np.exp(-0.004 * phase) * np.cos(phase + 0.1)
-    assert not clipped(np.repeat(wave[::6], 6), 100)
+    assert not is_clipped(np.repeat(wave[::6], 6), 100)
     rests, at = [], 1.0
     for _ in range(20):  # half a swing of 50 samples, then a pause of 15 at the turn
         half = at * (0.025 + 0.975 * np.cos(np.linspace(0, np.pi, 51)[1:]))
         rests += [*half, *[-0.95 * at] * 15]
         at *= -0.95
-    assert not clipped(np.array(rests), 130)
-    assert not clipped(np.concatenate([np.full(20, wave[0]), wave]), 100)
-    assert not clipped(np.round(np.exp(-0.02 * phase[::10]) * np.cos(phase[::10]), 1), 10)
+    assert not is_clipped(np.array(rests), 130)
+    assert not is_clipped(np.concatenate([np.full(20, wave[0]), wave]), 100)
+    assert not is_clipped(np.round(np.exp(-0.02 * phase[::10]) * np.cos(phase[::10]), 1), 10)
     levels = np.round(np.exp(-0.001 * phase) * np.cos(phase), 1)
-    assert not clipped(levels, 100)
-    assert clipped(np.clip(levels, -0.7, 0.7), 100)
+    assert not is_clipped(levels, 100)
+    assert is_clipped(np.clip(levels, -0.7, 0.7), 100)
     for share in (0.6, 0.8, 0.9):
-        assert clipped(np.minimum(wave, share), 100)
-        assert clipped(np.maximum(wave[::5], -share), 20)
+        assert is_clipped(np.minimum(wave, share), 100)
+        assert is_clipped(np.maximum(wave[::5], -share), 20)

@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.modes import damped_modes, excited, find_other_motion
+from bayesdamp.records.oscillation.modes import damped_modes, find_excited, find_other_motion
 from bayesdamp.records.record import RawRecord
 from tests.failures import Failures
 from validation.truth.records import KINDS, case
@@ -147,5 +147,5 @@ def test_many_releases_in_a_record_are_not_excited_all_along(pumped: float) -> N
 def test_a_record_that_is_at_rest_to_the_last_digit_before_its_release_is_not_excited_all_along() -> None:
     t = np.arange(0, 90, 0.1)
     y = np.where(t < 35, 0.0, np.exp(-0.02 * (t - 35)) * np.cos(2 * np.pi * (t - 35)))
-    assert excited(t, y, 1.0) is None
-    assert excited(t, y[::-1], 1.0) is None
+    assert find_excited(t, y, 1.0) is None
+    assert find_excited(t, y[::-1], 1.0) is None

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.oscillation.features import features, wandering
+from bayesdamp.records.oscillation.features import features, reason_not_oscillating
 from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
@@ -44,7 +44,7 @@ def test_one_step_larger_than_all_others_makes_no_walk() -> None:
     outliers = y.copy()
     outliers[rng.choice(t.size, 8, replace=False)] += 3.0
     for other in ((t, y + 1.5 * (t > t[129])), (t, outliers), (np.delete(t, holes), np.delete(y, holes))):
-        assert wandering(*other, 1.0, 0.037) == ""
+        assert reason_not_oscillating(*other, 1.0, 0.037) == ""
 
 
 def test_oscillations_are_none_that_wander() -> None:
