@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 NONE = "–"
 """Text for a missing number."""
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Table that translates digits to superscripts."""
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -146,7 +147,7 @@ def _signed(text: str) -> str:
 
 
 def _times_ten(power: int) -> str:
-    return f" × 10{str(power).translate(_RAISED)}"
+    return f" × 10{str(power).translate(_SUPERSCRIPTS)}"
 
 
 def compact(value: float, digits: int = 4) -> str:

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from jax import Array
 
 Scalar: TypeAlias = "float | Array"
-_HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+_ARRAY = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+"""The functions exp, log and Φ (`ndtr`) for NumPy arrays."""
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
 )
@@ -42,7 +43,7 @@ def _functions(z: Any) -> SimpleNamespace:
     if isinstance(z, float):
         return _NUMBER
     if not _is_traced(z):
-        return _HOST
+        return _ARRAY
     from jax import numpy as jnp
     from jax.scipy.special import ndtr
 

@@ -31,6 +31,7 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 _TEXTS: dict[str, str | None] = {}
 """Source of each module when it was first requested; a later change of the file does not affect this process."""
 _IMPORTED: dict[str, frozenset[str]] = {}
+"""Results of `imported`, by module."""
 
 
 @cache

@@ -56,6 +56,7 @@ class Unit:
 
 
 DEGREES = ("degree", "degrees", "°", "grad", "grados", "gradi", "degré", "degrés", "degres")
+"""Ways of writing degrees in column names."""
 UNITS = {
     unit.name: unit
     for unit in (

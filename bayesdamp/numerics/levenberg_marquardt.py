@@ -39,6 +39,7 @@ class Expansion(NamedTuple):
 
 
 Expand = Callable[[np.ndarray], Expansion]
+"""A function that returns the expansion at a point, (d,)."""
 
 
 class Step(NamedTuple):

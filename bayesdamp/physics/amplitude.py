@@ -50,6 +50,7 @@ MIN_RELATIVE_LOSS = 1e-12
 LOSS_TOLERANCE = 1e-6
 """Two losses count as equal if their relative difference is smaller."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
+"""The names of `damping.GIVEN` that are reference scales."""
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:

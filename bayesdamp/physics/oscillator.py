@@ -15,6 +15,7 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import FeaturesSeen, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
+"""Parameter values by name."""
 REACH, POINTS = 10.0, 4001
 """Half width (rad) and number of points of the grid that is searched for an equilibrium (conventional)."""
 NEWTON_STEPS = 4

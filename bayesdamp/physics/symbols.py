@@ -7,6 +7,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Symbol
 from bayesdamp.units import quantity_unit
 
+# Symbols of parameters that belong to no damping term or restoring law.
 _STATE = {
     "epsilon": Symbol("ε", r"$\epsilon$", "friction regularisation velocity"),
     "theta0": Symbol("θ₀", r"$\theta_0$", "angle at the start"),

@@ -36,6 +36,7 @@ FROM_FIRST = "Times are counted from the first sample"
 """Start of the note on times that counted from an epoch."""
 
 ColumnName = str | int
+"""A column, by name or by number from 1."""
 
 
 def read_record(

@@ -116,7 +116,7 @@ def test_all_kinds_in_one_study(tmp_path):
     assert run_study(write_study(tmp_path, STUDY.replace("FILES", files)), out, workers=1) == 0
     estimates = {r["model"]: r for r in read_table(out / "estimates.csv")}
     assert estimates["viscous"]["value"] == pytest.approx(0.1, rel=0.1)
-    assert estimates["cubic_drag"]["outcome"] == "it knows viscous damping alone"
+    assert estimates["cubic_drag"]["outcome"] == "it supports only viscous damping"
     posteriors = [r for r in read_table(out / "posteriors.csv") if r["sampler"] != "smc"]
     drawn = {r["parameter"]: r for r in posteriors if r["model"] == "viscous"}
     # four sds: a false alarm once in 16,000 seeds

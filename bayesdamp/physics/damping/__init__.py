@@ -30,12 +30,15 @@ GIVEN = ("rest", "reference_velocity", "reference_amplitude")
 displacement."""
 
 
+# Quadrature nodes and weights for the phase of sin ωt from −π/2 to π/2, with the rule on each side of 0.
 _X, _W = np.polynomial.legendre.leggauss(NODES)
 _QUARTER = 0.25 * math.pi * (_X + 1)
 _PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
 _WEIGHTS = np.concatenate([_W, _W]) * 0.25 * math.pi
 TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping term")
+"""All damping terms, by name."""
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
+"""Names of the three terms of the paper."""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
+"""Phases around the middle of a block and their weights, for the compressed and for the actual oscillation."""
 NUMBERS = 3
 """Number of values of a block: amplitude, phase times the record's amplitude, √2 times the midline. With these factors
 white noise has the same variance in all three."""

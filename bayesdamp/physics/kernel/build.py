@@ -40,6 +40,7 @@ USUAL = 3
 so they share one test, which skips all of them."""
 IN_USE = 3600.0
 """A kernel that was used within this time (s) is not removed: another process may be compiling it (conventional)."""
+# First lines of each kernel's source.
 _HEAD = f"""import math
 
 import numpy as np

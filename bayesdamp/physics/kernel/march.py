@@ -231,7 +231,7 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 
 @njit(cache=True, nogil=True)
 def march(
-    coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
+    coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, max_steps
 ):
     """Integrate the equation of motion and return node times, states and tangents; no nodes if the trajectory escapes.
 
@@ -244,33 +244,34 @@ def march(
     change of friction (0: exact), and of terms that are steep but continuous. start: θ₀, θ̇₀. knots: (n,), from the
     first to the last time; g, h: deviations there. tolerance: error of a step relative to the scales of θ and θ̇,
     sizes[:2]; the other sizes are scales of the law's parameters. tangents: 0 none, 1 by the parameters, 2 also by g
-    and h, in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. most: largest number of steps.
+    and h, in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. max_steps: largest number of steps.
     """
-    # --- Sizes and work arrays. base: index of θ₀ among the tangents; live: parameters that have a source.
+    # --- Sizes and work arrays. base: index of θ₀ among the tangents; sources_of: parameters whose tangents have a
+    # source; carried: these, θ₀ and θ̇₀; c, q_p, law_p: coefficients, further parameters and law as tuples.
     m, e, r, n = coefficients.size, q.size, law.size - 1, knots.size
-    own = m + e + LAW_SIZES[int(law[r])]
+    end_of_law = m + e + LAW_SIZES[int(law[r])]
     base = m + e + r
     k = 0 if tangents == 0 else base + 2 + (2 * n if tangents == 2 else 0)
     room = 256
     times, states, slopes = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
-    live, count = np.zeros(base, np.int64), 0
+    sources_of, count = np.zeros(base, np.int64), 0
     for p in range(base):
-        if (p < m and active[p]) or m + e <= p < own or (m <= p < m + e and active[OWNERS[p - m]]):
-            live[count] = p
+        if (p < m and active[p]) or m + e <= p < end_of_law or (m <= p < m + e and active[OWNERS[p - m]]):
+            sources_of[count] = p
             count += 1
-    live, hats, wide = live[:count], 2 + base, 2 + base + 4
-    sources, moved = np.zeros(count + (4 if tangents == 2 else 0), np.int64), np.zeros(count + 2, np.int64)
+    sources_of, hats, row_size = sources_of[:count], 2 + base, 2 + base + 4
+    sources, carried = np.zeros(count + (4 if tangents == 2 else 0), np.int64), np.zeros(count + 2, np.int64)
     for i in range(sources.size):
-        sources[i] = live[i] + 2 if i < count else hats + i - count
-    for i in range(moved.size):
-        moved[i] = live[i] if i < count else base + i - count
-    read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
+        sources[i] = sources_of[i] + 2 if i < count else hats + i - count
+    for i in range(carried.size):
+        carried[i] = sources_of[i] if i < count else base + i - count
+    rows, transition, midpoint = np.zeros((5, row_size)), np.zeros((2, row_size)), np.zeros(row_size)
     xs, vs, ws, kv = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
-    sized, more, rests = to_tuples(coefficients, q, active, law)
+    c, q_p, law_p = to_tuples(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
     at_g, at_h = (g[0], g[1]), (h[0], h[1])
-    radian, least = sizes[0] / sizes[1], STILL * sizes[1] * sizes[1] / sizes[0]
-    edge, usual, exact = 0.0, 0.0, False
+    radian_time, a_min = sizes[0] / sizes[1], STILL * sizes[1] * sizes[1] / sizes[0]
+    edge, usual_step, exact = 0.0, 0.0, False
     for j in range(m):
         if active[j] and SWITCHES[j]:
             exact = exact or (epsilon == 0.0 and JUMPS[j])
@@ -279,79 +280,75 @@ def march(
         edge = 0.0
     elif epsilon == 0.0:
         epsilon = rounding
-    sign, landed, sticks, aimed = 0.0, False, False, False
+    sign, at_turn, is_stuck, is_aimed = 0.0, False, False, False
     if exact and v == 0.0:
-        sign, a = release_direction(x, 0.0, at_g, at_h, sized, more, rounding, rests, 1.0, least)
-        sticks = sign == 0.0
+        sign, a = release_direction(x, 0.0, at_g, at_h, c, q_p, rounding, law_p, 1.0, a_min)
+        is_stuck = sign == 0.0
     elif exact:
         sign = 1.0 if v > 0.0 else -1.0
-        a = acceleration_with_sign(x, v, 0.0, at_g, at_h, sized, more, rounding, sign, rests)
+        a = acceleration_with_sign(x, v, 0.0, at_g, at_h, c, q_p, rounding, sign, law_p)
     else:
-        a = acceleration(x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, rests)
+        a = acceleration(x, v, 0.0, at_g, at_h, c, q_p, epsilon, rounding, law_p)
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
         slopes[0, base, 0] = 1.0
-        if not sticks:
+        if not is_stuck:
             slopes[0, base + 1, 1] = 1.0
-            linearise(
-                x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
-            )
-            curvatures(slopes[0], read[0], live, base, 0, n, tangents == 2)
-    step = 0.05 * radian
-    count, tries = 1, 0
+            linearise(x, v, 0.0, at_g, at_h, c, q_p, epsilon, rounding, sign, active, law_p, sizes, rows[0])
+            curvatures(slopes[0], rows[0], sources_of, base, 0, n, tangents == 2)
+    step = 0.05 * radian_time
+    count, attempts = 1, 0
     if abs(v) < edge and a != 0.0:
-        usual, step = step, min(step, 2.0 * edge / abs(a) / PARTS)
+        usual_step, step = step, min(step, 2.0 * edge / abs(a) / PARTS)
     while True:
-        if tries > most:
+        if attempts > max_steps:
             return times[:0], states[:0], slopes[:0]
-        tries += 1
+        attempts += 1
         if count + 2 > room:
             room *= 2
             times, states, slopes = enlarge(times, states, slopes, count, room)
-        if sticks:  # add the node at which the body is released; tangents of its velocity are zero
-            t, piece, sign = release_time(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
+        if is_stuck:  # add the node at which the body is released; tangents of its velocity are zero
+            t, piece, sign = release_time(x, t, piece, knots, g, h, c, q_p, rounding, law_p, a_min)
             times[count], states[count, 0] = t, x
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
             count += 1
             if sign == 0.0:
                 return times[:count], states[:count], slopes[:count]
-            sticks, landed, sign, a = False, True, -sign, 1.0
+            is_stuck, at_turn, sign, a = False, True, -sign, 1.0
             continue
-        left = knots[piece + 1] - t
-        gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
+        remaining = knots[piece + 1] - t
+        since_knot, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
-        if landed:  # turning point: add a second node at the same time, with the acceleration after it
-            w, before = gone / width, a
-            sign, a = release_direction(x, w, at_g, at_h, sized, more, rounding, rests, -sign, least)
-            landed, sticks = False, sign == 0.0
+        if at_turn:  # turning point: add a second node at the same time, with the acceleration after it
+            w, before = since_knot / width, a
+            sign, a = release_direction(x, w, at_g, at_h, c, q_p, rounding, law_p, -sign, a_min)
+            at_turn, is_stuck = False, sign == 0.0
             times[count], states[count, 0], states[count, 1], states[count, 2] = t, x, 0.0, a
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
                 slopes[count, p, 1] = slopes[count - 1, p, 1] * (a / before)
-            if k > 0 and not sticks:
+            if k > 0 and not is_stuck:
                 linearise(
-                    x, 0.0, w, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
+                    x, 0.0, w, at_g, at_h, c, q_p, epsilon, rounding, sign, active, law_p, sizes, rows[0]
                 )
-                curvatures(slopes[count], read[0], live, base, piece, n, tangents == 2)
+                curvatures(slopes[count], rows[0], sources_of, base, piece, n, tangents == 2)
             count += 1
             continue
         # --- One Runge–Kutta step of length `taken`, which ends at the latest on the next knot (`whole`).
-        whole = step >= left * (1 - 1e-9)
-        taken = left if whole else (step if aimed or step < 0.5 * left else 0.5 * left)
-        xs[0], vs[0], ws[0], kv[0] = x, v, gone / width, a
+        whole = step >= remaining * (1 - 1e-9)
+        taken = remaining if whole else (step if is_aimed or step < 0.5 * remaining else 0.5 * remaining)
+        xs[0], vs[0], ws[0], kv[0] = x, v, since_knot / width, a
         for i in range(1, 10):
             px, pv = 0.0, 0.0
             for j in range(i):
                 px += A[i, j] * vs[j]
                 pv += A[i, j] * kv[j]
-            xs[i], vs[i], ws[i] = x + taken * px, v + taken * pv, (gone + C[i] * taken) / width
+            xs[i], vs[i], ws[i] = x + taken * px, v + taken * pv, (since_knot + C[i] * taken) / width
             if exact:
-                kv[i] = acceleration_with_sign(
-                    xs[i], vs[i], ws[i], at_g, at_h, sized, more, rounding, sign, rests
-                )
+                kv[i] = acceleration_with_sign(xs[i], vs[i], ws[i], at_g, at_h, c, q_p, rounding, sign, law_p)
             else:
-                kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, sized, more, epsilon, rounding, rests)
+                kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, c, q_p, epsilon, rounding, law_p)
         px, pv, ex, ev = 0.0, 0.0, 0.0, 0.0
         for i in range(10):
             px += B[i] * vs[i]
@@ -366,57 +363,62 @@ def march(
                 continue
             return times[:0], states[:0], slopes[:0]
         if error > 1.0:
-            step, aimed = taken * max(0.2, 0.9 * error ** (-1 / 7)), False
+            step, is_aimed = taken * max(0.2, 0.9 * error ** (-1 / 7)), False
             continue
-        # --- With exact friction, let the step end on the turning point: `landed` if it does, `aimed` if the next
-        # attempt should. `usual` is the step length to return to afterwards.
+        # --- With exact friction, let the step end on the turning point: `at_turn` if it does, `is_aimed` if the next
+        # attempt should. `usual_step` is the step length to return to afterwards.
         if not exact:
-            pa = acceleration(px, pv, w, at_g, at_h, sized, more, epsilon, rounding, rests)
+            pa = acceleration(px, pv, w, at_g, at_h, c, q_p, epsilon, rounding, law_p)
         else:
-            pa = acceleration_with_sign(px, pv, w, at_g, at_h, sized, more, rounding, sign, rests)
+            pa = acceleration_with_sign(px, pv, w, at_g, at_h, c, q_p, rounding, sign, law_p)
             brakes, beyond = pa * sign < 0.0, pv * sign <= 0.0
-            if brakes and abs(pv) < AT_TURN * radian * abs(pa):
+            if brakes and abs(pv) < AT_TURN * radian_time * abs(pa):
                 lag = -pv / pa
                 turn = acceleration_with_sign(
-                    px + 0.5 * pv * lag, 0.0, w + lag / width, at_g, at_h, sized, more, rounding, sign, rests
+                    px + 0.5 * pv * lag, 0.0, w + lag / width, at_g, at_h, c, q_p, rounding, sign, law_p
                 )
-                lag = -2.0 * pv / (pa + turn) if turn * sign < 0.0 else left
-                if 0.0 < taken + lag <= left:
+                lag = -2.0 * pv / (pa + turn) if turn * sign < 0.0 else remaining
+                if 0.0 < taken + lag <= remaining:
                     px += lag * (pv + lag * (2.0 * pa + turn) / 6.0)
-                    pv, pa, taken, landed = 0.0, turn, taken + lag, True
-                    whole = left - taken <= STILL * (radian + t)
-            elif brakes and (beyond or aimed) and abs(pv) < NEAR_TURN * radian * abs(pa):
-                aimed = 0.0 < taken - pv / pa <= left
-                if aimed:
-                    usual, step = max(usual, taken), taken - pv / pa
+                    pv, pa, taken, at_turn = 0.0, turn, taken + lag, True
+                    whole = remaining - taken <= STILL * (radian_time + t)
+            elif brakes and (beyond or is_aimed) and abs(pv) < NEAR_TURN * radian_time * abs(pa):
+                is_aimed = 0.0 < taken - pv / pa <= remaining
+                if is_aimed:
+                    usual_step, step = max(usual_step, taken), taken - pv / pa
                     continue
-            if beyond and not landed:
-                aimed, usual = True, max(usual, taken)
+            if beyond and not at_turn:
+                is_aimed, usual_step = True, max(usual_step, taken)
                 step = taken * (0.5 if v == 0.0 else fraction_until(v, a, pv, pa, taken, 0.0))
                 continue
         # --- Correction of the dense output from the acceleration at the middle, and its error.
         last, now = states[count - 1], states[count]
         times[count], now[0], now[1], now[2] = t + taken, px, pv, pa
-        mx, mv, bend = middle(last, now, taken)
-        middle_w = (gone + 0.5 * taken) / width
+        mx, mv, curvature = middle(last, now, taken)
+        middle_w = (since_knot + 0.5 * taken) / width
         if not exact:
-            ma = acceleration(mx, mv, middle_w, at_g, at_h, sized, more, epsilon, rounding, rests)
-        elif mv * sign < -1e-6 * sizes[1] and taken > 1e-6 * radian:  # two turning points in one step
-            step, landed, aimed = 0.5 * taken, False, True
+            ma = acceleration(mx, mv, middle_w, at_g, at_h, c, q_p, epsilon, rounding, law_p)
+        elif mv * sign < -1e-6 * sizes[1] and taken > 1e-6 * radian_time:  # two turning points in one step
+            step, at_turn, is_aimed = 0.5 * taken, False, True
             continue
         else:
-            ma = acceleration_with_sign(mx, mv, middle_w, at_g, at_h, sized, more, rounding, sign, rests)
-        last[3] = (bend - ma) * taken * taken / 0.375
-        rest = DENSE_ERROR * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
-        if rest > 1.0:
-            step, landed, aimed = taken * max(0.2, 0.9 * rest ** (-1 / 7)), False, False
+            ma = acceleration_with_sign(mx, mv, middle_w, at_g, at_h, c, q_p, rounding, sign, law_p)
+        last[3] = (curvature - ma) * taken * taken / 0.375
+        dense_error = DENSE_ERROR * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
+        if dense_error > 1.0:
+            step, at_turn, is_aimed = taken * max(0.2, 0.9 * dense_error ** (-1 / 7)), False, False
             continue
-        error = max(error, rest)
+        error = max(error, dense_error)
         # --- With ε > 0, end a long step where friction begins to change its sign (see EDGE).
-        way = 1.0 if v > 0.0 else -1.0
-        beyond = v * way > edge * (1.0 + 1e-9)
-        if edge > 0.0 and beyond and pv * way < edge * (1.0 - 1e-6) and 2.0 * edge < WIDE * taken * abs(pa):
-            usual, step = taken, taken * fraction_until(v, a, pv, pa, taken, edge * way)
+        direction = 1.0 if v > 0.0 else -1.0
+        beyond = v * direction > edge * (1.0 + 1e-9)
+        if (
+            edge > 0.0
+            and beyond
+            and pv * direction < edge * (1.0 - 1e-6)
+            and 2.0 * edge < WIDE * taken * abs(pa)
+        ):
+            usual_step, step = taken, taken * fraction_until(v, a, pv, pa, taken, edge * direction)
             continue
         # --- Tangents.
         if tangents > 0:
@@ -426,36 +428,36 @@ def march(
                 else:
                     sx, sv = along(last, now, taken, last[3], POINTS[i])
                 linearise(
-                    sx, sv, (gone + POINTS[i] * taken) / width, at_g, at_h, sized, more, epsilon, rounding, sign,
-                    active, rests, sizes, read[i],
+                    sx, sv, (since_knot + POINTS[i] * taken) / width, at_g, at_h, c, q_p, epsilon, rounding, sign,
+                    active, law_p, sizes, rows[i],
                 )  # fmt: skip
-            solve_step(read, taken, sources, local, half)
+            solve_step(rows, taken, sources, transition, midpoint)
             old, new = slopes[count - 1], slopes[count]
-            for p in moved:
-                carry(old[p], new[p], local, half)
-            for i in range(live.size):
-                add(old[live[i]], new[live[i]], local, half, read, 2 + live[i])
+            for p in carried:
+                carry(old[p], new[p], transition, midpoint)
+            for i in range(sources_of.size):
+                add(old[sources_of[i]], new[sources_of[i]], transition, midpoint, rows, 2 + sources_of[i])
             if tangents == 2:
                 for i in range(piece + 2):
-                    carry(old[base + 2 + i], new[base + 2 + i], local, half)
-                    carry(old[base + 2 + n + i], new[base + 2 + n + i], local, half)
+                    carry(old[base + 2 + i], new[base + 2 + i], transition, midpoint)
+                    carry(old[base + 2 + n + i], new[base + 2 + n + i], transition, midpoint)
                 for i in range(2):
                     p = base + 2 + piece + i
-                    add(old[p], new[p], local, half, read, hats + i)
-                    add(old[p + n], new[p + n], local, half, read, hats + 2 + i)
-            for p in moved:
-                close(old[p], new[p], read, taken)
+                    add(old[p], new[p], transition, midpoint, rows, hats + i)
+                    add(old[p + n], new[p + n], transition, midpoint, rows, hats + 2 + i)
+            for p in carried:
+                close(old[p], new[p], rows, taken)
             if tangents == 2:
                 for i in range(piece + 2):
-                    close(old[base + 2 + i], new[base + 2 + i], read, taken)
-                    close(old[base + 2 + n + i], new[base + 2 + n + i], read, taken)
-            for i in range(wide):
-                read[0, i] = read[4, i]
+                    close(old[base + 2 + i], new[base + 2 + i], rows, taken)
+                    close(old[base + 2 + n + i], new[base + 2 + n + i], rows, taken)
+            for i in range(row_size):
+                rows[0, i] = rows[4, i]
             if (
                 whole and tangents == 2
             ):  # after a knot, the hat function on its left ends and the next one begins
-                read[0, hats], read[0, hats + 1] = read[4, hats + 1], 0.0
-                read[0, hats + 2], read[0, hats + 3] = read[4, hats + 3], 0.0
+                rows[0, hats], rows[0, hats + 1] = rows[4, hats + 1], 0.0
+                rows[0, hats + 2], rows[0, hats + 3] = rows[4, hats + 3], 0.0
         # --- Accept the step and choose the length of the next.
         t = knots[piece + 1] if whole else t + taken
         x, v, a, times[count] = px, pv, pa, t
@@ -463,13 +465,13 @@ def march(
         grown = taken * min(5.0, 0.9 * max(error, 1e-10) ** (-1 / 7))
         step = max(grown, step) if whole else grown
         if exact:
-            step, aimed = min(max(step, usual) if landed else step, radian), False
-            usual = 0.0 if landed else usual
-        elif usual > 0.0 and not whole:
+            step, is_aimed = min(max(step, usual_step) if at_turn else step, radian_time), False
+            usual_step = 0.0 if at_turn else usual_step
+        elif usual_step > 0.0 and not whole:
             if v * a < edge * abs(a) * (1.0 - 1e-3):  # still within the change of sign
                 step = min(step, 2.0 * edge / abs(a) / PARTS)
             else:
-                step, usual = max(usual, step), 0.0
+                step, usual_step = max(usual_step, step), 0.0
         if whole:
             piece += 1
             if piece == n - 1:

@@ -22,6 +22,7 @@ ROUNDED = 5e-4
 PARTS = 3
 """`Motion.refined` divides each step into this many parts, short enough for the trapezoidal rule (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
+"""Recorded quantities; the index is the order of the time derivative."""
 NONE, PARAMETERS, ALL = 0, 1, 2
 """Which tangents (derivatives) `Solver.solve` computes: none, by the parameters, or by the parameters and g and h."""
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")

@@ -98,3 +98,4 @@ class RestoringLaw(ABC):
 
 
 LAWS: Registry[RestoringLaw] = Registry("bayesdamp.physics.restoring", "restoring law")
+"""All restoring laws, by name."""

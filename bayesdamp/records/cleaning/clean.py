@@ -36,6 +36,7 @@ TURNS, TURNS_NAMED = 0.5, 3.0
 """A user is warned if an angle in rad exceeds this many turns to either side; the second number is for columns whose
 name states the unit (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
+"""Words for values of each quantity, in messages."""
 CLIPPED = (
     "its peaks are cut off: the values stay at the end of the sensor's range; record it with a larger range, or give a "
     "start after {:.6g} s, where the clipping ends"

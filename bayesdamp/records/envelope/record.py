@@ -16,6 +16,7 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
+"""Units of levels, 20 log10 of the amplitude."""
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
 STRONG = 0.2
@@ -26,6 +27,7 @@ count as zero (conventional)."""
 HEAD = 8192
 """Number of bytes at the start of a file that are searched for the names of its columns."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+"""Hz in each unit of frequency."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ POINTS = 12
 """Largest number of points of the curves in reports."""
 INDEPENDENT = 1.5
 """Number of independent estimates within the length of one window (for overlapping raised cosines)."""
-_X, _W = np.polynomial.legendre.leggauss(16)
+_X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 
 @dataclass(frozen=True)

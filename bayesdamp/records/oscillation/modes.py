@@ -19,6 +19,7 @@ MOST = 1500
 """Most samples that are fitted. In longer records neighbouring samples are averaged, but at least `PER_CYCLE` samples
 remain in a period (conventional)."""
 PER_CYCLE = 12
+"""Smallest number of samples in a period after averaging (conventional)."""
 APART = 0.6
 """A new mode is searched only if its start frequency differs from those of the present modes by at least this, in units
 of 1 / (duration of the record)."""

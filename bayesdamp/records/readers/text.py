@@ -26,6 +26,7 @@ LARGEST = 2**29
 MOST_COLUMNS = 5000
 """Largest number of columns of a table (conventional)."""
 _CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
+"""Control characters that do not occur in text files."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d+"),
