@@ -115,7 +115,7 @@ def test_repeats_are_pooled():
 
 def test_what_is_no_envelope_is_refused():
     t = np.linspace(0.0, 10.0, 200)
-    with pytest.raises(InputError, match="swing to both sides"):
+    with pytest.raises(InputError, match="have both signs"):
         make_record("x", t, np.cos(9 * t), "V")
     with pytest.raises(InputError, match="time goes back at reading 3"):
         make_record("x", np.array([0.0, 2.0, 1.0]), np.ones(3), "V")
