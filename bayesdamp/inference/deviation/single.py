@@ -80,7 +80,7 @@ class DeviatingTrajectories(Trajectories):
         self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
         self._rests, self._count = False, motions.solver.t.size
 
-    def _solved(
+    def _solve(
         self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
     ) -> Motion | None:
         vector = np.array([float(p.get(name, self._given[name])) for name in self._solver.names])
