@@ -49,7 +49,13 @@ from bayesdamp.verdict.parts import (
     Share,
     UsedWindow,
 )
-from bayesdamp.verdict.specimen import common_verdict, pool_records, probabilities, spread_of, spread_remark
+from bayesdamp.verdict.specimen import (
+    common_verdict,
+    pool_records,
+    specimen_probabilities,
+    spread_of,
+    spread_remark,
+)
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
 
@@ -401,7 +407,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     ).tolist()
     between = value * float((p.sd**2 - alone**2) ** 0.5)
     common = Measured(value, value * alone, between, low, high, unit)
-    damping = probabilities(joint)[0] if joint else {"": float("nan")}
+    damping = specimen_probabilities(joint)[0] if joint else {"": float("nan")}
     verdict = replace(
         common_verdict(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
         spread=spread_of(joint) if joint else Interval(p.spread, p.spread_low, p.spread_high),

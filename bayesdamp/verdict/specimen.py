@@ -130,7 +130,7 @@ def specimen(
     if not records:
         raise ValueError("a specimen needs a record with a verdict")
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
-    damping, restoring, others = probabilities(comparison)
+    damping, restoring, others = specimen_probabilities(comparison)
     own = [r.verdict for r in records]
     ratios, following = _ratios(records, comparison, sensor, seed)
     known = [v.frequency for v in own if v.frequency is not None]
@@ -207,7 +207,7 @@ def common_verdict(
     )
 
 
-def probabilities(
+def specimen_probabilities(
     comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probabilities of damping sums, of restoring laws and of rivals, for all records together."""

@@ -11,7 +11,7 @@ from bayesdamp.priors import odds
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.verdict.envelope import joint_damping, specimen
-from bayesdamp.verdict.specimen import probabilities
+from bayesdamp.verdict.specimen import specimen_probabilities
 from validation.truth.ringdowns import Ringdown, simulate
 
 
@@ -28,7 +28,7 @@ def test_more_records_of_one_damping_say_more():
     answers = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
     joint = joint_damping(answers)
     assert joint is not None
-    probability = probabilities(joint)[0]
+    probability = specimen_probabilities(joint)[0]
     assert next(iter(probability)) == truth
     assert probability[truth] > max(item.verdict.probabilities[truth] for item in answers)
     spread = joint.spread()

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import quad
 
 from bayesdamp.formatting import markdown_table as table
-from bayesdamp.inference.deviation.draws import probabilities
+from bayesdamp.inference.deviation.draws import candidate_probabilities
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import COMPARED, answer
 from bayesdamp.physics.damping import all_sums
@@ -218,7 +218,7 @@ def row(term: str, seed: int) -> dict[str, object]:
     sums = [*all_sums(), term, f"viscous+{term}"]
     verdict = answer(c.signal, damping=sums, restoring=["linear"], comparisons=results).verdict
     comparison = results.get(COMPARED)
-    under_exact = probabilities(comparison, True) if comparison else {}
+    under_exact = candidate_probabilities(comparison, True) if comparison else {}
     truth = set(c.damping.split("+"))
     intervals = {
         q.name: bool(q.low <= c.values[q.name] <= q.high)

@@ -111,7 +111,7 @@ class CandidateDraws:
         return values[place.ravel()] if len(rows) > 1 else values
 
 
-def probabilities(
+def candidate_probabilities(
     comparison: ModelComparison, exact: bool, forms: bool = True
 ) -> dict[MotionCandidate, float]:
     """Return the posterior probability of each candidate, from its evidence and its prior `odds`.
@@ -134,7 +134,7 @@ def probabilities(
             count = others if r in comparison.forms else 0
             logs[r.candidate] = log + np.log(odds(r.candidate.damping, count))
     if not logs:  # no candidate could be linearised with deviations
-        return probabilities(comparison, True, forms)
+        return candidate_probabilities(comparison, True, forms)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}

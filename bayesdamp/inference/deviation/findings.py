@@ -15,6 +15,7 @@ from bayesdamp.inference.deviation.draws import (
     Quantity,
     at_fraction,
     balanced_frequency,
+    candidate_probabilities,
     draw_candidate,
     draw_candidates,
     log_ratio_over_law,
@@ -23,7 +24,6 @@ from bayesdamp.inference.deviation.draws import (
     natural_frequency,
     noise_sds,
     orbit_of,
-    probabilities,
     quantity,
     ratio_at,
     ratio_over_law,
@@ -181,9 +181,9 @@ def compute_findings(
         Seed of the random streams.
     """
     data, approximate, rng = comparison.data, comparison.approximate, np.random.default_rng(seed)
-    exact = probabilities(comparison, exact=True)
-    everything = probabilities(comparison, exact=not approximate)
-    chosen = probabilities(comparison, exact=not approximate, forms=False)
+    exact = candidate_probabilities(comparison, exact=True)
+    everything = candidate_probabilities(comparison, exact=not approximate)
+    chosen = candidate_probabilities(comparison, exact=not approximate, forms=False)
     compared = {r.candidate for r in comparison.results}
     other_forms = {c: p for c, p in everything.items() if c not in compared}
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(comparison)

@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import between_knots, midline_drift
-from bayesdamp.inference.deviation.findings import compute_findings, probabilities, summed
+from bayesdamp.inference.deviation.findings import candidate_probabilities, compute_findings, summed
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
@@ -38,7 +38,7 @@ def ratio(amplitude: float) -> float:
 
 
 def test_probabilities_are_probabilities(comparison: ModelComparison) -> None:
-    each = probabilities(comparison, False)
+    each = candidate_probabilities(comparison, False)
     assert len(each) == len(comparison.results) + len(comparison.forms)
     assert len(comparison.results) + len(comparison.refused) == 7
     assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in comparison.forms}
