@@ -43,7 +43,7 @@ from bayesdamp.verdict.parts import (
     ratios_table,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_sentences, extrapolated, given, power_in_words
+from bayesdamp.verdict.words import energy_sentences, is_extrapolated, is_specified, power_in_words
 
 SHAPES = (
     "a level curve means viscous damping, a rise towards small amplitudes means friction, and a rise towards large "
@@ -185,14 +185,14 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
             numbers.append((name, f"{number(size)} {size.unit}".rstrip()))
         return numbers
     f, at = v.frequency, v.frequency_at
-    beyond = f is not None and at is not None and extrapolated(f, at)
+    beyond = f is not None and at is not None and is_extrapolated(f, at)
     if at is not None and (f is None or beyond):
         interval = fmt.with_interval(at.value, at.low, at.high, " Hz")
         numbers.append((f"frequency at {at.amplitude:.2g} {at.unit}", interval))
     if f is not None:
         name = "natural frequency" + (", extrapolated to small oscillations" if beyond else "")
         interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
-        numbers.append((name, f"{f.value:.5g} {f.unit} (specified)" if given(f) else interval))
+        numbers.append((name, f"{f.value:.5g} {f.unit} (specified)" if is_specified(f) else interval))
     if v.damping_ratio:
         r = v.damping_ratio[len(v.damping_ratio) // 2]
         where = f"at {r.amplitude:.2g} {r.unit}"
