@@ -60,11 +60,12 @@ lowest: $(READY)
 	  pytest pytest-xdist hypothesis jaxtyping beartype distributed nbclient ipykernel
 	$(ONE_THREAD) $(LOW)/bin/python -m pytest -n $(WORKERS) -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 
-# The newest versions that pyproject.toml allows, in the same way.
+# The newest versions that pyproject.toml allows, in the same way; torch as it is locked, for a newer one pulls gigabytes.
 NEW := .newest
 newest: $(READY)
 	$(BIN)/python -m venv $(NEW)
-	$(NEW)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -e ".[dev]"
+	grep -E '^torch==' constraints.txt > $(NEW)/held.txt
+	$(NEW)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -c $(NEW)/held.txt -e ".[dev]"
 	$(ONE_THREAD) $(NEW)/bin/python -m pytest -n $(WORKERS) -m "not slow" $(PARTS) $(ARGS)
 
 # What nobody waits for, once a week: the versions at both ends, the slow tests, vulnerabilities, fuzz and mutation.

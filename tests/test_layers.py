@@ -58,6 +58,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"records.record", "records.files", "records.oscillation", "records.cleaning"},
     "records": NEUTRAL | {"physics", "records"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
+    "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
     "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
     "estimators": _BELOW | {"estimators"},
     **{

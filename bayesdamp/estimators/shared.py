@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # loads its modules when they are used
+from numpy.polynomial import Polynomial
 
 from bayesdamp.physics.damping import median
 from bayesdamp.physics.oscillator import Oscillator, reference_of
@@ -254,6 +255,20 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
         t, y = times.mean(axis=1)[whole], y[: blocks * group].reshape(blocks, group).mean(axis=1)[whole]
     rows = np.unique(np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int))
     return t[rows], y[rows]
+
+
+def phase_of(signal: Signal, features: Features) -> Polynomial:
+    """Return the phase of a record in rad, which grows by π from each crossing of the midline to the next.
+
+    It is a polynomial in time: of degree 3 if the crossings span most of the record, so that it follows a frequency
+    that drifts with the amplitude, else a straight line.
+    """
+    crossings, count = features.crossing_times, features.crossing_times.size
+    span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
+    if count >= 8 and span > 0.75:
+        weight = np.abs(features.turning_amplitudes[1:] * features.turning_amplitudes[:-1]) ** 0.5
+        return Polynomial.fit(crossings, np.pi * np.arange(count), 3, w=weight)
+    return Polynomial([-features.frequency * features.turning_times[0], features.frequency])
 
 
 def motion(

@@ -12,6 +12,9 @@ from bayesdamp.estimators import names_for_all
 from bayesdamp.estimators._protocol import optional_package
 
 NEEDS = {
+    "pinn": ["torch"],
+    "neural_ode": ["torch", "torchdiffeq"],
+    "rnn": ["torch"],
     "sindy": ["pysindy"],
     "symbolic_regression": ["pyoperon"],
     "topological": ["gudhi"],

@@ -11,19 +11,18 @@ per cent. (The alternative, a network for the one-step dynamics, has no paramete
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.networks import descend, phase_of
+from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
     checked_features,
     free_names,
     noise_level,
     oscillator,
+    phase_of,
     start_parameters,
     thin_record,
 )
@@ -48,8 +47,6 @@ LEAST_DECAY = 0.01
 """Decay of the logarithm of the amplitude over the record that is assumed if the record itself shows less."""
 FLOOR = 1e-3
 """Added to amplitudes, as a share of the record's largest, before the logarithm is taken."""
-PATIENCE = 4
-"""Rounds without a smaller error on other records after which a training ends."""
 COPIES = 4
 """Times that each simulated record is presented, each with other noise."""
 
@@ -86,13 +83,18 @@ class Rnn(Estimator[RnnOptions]):
         self, signal: Signal, problem: Problem, options: RnnOptions, rng: np.random.Generator
     ) -> Estimate:
         """Train a network in narrower and narrower ranges of the coefficient, and read the record's off it."""
+        optional_package("torch")
+        from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
+
         simulator = Simulator(signal, problem, checked_features(signal), rng)
         network = RecurrentNetwork(options.cell, options.units)
         weights = network.draw(rng)
         centre, half, inside = simulator.centre, WIDEST, False
         answers, errors, losses = [], [], []
         for _ in range(MOST_ROUNDS):
-            weights, loss, answer, error = _train_in_range(network, weights, simulator, options, centre, half)
+            own, others, record = simulator.sequences(centre, half, options.records)
+            weights, loss, error = network.train(weights, own, others, options.epochs)
+            answer = float(network.read(weights, record)[0])
             losses.append(loss)
             answers.append(centre + half * answer)
             errors.append(half * error)
@@ -200,6 +202,32 @@ class Simulator:
         self.simulated += m
         return self.stretches.quadratures(self.trajectories.many(given)[:, self.drop :]) / self.size
 
+    def sequences(
+        self, centre: float, half: float, records: int
+    ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Simulate records in a range of the coefficient's logarithm, centre ± half.
+
+        Returns
+        -------
+        (ndarray, ndarray), (ndarray, ndarray), ndarray
+            Sequences (m, count, 2) to train with, and each one's place in the range (m,), −1 to 1; the same of
+            other records, to stop by; the record's own sequence (1, count, 2).
+        """
+        every = records + max(64, records // 10)
+        place = self.rng.uniform(-1.0, 1.0, every)
+        pure = self.quadratures(centre + half * place)
+        good = np.all(np.isfinite(pure), axis=(1, 2))
+        if np.count_nonzero(good) < every // 2:
+            raise Refusal("the simulated trajectories escape: there is nothing to train on")
+        # All copies of a record are on the same side, or the training would be stopped by records that it knows.
+        last = COPIES * (np.count_nonzero(good) * records // every)
+        place = np.repeat(place[good], COPIES)
+        noisy = _sequence(np.repeat(pure[good], COPIES, axis=0) + self.noise(place.size))
+        mean, sd = noisy[:last].mean(axis=0), noisy[:last].std(axis=0) + 1e-9
+        scaled = np.clip((noisy - mean) / sd, -5.0, 5.0)
+        record = np.clip((_sequence(self.record) - mean) / sd, -5.0, 5.0)
+        return (scaled[:last], place[:last]), (scaled[last:], place[last:]), record
+
     def noise(self, records: int) -> np.ndarray:
         """Draw noise in (a, b), (records, count, 2), of sizes within a factor of two of the record's."""
         size = self.sd * np.exp(np.log(2.0) * self.rng.uniform(-1.0, 1.0, records))
@@ -211,168 +239,6 @@ def _sequence(quadratures: np.ndarray) -> np.ndarray:
     """Return the logarithm of the amplitude and its steps, (m, count, 2), from (a, b) (m, count, 2)."""
     size = np.log(np.hypot(quadratures[..., 0], quadratures[..., 1]) + FLOOR)
     return np.stack([size, np.diff(size, axis=1, prepend=size[:, :1])], axis=2)
-
-
-class Step(NamedTuple):
-    """A recurrent layer after a step of m sequences: its state, memory (of an LSTM) and gates, each (units, m)."""
-
-    state: np.ndarray
-    memory: np.ndarray
-    gates: tuple[np.ndarray, ...]
-
-
-@dataclass(frozen=True)
-class RecurrentNetwork:
-    """A recurrent layer over sequences, and a linear one from its last state to the answer.
-
-    cell: "lstm" (Hochreiter & Schmidhuber 1997, with the forget gate of Gers, Schmidhuber & Cummins 2000) or "gru" (Cho
-    and others 2014). units: in the recurrent layer. inputs: numbers in each step of a sequence.
-    """
-
-    cell: str
-    units: int
-    inputs: int = 2
-
-    @property
-    def gates(self) -> int:
-        """Rows of the recurrent layer's matrix, which it applies to (inputs, state, 1)."""
-        return (4 if self.cell == "lstm" else 3) * self.units
-
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw first weights (k,) evenly between ±1/√units: the matrix, then the linear layer."""
-        count = self.gates * (self.inputs + self.units + 1) + self.units + 1
-        return rng.uniform(-1.0, 1.0, count) / self.units**0.5
-
-    def answers(self, weights: np.ndarray, sequences: np.ndarray) -> np.ndarray:
-        """Return the answer (m,) to each sequence (m, steps, inputs)."""
-        return self._forward(weights, sequences)[0]
-
-    def slopes(self, weights: np.ndarray, sequences: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the answers (m,), and their derivatives by the weights, (m, k), by backpropagation through time."""
-        answers, fed, steps = self._forward(weights, sequences)
-        matrix, out = self._split(weights)
-        u, m = self.units, answers.size
-        of_state = matrix[:, self.inputs : -1]
-        by_out = np.concatenate([steps[-1].state, np.ones((1, m))])
-        by_state = np.repeat(out[:-1, None], m, axis=1)
-        by_memory = np.zeros_like(by_state)
-        by_gates = np.empty((len(steps), self.gates, m))
-        for t in reversed(range(len(steps))):
-            by, step = by_gates[t], steps[t]
-            if self.cell == "lstm":
-                i, f, o, g = step.gates
-                bent = np.tanh(step.memory)
-                by_memory = by_memory + by_state * o * (1.0 - bent**2)
-                before = steps[t - 1].memory if t else np.zeros((u, m))
-                by[:u] = by_memory * g * i * (1.0 - i)
-                by[u : 2 * u] = by_memory * before * f * (1.0 - f)
-                by[2 * u : 3 * u] = by_state * bent * o * (1.0 - o)
-                by[3 * u :] = by_memory * i * (1.0 - g**2)
-                by_memory = by_memory * f
-                by_state = of_state.T @ by
-            else:
-                z, r, n = step.gates
-                before = fed[t, self.inputs : -1]
-                by[2 * u :] = by_state * (1.0 - z) * (1.0 - n**2)
-                by_reset = of_state[2 * u :].T @ by[2 * u :]
-                by[:u] = by_state * (before - n) * z * (1.0 - z)
-                by[u : 2 * u] = by_reset * before * r * (1.0 - r)
-                by_state = by_state * z + by_reset * r + of_state[: 2 * u].T @ by[: 2 * u]
-        by_gates, fed = by_gates.transpose(2, 1, 0), fed.transpose(2, 0, 1)
-        by_matrix = by_gates @ fed
-        if self.cell == "gru":  # the state that its last gate is fed is reset
-            reset = np.stack([step.gates[1] for step in steps]).transpose(2, 0, 1)
-            by_matrix[:, 2 * u :, self.inputs : -1] = by_gates[:, 2 * u :] @ (
-                reset * fed[..., self.inputs : -1]
-            )
-        return answers, np.concatenate([by_matrix.reshape(m, -1), by_out.T], axis=1)
-
-    def _split(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        end = weights.size - self.units - 1
-        return weights[:end].reshape(self.gates, -1), weights[end:]
-
-    def _forward(
-        self, weights: np.ndarray, sequences: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, list[Step]]:
-        """Return the answers (m,), what each step is fed, (steps, inputs + units + 1, m), and the steps."""
-        matrix, out = self._split(weights)
-        u, (m, count, _) = self.units, sequences.shape
-        fed = np.ones((count, self.inputs + u + 1, m))
-        fed[:, : self.inputs] = sequences.transpose(1, 2, 0)
-        state = memory = np.zeros((u, m))
-        steps = []
-        for column in fed:
-            column[self.inputs : -1] = state
-            if self.cell == "lstm":
-                sums = matrix @ column
-                i, f, o = _sigmoid(sums[: 3 * u]).reshape(3, u, m)
-                g = np.tanh(sums[3 * u :])
-                memory = f * memory + i * g
-                state, gates = o * np.tanh(memory), (i, f, o, g)
-            else:
-                z, r = _sigmoid(matrix[: 2 * u] @ column).reshape(2, u, m)
-                reset = column.copy()
-                reset[self.inputs : -1] *= r
-                n = np.tanh(matrix[2 * u :] @ reset)
-                state, gates = (1.0 - z) * n + z * state, (z, r, n)
-            steps.append(Step(state, memory, gates))
-        return out[:-1] @ state + out[-1], fed, steps
-
-
-def _sigmoid(x: np.ndarray) -> np.ndarray:
-    return 0.5 + 0.5 * np.tanh(0.5 * x)
-
-
-def _train_in_range(
-    network: RecurrentNetwork,
-    weights: np.ndarray,
-    simulator: Simulator,
-    options: RnnOptions,
-    centre: float,
-    half: float,
-) -> tuple[np.ndarray, list[float], float, float]:
-    """Train a network further, in the range centre ± half of the coefficient's logarithm.
-
-    The training ends when the error on other simulated records has not fallen for `PATIENCE` rounds.
-
-    Returns
-    -------
-    ndarray, list of float, float, float
-        The weights with the smallest error on the other records; the loss of each round; the record's place in the
-        range, −1 to 1; the root mean square error of the place of the other records.
-    """
-    every = options.records + max(64, options.records // 10)
-    place = simulator.rng.uniform(-1.0, 1.0, every)
-    pure = simulator.quadratures(centre + half * place)
-    good = np.all(np.isfinite(pure), axis=(1, 2))
-    if np.count_nonzero(good) < every // 2:
-        raise Refusal("the simulated trajectories escape: there is nothing to train on")
-    pure, place = np.repeat(pure[good], COPIES, axis=0), np.repeat(place[good], COPIES)
-    sequences = _sequence(pure + simulator.noise(place.size))
-    count = place.size * options.records // every
-    mean, sd = sequences[:count].mean(axis=0), sequences[:count].std(axis=0) + 1e-9
-
-    def scaled(sequences: np.ndarray) -> np.ndarray:
-        return np.clip((sequences - mean) / sd, -5.0, 5.0)
-
-    own, other = np.split(scaled(sequences), [count])
-    targets, others = np.split(place, [count])
-    unit = count**-0.5
-
-    def linearise(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        answers, slopes = network.slopes(x, own)
-        return unit * (answers - targets), unit * slopes
-
-    losses, errors, best = [], [], weights
-    for point in descend(lambda x: unit * (network.answers(x, own) - targets), linearise, weights):
-        losses.append(point.loss)
-        errors.append(float(np.sqrt(np.mean((network.answers(point.x, other) - others) ** 2))))
-        if errors[-1] == min(errors):
-            best = point.x
-        if min(errors) < min(errors[-PATIENCE:]) or len(losses) > options.epochs:
-            break
-    answer = network.answers(best, scaled(_sequence(simulator.record)))
-    return best, losses, float(answer[0]), min(errors)
 
 
 PLUGIN = Rnn()

@@ -6,15 +6,21 @@ Trainings are short where accuracy does not matter. Records with noise have fixe
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
+import torch
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods.neural_ode import NeuralOdeOptions, Shooting
-from bayesdamp.estimators.methods.pinn import Collocation, PinnOptions
-from bayesdamp.estimators.methods.rnn import RecurrentNetwork
+from bayesdamp.estimators.methods.pinn import PinnOptions
+from bayesdamp.estimators.methods.rnn import COPIES, Simulator
+from bayesdamp.estimators.networks.collocation import Collocation
+from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
+from bayesdamp.estimators.networks.shooting import Shooting
+from bayesdamp.estimators.networks.training import jacobian, jets, on_tensors
 from bayesdamp.estimators.shared import checked_features
+from bayesdamp.types import Refusal
 from tests.estimators.truths import (
     EVERYTHING,
     INITIAL,
@@ -35,11 +41,20 @@ def noisy():
     return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
 
 
-def test_another_seed_is_another_network(noisy):
-    """That the seed alone decides is in the contract of all estimators."""
-    first, second = (initial("pinn", *noisy, seed=seed, **SHORT["pinn"]) for seed in (1, 2))
+def test_the_seed_is_all_the_chance_there_is(noisy):
+    """torch's own random numbers and settings are neither used nor moved."""
+    name = "pinn"
+    signal, problem = noisy
+    first = initial(name, signal, problem, **SHORT[name])
+    torch.manual_seed(99)
+    before = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
+    assert initial(name, signal, problem, **SHORT[name]).values == first.values
+    after = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
+    assert torch.equal(before[0], after[0])
+    assert before[1:] == after[1:]
     assert {"loss", "zeta"} <= set(first.trace)
-    assert first.values != second.values
+    # Negative control: another seed is another network.
+    assert initial(name, signal, problem, seed=2, **SHORT[name]).values != first.values
 
 
 @pytest.mark.parametrize(
@@ -76,23 +91,41 @@ def test_pinn_negative_control_a_wrong_equation_of_motion_does_not_fit():
     assert misses["data_rms"] > 10 * fits["data_rms"]
 
 
+@pytest.mark.parametrize("quantity", ["angle", "velocity", "acceleration"])
 @pytest.mark.parametrize("kind", ["neural_ode", "pinn"])
-def test_derivatives_of_a_loss_are_differences(kind):
-    signal, problem = pendulum({"mu_c": 0.03}, samples=400, free=("stiffness", "omega0"))
+def test_derivatives_of_a_loss_are_differences(kind, quantity):
+    signal, problem = pendulum({"mu_c": 0.03}, samples=400, free=("stiffness", "omega0"), quantity=quantity)
     features, rng = checked_features(signal), np.random.default_rng(0)
     if kind == "neural_ode":
-        shooting = Shooting(signal, problem, features, NeuralOdeOptions(width=3, steps=24), rng)
-        start, linearise, residuals = shooting.start, shooting.linearise, shooting.residuals
+        loss = Shooting(signal, problem, features, rng, width=3, steps=24, continuity_weight=1.0)
     else:
-        collocation = Collocation(signal, problem, features, PinnOptions(width=4, collocation=100), rng)
-        start, linearise = collocation.start, collocation.linearise
+        settings = PinnOptions(width=4, collocation=100).model_dump(exclude={"rounds"})
+        loss = Collocation(signal, problem, features, rng, **settings)
+    r, slopes = loss.linearise(loss.first)
+    assert r == pytest.approx(loss.residuals(loss.first), abs=1e-12)
+    check_differences(loss.residuals, loss.first, slopes, rng)
 
-        def residuals(x):
-            return np.concatenate(collocation.residuals(x))
 
-    r, jacobian = linearise(start)
-    assert r == pytest.approx(residuals(start), abs=1e-12)
-    check_differences(residuals, start, jacobian, rng)
+@pytest.mark.parametrize("cell", ["lstm", "gru"])
+def test_recurrent_layers_are_those_of_torch(cell):
+    rng = np.random.default_rng(0)
+    network = RecurrentNetwork(cell, 5)
+    weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
+    reference = {"lstm": torch.nn.LSTM, "gru": torch.nn.GRU}[cell](
+        2, 5, batch_first=True, dtype=torch.float64
+    )
+    blocks = weights[:-6].reshape(-1, 5, 8)
+    # torch has the gates in the orders input, forget, new, output, and reset, update, new.
+    matrix = np.concatenate(blocks[[0, 1, 3, 2] if cell == "lstm" else [1, 0, 2]])
+    own = (matrix[:, :2], matrix[:, 2:7], matrix[:, 7], np.zeros(len(matrix)))
+    with torch.no_grad():
+        for parameter, values in zip(reference.parameters(), own, strict=True):
+            parameter.copy_(torch.from_numpy(values))
+        last = reference(torch.from_numpy(sequences))[0][:, -1].numpy()
+    expected = last @ weights[-6:-1] + weights[-1]
+    assert network.read(weights, sequences) == pytest.approx(expected, abs=1e-12)
+    # Negative control: in the order of this package the gates are others.
+    assert np.abs(network.read(np.r_[matrix.ravel(), weights[-6:]], sequences) - expected).max() > 0.01
 
 
 @pytest.mark.parametrize("cell", ["lstm", "gru"])
@@ -100,12 +133,58 @@ def test_derivatives_through_time_are_differences(cell):
     rng = np.random.default_rng(0)
     network = RecurrentNetwork(cell, 5)
     weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
-    answers, jacobian = network.slopes(weights, sequences)
-    assert answers == pytest.approx(network.answers(weights, sequences), abs=1e-12)
-    check_differences(lambda x: network.answers(x, sequences), weights, jacobian, rng)
+    rows = torch.from_numpy(weights).expand(len(sequences), -1)
+    answers, slopes = jacobian(lambda x: network.answers(x, torch.from_numpy(sequences)), rows)
+    assert answers.numpy() == pytest.approx(network.read(weights, sequences), abs=1e-12)
+    check_differences(lambda x: network.read(x, sequences), weights, slopes.numpy(), rng)
 
 
-def check_differences(function, x, jacobian, rng):
+def check_differences(function, x, slopes, rng):
     direction, step = rng.normal(size=x.size), 1e-5
     change = (function(x + step * direction) - function(x - step * direction)) / (2 * step)
-    assert jacobian @ direction == pytest.approx(change, abs=1e-6 * np.abs(change).max())
+    assert slopes @ direction == pytest.approx(change, abs=1e-6 * np.abs(change).max())
+    # Negative control: the derivatives of another row.
+    assert slopes[::-1] @ direction != pytest.approx(change, abs=1e-2 * np.abs(change).max())
+
+
+def test_jets_are_time_derivatives():
+    t = torch.linspace(0.1, 1.0, 5, dtype=torch.float64)
+    argument = torch.stack([t**2, 2 * t, torch.full_like(t, 2.0)], dim=1)
+    expected = [torch.sin(t**2), 2 * t * torch.cos(t**2), 2 * torch.cos(t**2) - 4 * t**2 * torch.sin(t**2)]
+    assert torch.allclose(jets(torch.sin, argument), torch.stack(expected, dim=1), atol=1e-14)
+
+
+def capped(x, v, epsilon):
+    return max(min(v, 1.0), -1.0) * math.sqrt(2.0) + float(abs(x)) * np.arctan(v / epsilon)
+
+
+def decides(x, v, epsilon):
+    return v**3 if v > 0.0 else math.tanh(v / epsilon)
+
+
+@pytest.mark.parametrize("kernel", [capped, decides])
+def test_a_kernel_on_tensors_has_its_values_and_slopes(kernel):
+    """A user's kernel may use functions with other names or of numbers, and `if`."""
+    x, v = np.array([0.1, -0.2, 0.3, 0.4]), np.array([0.5, -0.4, 1.5, -2.0])
+    expected = [kernel(*row, 0.3) for row in zip(x, v)]
+    slopes = [(kernel(a, b + 1e-6, 0.3) - kernel(a, b - 1e-6, 0.3)) / 2e-6 for a, b in zip(x, v)]
+    rows = torch.from_numpy(np.column_stack([x, v]))
+    values, derivatives = jacobian(lambda row: on_tensors(kernel)(row[:, 0], row[:, 1], 0.3), rows)
+    assert values.numpy() == pytest.approx(expected, abs=1e-14)
+    assert derivatives[:, 1].numpy() == pytest.approx(slopes, abs=1e-8)
+
+
+def test_a_function_that_torch_lacks_is_refused_in_a_sentence():
+    with pytest.raises(Refusal, match="the force uses the function gamma, which torch does not have"):
+        on_tensors(lambda x: math.gamma(x))(torch.ones(2))
+
+
+def test_no_record_that_stops_a_training_is_one_that_it_was_trained_on():
+    signal, problem = pendulum({"zeta": 0.05}, samples=1000)
+    simulator = Simulator(signal, problem, checked_features(signal), np.random.default_rng(0))
+    (own, places), (others, other_places), _ = simulator.sequences(simulator.centre, 0.5, 99)
+    assert (len(own), len(others)) == (len(places), len(other_places))
+    assert not set(places) & set(other_places)
+    # Negative control: each record is there several times, so that a split elsewhere would share one.
+    assert len(places) == COPIES * len(set(places))
+    assert places[-1] == places[-COPIES]

@@ -1,0 +1,1 @@
+"""Networks, and the losses of the methods that train them; every module here needs torch."""

@@ -1,0 +1,187 @@
+"""The loss of a physics-informed neural network (paper, equation 17) as a sum of squares."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.func import jvp
+
+from bayesdamp.estimators.networks.training import (
+    REAL,
+    DenseNetwork,
+    ScaledRecord,
+    descend,
+    jacobian,
+    jets,
+    single_thread,
+    train,
+)
+from bayesdamp.estimators.shared import decay_start, free_start, phase_of
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+UNIT = 3.0
+"""Factor of the physical parameters' units: the larger, the less they are damped in comparison with the weights."""
+UNINFORMED = 0.05
+"""Equivalent damping ratio of each term at an uninformed start."""
+COLLINEAR = 1e-3
+"""Share of the largest singular value below which a direction is left out of the first output layer."""
+with warnings.catch_warnings():
+    warnings.simplefilter(
+        "ignore", DeprecationWarning
+    )  # the first derivative in a process loads what torch deprecates
+    jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
+
+
+class Collocation(ScaledRecord):
+    """Misfits of the record, of a known start, and of the equation of motion at many instants.
+
+    Unknown are the weights of the network, then the physical parameters in units. The misfits take them as a vector
+    (k,), or as one row for each misfit, (n, k).
+    first: the first unknowns. units: of the physical parameters.
+    """
+
+    def __init__(
+        self,
+        signal: Signal,
+        problem: Problem,
+        features: Features,
+        rng: np.random.Generator,
+        *,
+        start: str,
+        width: int,
+        harmonics: int,
+        collocation: int,
+        physics_weight: float,
+        start_weight: float,
+    ) -> None:
+        super().__init__(signal, problem, features)
+        damping = UNINFORMED / self.ratios
+        if start == "direct":
+            guess = decay_start(problem, features)
+            damping = np.array([guess[name] for name in self.coefficients])
+        free = np.array([self.base[name] for name in self.restoring])
+        self.units = UNIT * np.concatenate([0.1 / self.ratios, np.maximum(np.abs(free), self.a)])
+        self.network = DenseNetwork((1 + 2 * harmonics, width, width, 1))
+        self.physics_weight, self.start_weight = physics_weight, start_weight
+        phase, end = phase_of(signal, features).convert().coef.tolist(), float(signal.t[-1])
+
+        def inputs(t: Tensor) -> Tensor:
+            """Return time from −1 to 1, and sines and cosines of the phase's multiples, (n, inputs)."""
+            angle = torch.stack([c * t**power for power, c in enumerate(phase)]).sum(0)
+            angles = angle[:, None] * torch.arange(1.0, harmonics + 1, dtype=REAL)
+            return torch.cat([(2.0 * t / end - 1.0)[:, None], torch.sin(angles), torch.cos(angles)], dim=1)
+
+        def input_jets(t: np.ndarray, order: int) -> Tensor:
+            """Return the inputs and their derivatives by ωt, (n, 1 + order, inputs)."""
+            time = np.stack([t, np.full_like(t, 1.0 / self.w), np.zeros_like(t)], axis=-1)
+            return jets(inputs, torch.from_numpy(time[:, : order + 1]))
+
+        self.data_inputs, self.begin_inputs = input_jets(self.t, self.order), input_jets(np.zeros(2), 1)
+        # Evenly spread but at no fixed phase, so that friction's effect within a cycle is sampled everywhere.
+        instants = end * (np.arange(collocation) + rng.uniform(0.0, 1.0, collocation)) / collocation
+        self.physics_inputs = input_jets(instants, 2)
+        self.misfits = ((self.data, self.y.numel()), (self.begin, 2), (self.physics, collocation))
+
+        weights = self.network.draw(rng)
+        last = self.network.last_hidden(weights, self.data_inputs)[:, -1]
+        ones = np.full(self.y.numel(), float(self.order == 0))
+        output = np.linalg.lstsq(np.column_stack([last, ones]), self.y.numpy(), rcond=COLLINEAR)[0]
+        physical = np.concatenate([damping, free]) / self.units
+        self.first = np.concatenate([weights[: -output.size].numpy(), output, physical])
+
+    def data(self, x: Tensor) -> Tensor:
+        """Return the misfits of the record; their sum of squares is its mean square misfit in amplitudes."""
+        return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
+
+    def begin(self, x: Tensor) -> Tensor:
+        """Return the weighted misfits of a known angle and velocity at the start, (2,)."""
+        motion = self.motion(x, self.begin_inputs).diagonal()
+        return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
+
+    def physics(self, x: Tensor) -> Tensor:
+        """Return the weighted residuals of the equation of motion, in Aω²."""
+        angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
+        physical = x[..., self.network.count :] * torch.from_numpy(self.units)
+        damping, restoring = physical.tensor_split([len(self.coefficients)], dim=-1)
+        force = self.restoring_force(self.rest + self.a * angle, restoring)
+        force = force + (self.damping_shapes(self.a * self.w * velocity) * damping).sum(-1)
+        residuals = acceleration + force / (self.a * self.w**2)
+        return (self.physics_weight / angle.numel()) ** 0.5 * residuals
+
+    def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
+        """Return the angle and its derivatives, (n, j), in amplitudes and 1/ω."""
+        return self.network.output(x[..., : self.network.count], inputs)
+
+    @torch.no_grad()
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Return all misfits (n,)."""
+        return torch.cat([misfit(torch.from_numpy(x)) for misfit, _ in self.misfits]).numpy()
+
+    def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return all misfits (n,) and their Jacobian by the unknowns, (n, k)."""
+        parts = [jacobian(misfit, torch.from_numpy(x).expand(rows, -1)) for misfit, rows in self.misfits]
+        r, slopes = zip(*parts)
+        return torch.cat(r).numpy(), torch.cat(slopes).numpy()
+
+
+@single_thread()
+def estimate(
+    signal: Signal,
+    problem: Problem,
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    rounds: int,
+    start: str,
+    **settings: Any,
+) -> Estimate:
+    """Train a network together with the physical parameters, which are its estimate.
+
+    Parameters
+    ----------
+    signal, problem, features
+        The record, what is known of its system, and what the record shows.
+    rng
+        Random numbers of the first weights and of the instants.
+    rounds
+        Largest number of training steps.
+    start, settings
+        As `Collocation` takes them.
+
+    Raises
+    ------
+    Refusal
+        If the training comes to numbers that are not finite.
+    """
+    loss = Collocation(signal, problem, features, rng, start=start, **settings)
+    count, last = loss.network.count, loss.network.count + len(loss.coefficients)
+    training = train(descend(loss.residuals, loss.linearise, loss.first), rounds, lambda x: x[count:last])
+    if not np.all(np.isfinite(training.losses)):
+        raise Refusal("the network's training came to numbers that are not finite")
+    watched = training.watched * loss.units[: last - count]
+    values = dict(zip((*loss.coefficients, *loss.restoring), (training.x[count:] * loss.units).tolist()))
+    x = torch.from_numpy(training.x)
+    angle, velocity = loss.motion(x, loss.begin_inputs)[0].tolist()
+    values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
+    trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
+    details = {
+        "start": start,
+        "started_from": watched[0].tolist(),
+        "data_rms": loss.data(x).norm().item(),  # in amplitudes
+        "physics_rms": loss.physics(x).norm().item() / loss.physics_weight**0.5,  # in units of Aω²
+    }
+    return Estimate(
+        "pinn",
+        "initial",
+        values,
+        {},
+        trace,
+        details,
+        evaluations=training.evaluations,
+        outcome=training.outcome,
+    )

@@ -1,0 +1,109 @@
+"""A recurrent network that reads a number off a sequence, and its training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from bayesdamp.estimators.networks.training import REAL, descend, jacobian, single_thread
+
+PATIENCE = 4
+"""Rounds without a smaller error on other records after which a training ends."""
+
+
+@dataclass(frozen=True)
+class RecurrentNetwork:
+    """A recurrent layer over sequences, and a linear one from its last state to the answer.
+
+    cell: "lstm" (Hochreiter & Schmidhuber 1997, with the forget gate of Gers, Schmidhuber & Cummins 2000) or "gru" (Cho
+    and others 2014). units: in the recurrent layer. inputs: numbers in each step of a sequence.
+    """
+
+    cell: str
+    units: int
+    inputs: int = 2
+
+    @property
+    def gates(self) -> int:
+        """Rows of the recurrent layer's matrix, which it applies to (inputs, state, 1)."""
+        return (4 if self.cell == "lstm" else 3) * self.units
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw first weights (k,) evenly between ±1/√units: the matrix, then the linear layer."""
+        count = self.gates * (self.inputs + self.units + 1) + self.units + 1
+        return rng.uniform(-1.0, 1.0, count) / self.units**0.5
+
+    def answers(self, weights: Tensor, sequences: Tensor) -> Tensor:
+        """Return the answer (m,) to each sequence (m, steps, inputs), for weights (k,), or one row (m, k) for each."""
+        split = weights.shape[-1] - self.units - 1
+        matrix = weights[..., :split].unflatten(-1, (self.gates, -1))
+        of_input, of_state, bias = matrix.split([self.inputs, self.units, 1], dim=-1)
+        out, shift = weights[..., split:-1], weights[..., -1]
+        driven = sequences @ of_input.mT + bias.mT
+        state = memory = torch.zeros(len(sequences), self.units, dtype=REAL)
+        for x in driven.unbind(1):
+            y = (state[:, None] @ of_state.mT)[:, 0]
+            if self.cell == "lstm":
+                *switches, new = (x + y).chunk(4, dim=1)
+                take, keep, show = map(torch.sigmoid, switches)
+                memory = keep * memory + take * torch.tanh(new)
+                state = show * torch.tanh(memory)
+            else:
+                (keep_x, reset_x, new_x), (keep_y, reset_y, new_y) = x.chunk(3, dim=1), y.chunk(3, dim=1)
+                keep, reset = torch.sigmoid(keep_x + keep_y), torch.sigmoid(reset_x + reset_y)
+                new = torch.tanh(new_x + reset * new_y)
+                state = (1.0 - keep) * new + keep * state
+        return (out * state).sum(-1) + shift
+
+    @single_thread()
+    def train(
+        self,
+        weights: np.ndarray,
+        own: tuple[np.ndarray, np.ndarray],
+        others: tuple[np.ndarray, np.ndarray],
+        epochs: int,
+    ) -> tuple[np.ndarray, list[float], float]:
+        """Train further, until the error on other sequences has not fallen for `PATIENCE` rounds.
+
+        Parameters
+        ----------
+        weights
+            The weights (k,) so far.
+        own, others
+            Sequences (m, steps, inputs) and their right answers (m,): to train with, and to stop by.
+        epochs
+            Largest number of rounds.
+
+        Returns
+        -------
+        ndarray, list of float, float
+            The weights with the smallest error on the others; the loss of each round; that root mean square error.
+        """
+        sequences, targets = map(torch.from_numpy, own)
+        unit = len(targets) ** -0.5
+
+        def residuals(x: np.ndarray) -> np.ndarray:
+            return unit * (self.read(x, own[0]) - own[1])
+
+        def linearise(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            rows = torch.from_numpy(x).expand(len(targets), -1)
+            r, slopes = jacobian(lambda rows: unit * (self.answers(rows, sequences) - targets), rows)
+            return r.numpy(), slopes.numpy()
+
+        losses, errors, best = [], [], weights
+        for point in descend(residuals, linearise, weights):
+            losses.append(point.loss)
+            errors.append(float(np.sqrt(np.mean((self.read(point.x, others[0]) - others[1]) ** 2))))
+            if errors[-1] == min(errors):
+                best = point.x
+            if min(errors) < min(errors[-PATIENCE:]) or len(losses) > epochs:
+                break
+        return best, losses, min(errors)
+
+    @torch.no_grad()
+    def read(self, weights: np.ndarray, sequences: np.ndarray) -> np.ndarray:
+        """Return the answer (m,) to each sequence (m, steps, inputs)."""
+        return self.answers(torch.from_numpy(weights), torch.from_numpy(sequences)).numpy()

@@ -1,0 +1,240 @@
+"""Multiple shooting: segments of a record integrated in one batch, with their sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torchdiffeq import odeint
+
+from bayesdamp.estimators.networks.training import (
+    REAL,
+    DenseNetwork,
+    ScaledRecord,
+    descend,
+    jacobian,
+    single_thread,
+    train,
+)
+from bayesdamp.estimators.shared import free_start
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+MOST_SEGMENTS = 160
+GRID = 41
+"""Velocities at which the learnt force is reported."""
+STEADY = 1e-3
+"""Largest relative change of a converged coefficient."""
+
+
+class Shooting(ScaledRecord):
+    """The loss of a learnt damping force as a sum of squares.
+
+    Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
+    free restoring parameters in units, and each segment's first angle and velocity.
+    first: the first unknowns. units: of the coefficients. peak: the largest velocity.
+    count, physical: unknowns before the restoring parameters, and before the starts of the segments.
+    """
+
+    def __init__(
+        self,
+        signal: Signal,
+        problem: Problem,
+        features: Features,
+        rng: np.random.Generator,
+        *,
+        width: int,
+        steps: int,
+        continuity_weight: float,
+    ) -> None:
+        super().__init__(signal, problem, features)
+        self.units = 0.1 / self.ratios
+        free = np.array([self.base[name] for name in self.restoring])
+        self.free_units = torch.from_numpy(np.maximum(np.abs(free), self.a))
+        self.network = DenseNetwork((1, width, width, 1), biased=False)
+        self.count = self.network.count
+        self.physical = self.count + free.size
+        decay = np.log(max(features.amplitude / features.final_amplitude, 1.05)) / (self.w * signal.t[-1])
+        self.force_unit = 2.0 * decay
+
+        end = float(signal.t[-1]) * self.w
+        self.segments = int(np.clip(round(end / np.pi), 2, MOST_SEGMENTS))
+        length = end / self.segments
+        intervals = max(8, int(np.ceil(steps * length / (2 * np.pi))))
+        self.nodes = torch.linspace(0.0, length, intervals + 1, dtype=REAL)
+        # Each sample's segment, the node before it, and the time since then.
+        s, step = self.t * self.w, length / intervals
+        interval = np.clip((s / step).astype(int), 0, self.segments * intervals - 1)
+        self.segment, self.node = (torch.from_numpy(part) for part in np.divmod(interval, intervals))
+        self.since = torch.from_numpy(s - interval * step)
+
+        self.weight = (1.0 / self.t.size**0.5, continuity_weight)
+        states, y = [], self.recorded / (self.a * self.w**self.order)
+        for i in range(self.segments):  # angle and velocity of a sinusoid that is fitted near its start
+            tau = s - i * length
+            near = np.argsort(np.abs(tau), kind="stable")
+            near = near[: max(8, int(np.count_nonzero(np.abs(tau) < 0.75 * np.pi)))]
+            columns = np.stack([np.cos(tau[near]), np.sin(tau[near]), np.ones(near.size)], axis=1)
+            c, d, middle = np.linalg.lstsq(columns, y[near], rcond=1e-6)[0]
+            at_rest = (middle - self.rest / self.a) if self.order == 0 else 0.0
+            states.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
+        self.peak = float(np.abs(np.array(states)[:, 1]).max())
+        self.first = np.concatenate(
+            [self.network.draw(rng), free / self.free_units.numpy(), np.ravel(states)]
+        )
+
+    def force(self, x: Tensor, velocity: Tensor) -> Tensor:
+        """Return the learnt force (n,) at velocities (n,), in Aω² and Aω; unknowns x (k,), or (n, k)."""
+        return self.force_unit * self.network.output(x[..., : self.count], velocity[:, None, None])[:, 0]
+
+    def paths(self, x: Tensor) -> Tensor:
+        """Return angle and velocity at the nodes, (nodes, segments, 2)."""
+        starts = x[self.physical :].reshape(self.segments, 2)
+        return odeint(lambda _, state: self._rate(x, state), starts, self.nodes, method="rk4")  # type: ignore[return-value]
+
+    def _rate(self, x: Tensor, state: Tensor) -> Tensor:
+        """Return the rates (n, 2) of angle and velocity (n, 2) for unknowns x (k,), or (n, k)."""
+        angle, velocity = state.unbind(-1)
+        values = x[..., self.count : self.physical] * self.free_units
+        restoring = self.restoring_force(self.rest + self.a * angle, values) / (self.a * self.w**2)
+        return torch.stack([velocity, -restoring - self.force(x, velocity)], dim=-1)
+
+    def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
+        """Return angle and velocity (n, 2) after one step from each state (n, 2), of each its duration (n,)."""
+        ends = torch.tensor([0.0, 1.0], dtype=REAL)
+        return odeint(lambda _, s: duration[:, None] * self._rate(x, s), state, ends, method="rk4")[1]
+
+    def _sampled(self, x: Tensor, state: Tensor) -> Tensor:
+        """Return what is recorded, in Aωᵏ, at each sample, for states (n, 2) at the node before it."""
+        state = self._step(x, state, self.since)
+        return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
+
+    @torch.no_grad()
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Return the weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
+        unknowns = torch.from_numpy(x)
+        paths = self.paths(unknowns)
+        return self._join(unknowns, paths, self._sampled(unknowns, paths[self.node, self.segment])).numpy()
+
+    def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return `residuals` (n,), and their Jacobian by the unknowns.
+
+        The derivatives of all single steps are automatic, in one batch; those of a path follow from step to step.
+        """
+        unknowns = torch.from_numpy(x)
+        with torch.no_grad():
+            paths = self.paths(unknowns)
+        steps, columns = len(paths) - 1, 2 + self.physical
+
+        def by_row(function: Callable[..., Tensor], states: Tensor, *others: Tensor) -> tuple[Tensor, Tensor]:
+            """Return values and their derivatives by the state (2) and the unknowns but the starts, of each row."""
+            rows = torch.cat([states, unknowns[: self.physical].expand(len(states), -1)], dim=1)
+            return jacobian(lambda rows: function(rows[:, 2:], rows[:, :2], *others), rows)
+
+        durations = self.nodes[1].expand(steps * self.segments)
+        _, of_steps = by_row(self._step, paths[:-1].reshape(-1, 2), durations)
+        sampled, of_samples = by_row(self._sampled, paths[self.node, self.segment])
+        of_paths = [torch.eye(2, columns, dtype=REAL).expand(self.segments, -1, -1)]
+        for of_step in of_steps.reshape(steps, self.segments, 2, columns):
+            of_paths.append(_chain(of_step, of_paths[-1]))
+        at_samples = torch.stack(of_paths)[self.node, self.segment]
+        data = self._by_unknowns(_chain(of_samples[:, None], at_samples)[:, 0], self.segment)
+        joins = torch.arange(self.segments - 1).repeat_interleave(2)
+        gaps = self._by_unknowns(of_paths[-1][:-1].reshape(-1, columns), joins)
+        gaps[:, self.physical + 2 :] -= torch.eye(len(joins), dtype=REAL)
+        begin = torch.zeros(2, x.size, dtype=REAL)
+        begin[:, self.physical : self.physical + 2] = self.is_given.diag()
+        slopes = torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin])
+        return self._join(unknowns, paths, sampled).numpy(), slopes.numpy()
+
+    def _by_unknowns(self, slopes: Tensor, segment: Tensor) -> Tensor:
+        """Return derivatives by all unknowns (n, k) of those by the start of a segment (n,) and by the others."""
+        full = torch.zeros(len(slopes), self.physical + 2 * self.segments, dtype=REAL)
+        full[:, : self.physical] = slopes[:, 2:]
+        starts = self.physical + 2 * segment[:, None] + torch.arange(2)
+        return full.scatter_(1, starts, slopes[:, :2])
+
+    def _join(self, x: Tensor, paths: Tensor, sampled: Tensor) -> Tensor:
+        states = x[self.physical :].reshape(self.segments, 2)
+        gaps = (paths[-1, :-1] - states[1:]).flatten()
+        begin = self.is_given * (states[0] - self.known_begin)
+        return torch.cat([self.weight[0] * (sampled - self.y), self.weight[1] * gaps, self.weight[1] * begin])
+
+    @torch.no_grad()
+    def project(self, x: np.ndarray) -> np.ndarray:
+        """Project the learnt force on the damping terms; coefficients (terms,) in units.
+
+        The law takes the same power as the learnt force in each segment, by least squares.
+        """
+        unknowns = torch.from_numpy(x)
+        velocity = self.paths(unknowns)[..., 1]
+        flat = velocity.flatten()
+        if not torch.all(torch.isfinite(flat)):
+            return np.full(self.units.size, np.nan)
+        speed = self.a * self.w
+        power = (flat * self.force(unknowns, flat) * speed * self.w).reshape(velocity.shape).mean(0)
+        shapes = self.damping_shapes(speed * flat) * torch.from_numpy(self.units)
+        of_law = (flat[:, None] * shapes).reshape(*velocity.shape, -1).mean(0)
+        return np.linalg.lstsq(of_law.numpy(), power.numpy(), rcond=None)[0]
+
+
+def _chain(outer: Tensor, inner: Tensor) -> Tensor:
+    """Return the derivatives of a step after a path, (…, m, 2 + k).
+
+    outer (…, m, 2 + k): of the step by the state before it (2) and the unknowns. inner (…, 2, 2 + k): of that state.
+    """
+    total = outer[..., :2] @ inner
+    total[..., 2:] += outer[..., 2:]
+    return total
+
+
+@single_thread()
+def estimate(
+    signal: Signal,
+    problem: Problem,
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    rounds: int,
+    **settings: Any,
+) -> Estimate:
+    """Train a network for the damping force, and project it on the damping terms.
+
+    Parameters
+    ----------
+    signal, problem, features
+        The record, what is known of its system, and what the record shows.
+    rng
+        Random numbers of the first weights.
+    rounds
+        Largest number of training steps.
+    settings
+        As `Shooting` takes them.
+
+    Raises
+    ------
+    Refusal
+        If the training comes to trajectories that are not finite.
+    """
+    loss = Shooting(signal, problem, features, rng, **settings)
+    training = train(descend(loss.residuals, loss.linearise, loss.first), rounds, loss.project, STEADY)
+    if not np.all(np.isfinite(training.watched)):
+        raise Refusal("the training came to trajectories that are not finite")
+    x, coefficients = training.x, training.watched * loss.units
+    values = dict(zip(loss.coefficients, coefficients[-1].tolist()))
+    values |= dict(zip(loss.restoring, (x[loss.count : loss.physical] * loss.free_units.numpy()).tolist()))
+    angle, velocity = x[loss.physical : loss.physical + 2].tolist()
+    values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
+    grid = torch.linspace(-loss.peak, loss.peak, GRID, dtype=REAL)
+    law = loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients[-1])
+    details = {
+        "velocity": (loss.a * loss.w * grid).tolist(),
+        "force": (loss.a * loss.w**2 * loss.force(torch.from_numpy(x), grid)).tolist(),
+        "law": law.tolist(),
+    }
+    trace = {"loss": training.losses, **dict(zip(loss.coefficients, coefficients.T))}
+    count, outcome = training.evaluations, training.outcome
+    return Estimate("neural_ode", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)

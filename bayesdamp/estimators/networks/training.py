@@ -1,0 +1,344 @@
+"""What the estimators with a network share: derivatives, dense networks, training, and a record in its own scales."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache, reduce
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy  # loads its modules when they are used
+import torch
+from torch import Tensor
+from torch.func import jvp
+
+from bayesdamp.estimators.shared import (
+    ORDER,
+    epsilon_of,
+    oscillator,
+    ratios_per_unit,
+    start_parameters,
+    thin_record,
+)
+from bayesdamp.physics.damping import EXACT
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import OK, Problem, Refusal, Signal
+
+REAL = torch.float64
+"""Every tensor states its precision, so that torch's own default stays as it is."""
+MOST_SAMPLES = 750
+BIAS = 0.5
+"""Standard deviation of a network's first biases."""
+FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
+"""Damping of the first step, its lowest value, and its factors after a step that lowers the loss, if the one before did
+too, and after a step that does not (conventional)."""
+AHEAD, STRAIGHT = 0.1, 0.375
+"""Share of a step over which its second derivative is measured, and how much it may bend (Transtrum & Sethna)."""
+TRIALS = 12
+"""Steps that are tried from one point."""
+WINDOW = 8
+"""Rounds over which the watched numbers must be steady."""
+
+
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """Run torch on one thread, so that the same seed gives the same numbers, and restore its setting afterwards."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the values of a function at each row, (n,) or (n, m), and their derivatives, (n, k) or (n, m, k).
+
+    The function maps rows (n, k) to values one by one, so that the gradient of their sum holds each row's own.
+    """
+    rows = rows.clone().requires_grad_()
+    values = function(rows)
+    columns = [values] if values.ndim == 1 else values.unbind(1)
+    slopes = [torch.autograd.grad(column.sum(), rows, retain_graph=True)[0] for column in columns]
+    return values.detach(), slopes[0] if values.ndim == 1 else torch.stack(slopes, 1)
+
+
+def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
+    """Return a function's value and time derivatives, (n, j, …), from those of its argument, (n, j, …)."""
+    if argument.shape[1] == 1:
+        return function(argument[:, 0])[:, None]
+    lower, upper = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
+    return torch.cat([lower, upper[:, -1:]], dim=1)
+
+
+@dataclass(frozen=True)
+class DenseNetwork:
+    """A network with tanh in its hidden layers and one output.
+
+    Weights are a vector (k,), or one for each row of inputs, (n, k).
+    sizes: of the layers, from the inputs to the output. biased: without biases, the output is an odd function.
+    """
+
+    sizes: tuple[int, ...]
+    biased: bool = True
+
+    @property
+    def count(self) -> int:
+        """Number of weights."""
+        return sum(outputs * (inputs + self.biased) for inputs, outputs in itertools.pairwise(self.sizes))
+
+    def draw(self, rng: np.random.Generator) -> Tensor:
+        """Draw first weights (k,): matrices of variance 1/inputs (Glorot's for equal sizes), and biases."""
+        weights = torch.from_numpy(rng.standard_normal(self.count))
+        for matrix, bias in self._layers(weights):
+            matrix /= matrix.shape[1] ** 0.5
+            bias *= BIAS
+        return weights
+
+    def output(self, weights: Tensor, inputs: Tensor) -> Tensor:
+        """Return the output's jets (n, j) for the inputs' (n, j, sizes[0]): values, and time derivatives in order."""
+        *hidden, last = self._layers(weights)
+        return _affine(*last, _hidden(hidden, inputs))[..., 0]
+
+    def last_hidden(self, weights: Tensor, inputs: Tensor) -> Tensor:
+        """Return the jets of the last hidden layer, (n, j, sizes[-2]), for those of the inputs, (n, j, sizes[0])."""
+        return _hidden(self._layers(weights)[:-1], inputs)
+
+    def _layers(self, weights: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Return views of weights as (matrix, bias) of each layer, (…, outputs, inputs) and (…, outputs)."""
+        shapes = [(outputs, inputs) for inputs, outputs in itertools.pairwise(self.sizes)]
+        parts = weights.split([size for o, i in shapes for size in (o * i, o * self.biased)], dim=-1)
+        matrices = (part.view(*part.shape[:-1], *shape) for part, shape in zip(parts[::2], shapes))
+        return list(zip(matrices, parts[1::2]))
+
+
+def _hidden(layers: list[tuple[Tensor, Tensor]], inputs: Tensor) -> Tensor:
+    for matrix, bias in layers:
+        inputs = jets(torch.tanh, _affine(matrix, bias, inputs))
+    return inputs
+
+
+def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
+    """Return the jets of a layer before its tanh; the bias, which a layer may lack, has no derivatives."""
+    product = inputs @ matrix.mT
+    if not bias.shape[-1]:
+        return product
+    return product + torch.nn.functional.pad(bias[..., None, :], (0, 0, 0, inputs.shape[1] - 1))
+
+
+class _Mathematics:
+    """`math` and NumPy's functions for tensors."""
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(math, name, None) or getattr(np, name)
+        if not callable(value):
+            return value
+        function = getattr(torch, {"fabs": "abs", "power": "pow"}.get(name, name), None)
+        if function is None:
+            raise Refusal(f"the force uses the function {name}, which torch does not have")
+        return lambda *numbers: function(*(torch.as_tensor(x, dtype=REAL) for x in numbers))
+
+
+_MATHEMATICS: Any = _Mathematics()
+_GLOBALS: dict[str, Any] = {
+    "math": _MATHEMATICS,
+    "np": _MATHEMATICS,
+    "abs": abs,
+    "max": lambda *values: reduce(_MATHEMATICS.maximum, values),
+    "min": lambda *values: reduce(_MATHEMATICS.minimum, values),
+    "float": lambda x: x,
+    "pow": pow,
+}
+"""The meaning of names in a kernel on tensors."""
+
+
+@lru_cache(maxsize=256)
+def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
+    """Return a kernel, which is a plain function of numbers, as a function of tensors that torch can differentiate.
+
+    It takes tensors (n,), or numbers, and a tuple of them for a tuple. A kernel that decides by `if` is called number
+    by number.
+    """
+    assert isinstance(kernel, FunctionType)
+    on_rows = FunctionType(
+        kernel.__code__, dict(_GLOBALS), kernel.__name__, kernel.__defaults__, kernel.__closure__
+    )
+
+    def evaluate(x: Tensor, *others: Any) -> Tensor:
+        try:
+            return on_rows(x, *others)
+        except RuntimeError:  # a tensor has no truth value
+            return torch.stack([on_rows(*(_row(a, i) for a in (x, *others))) for i in range(x.numel())])
+
+    return evaluate
+
+
+def _row(argument: Any, i: int) -> Any:
+    if isinstance(argument, tuple):
+        return tuple(_row(part, i) for part in argument)
+    return argument[i] if isinstance(argument, Tensor) and argument.ndim else argument
+
+
+class Round(NamedTuple):
+    """A point of a descent: the unknowns (k,), the loss there, and how often the residuals were evaluated so far."""
+
+    x: np.ndarray
+    loss: float
+    evaluations: int
+
+
+def descend(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    linearise: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    x: np.ndarray,
+) -> Iterator[Round]:
+    """Lower the sum of squares of residuals (n,) step by step, for up to a few thousand unknowns.
+
+    It uses Levenberg's method with geodesic acceleration (Transtrum & Sethna 2012, arXiv:1201.5885): a step is bent by
+    the residuals' second derivative along it, and refused if it bends too much. All unknowns are damped alike: scaled
+    by their curvature, as Marquardt proposed, weights without effect would grow without bounds.
+    It ends when no step lowers the loss.
+
+    Parameters
+    ----------
+    residuals
+        Maps x (k,) to the residuals (n,).
+    linearise
+        Maps x to the residuals and their Jacobian (n, k).
+    x
+        The first unknowns, (k,).
+
+    Yields
+    ------
+    Round
+        The start, and the end of each step.
+    """
+    evaluations, damping, failed = 0, FIRST, False
+    while True:
+        r, jacobian = linearise(x)
+        evaluations += 1
+        loss = float(r @ r)
+        yield Round(x, loss, evaluations)
+        gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
+        unit = float(hessian.diagonal().mean()) * np.eye(x.size)
+        for _ in range(TRIALS):
+            try:
+                factor = scipy.linalg.cho_factor(hessian + damping * unit, check_finite=False)
+            except np.linalg.LinAlgError:
+                damping, failed = damping * MORE, True
+                continue
+            step = -scipy.linalg.cho_solve(factor, gradient, check_finite=False)
+            curvature = 2 / AHEAD * ((residuals(x + AHEAD * step) - r) / AHEAD - jacobian @ step)
+            bend = -scipy.linalg.cho_solve(factor, jacobian.T @ curvature, check_finite=False) / 2
+            end = residuals(x + step + bend)
+            evaluations += 2
+            if np.linalg.norm(bend) <= STRAIGHT * np.linalg.norm(step) and float(end @ end) < loss:
+                x, damping, failed = (
+                    x + step + bend,
+                    damping if failed else max(damping * LESS, LOWEST),
+                    False,
+                )
+                break
+            damping, failed = damping * MORE, True
+        else:
+            return
+
+
+@dataclass(frozen=True)
+class Training:
+    """The result of a training.
+
+    x (k,): the last unknowns. losses, watched: the loss and the watched numbers of each round. evaluations: of the
+    residuals. outcome: OK, or that the training had not converged.
+    """
+
+    x: np.ndarray
+    losses: np.ndarray
+    watched: np.ndarray
+    evaluations: int
+    outcome: str
+
+
+def train(
+    descent: Iterator[Round], rounds: int, watch: Callable[[np.ndarray], np.ndarray], steady: float = 2e-4
+) -> Training:
+    """Descend until the numbers that are sought no longer change.
+
+    That is when they have stayed within `steady` of their size for `WINDOW` rounds, while the loss did not fall to a
+    tenth.
+
+    Parameters
+    ----------
+    descent
+        The rounds of `descend`.
+    rounds
+        The largest number of steps.
+    watch
+        Maps the unknowns to the numbers (m,) that are sought, in units in which they are about 1.
+    steady
+        Largest relative change of a converged number.
+    """
+    course: list[Round] = []
+    watched: list[np.ndarray] = []
+    outcome = OK
+    for point in descent:
+        course.append(point)
+        watched.append(watch(point.x))
+        if not np.isfinite(point.loss):
+            break
+        if len(course) > WINDOW:
+            last = np.array(watched[-WINDOW - 1 :])
+            still = bool(np.all(np.ptp(last, axis=0) <= steady * (np.abs(last[-1]) + 1e-3)))
+            if still and point.loss > 0.1 * course[-WINDOW - 1].loss:
+                break
+        if len(course) > rounds:
+            outcome = f"training had not converged after {rounds} rounds"
+            break
+    losses = np.array([point.loss for point in course])
+    return Training(course[-1].x, losses, np.array(watched), course[-1].evaluations, outcome)
+
+
+class ScaledRecord:
+    """A record and its oscillator in the record's scales: the amplitude a and the angular frequency w.
+
+    t, recorded: samples, (n,) each. y: the samples about the rest, in amplitudes. base: all parameters but damping.
+    ratios: equivalent damping ratio per unit of each coefficient.
+    coefficients, restoring: names of the unknowns.
+    is_given, known_begin (2,): 1 where the angle or the velocity at the start is known, else 0; their values in
+    amplitudes.
+    """
+
+    def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
+        osc, known = oscillator(problem), problem.system.known
+        self.base = start_parameters(signal, problem, features)
+        self.a, self.w, self.order = features.amplitude, features.frequency, ORDER[signal.quantity]
+        self.rest = features.rest if self.order == 0 else osc.equilibrium(self.base)
+        self.ratios = ratios_per_unit(problem, features)
+        self.coefficients = osc.coefficients
+        self.restoring = tuple(name for name in osc.law.parameters if name not in known)
+        self._osc, self._epsilon = osc, epsilon_of(problem, features)
+        self.t, self.recorded = thin_record(signal, features, MOST_SAMPLES)
+        middle = self.rest if self.order == 0 else 0.0
+        self.y = torch.from_numpy((self.recorded - middle) / (self.a * self.w**self.order))
+        self.is_given = torch.tensor([name in known for name in ("theta0", "omega0")], dtype=REAL)
+        begin = [known.get("theta0", 0.0) - self.rest, known.get("omega0", 0.0) / self.w]
+        self.known_begin = torch.tensor(begin, dtype=REAL) / self.a
+
+    def restoring_force(self, theta: Tensor, values: Tensor) -> Tensor:
+        """Return F_rest, rad/s², at angles (n,), for values (k,) or (n, k) of the unknown restoring parameters."""
+        p = self.base | dict(zip(self.restoring, values.unbind(-1)))
+        law = self._osc.law
+        return on_tensors(law.kernel)(theta, tuple(p[name] for name in law.parameters))
+
+    def damping_shapes(self, omega: Tensor) -> Tensor:
+        """Return the damping force per unit of each coefficient at velocities (n,), (n, terms)."""
+        width: Any = self._epsilon
+        if width == 0.0:  # the sign
+            width = torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())
+        still = torch.zeros_like(omega)
+        return torch.stack([on_tensors(t.kernel)(still, omega, width) for t in self._osc.terms], -1)
