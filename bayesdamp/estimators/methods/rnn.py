@@ -47,7 +47,7 @@ LEAST_DECAY = 0.01
 """Decay of the logarithm of the amplitude over the record that is assumed if the record itself shows less."""
 FLOOR = 1e-3
 """Added to amplitudes, as a share of the record's largest, before the logarithm is taken."""
-COPIES = 4
+COPIES = 2
 """Times that each simulated record is presented, each with other noise."""
 
 
