@@ -69,7 +69,7 @@ def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor
 
 
 def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
-    """Return a function's value and time derivatives, (n, j, …), from those of its argument, (n, j, …)."""
+    """Return a function's value and time derivatives, its jets (n, j, …), from those of its argument, (n, j, …)."""
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
     lower, upper = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
