@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -93,7 +93,7 @@ class Shooting(ScaledRecord):
     def paths(self, x: Tensor) -> Tensor:
         """Return angle and velocity at the nodes, (nodes, segments, 2)."""
         starts = x[self.physical :].reshape(self.segments, 2)
-        return odeint(lambda _, state: self._rate(x, state), starts, self.nodes, method="rk4")  # type: ignore[return-value]
+        return cast(Tensor, odeint(lambda _, state: self._rate(x, state), starts, self.nodes, method="rk4"))
 
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
         """Return the rates (n, 2) of angle and velocity (n, 2) for unknowns x (k,), or (n, k)."""

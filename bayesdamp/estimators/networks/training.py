@@ -72,8 +72,8 @@ def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
     """Return a function's value and time derivatives, its jets (n, j, …), from those of its argument, (n, j, …)."""
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
-    lower, upper = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
-    return torch.cat([lower, upper[:, -1:]], dim=1)
+    values, rates, *_ = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
+    return torch.cat([values, rates[:, -1:]], dim=1)
 
 
 @dataclass(frozen=True)
