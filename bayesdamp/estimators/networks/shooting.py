@@ -93,7 +93,7 @@ class Shooting(ScaledRecord):
     def paths(self, x: Tensor) -> Tensor:
         """Return angle and velocity at the nodes, (nodes, segments, 2)."""
         starts = x[self.physical :].reshape(self.segments, 2)
-        return cast(Tensor, odeint(lambda _, state: self._rate(x, state), starts, self.nodes, method="rk4"))
+        return _runge_kutta(lambda state: self._rate(x, state), starts, self.nodes)
 
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
         """Return the rates (n, 2) of angle and velocity (n, 2) for unknowns x (k,), or (n, k)."""
@@ -105,7 +105,7 @@ class Shooting(ScaledRecord):
     def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
         """Return angle and velocity (n, 2) after one step from each state (n, 2), of each its duration (n,)."""
         ends = torch.tensor([0.0, 1.0], dtype=REAL)
-        return odeint(lambda _, s: duration[:, None] * self._rate(x, s), state, ends, method="rk4")[1]
+        return _runge_kutta(lambda state: duration[:, None] * self._rate(x, state), state, ends)[1]
 
     def _sampled(self, x: Tensor, state: Tensor) -> Tensor:
         """Return what is recorded, in Aωᵏ, at each sample, for states (n, 2) at the node before it."""
@@ -179,6 +179,11 @@ class Shooting(ScaledRecord):
         shapes = self.damping_shapes(speed * flat) * torch.from_numpy(self.units)
         of_law = (flat[:, None] * shapes).reshape(*velocity.shape, -1).mean(0)
         return np.linalg.lstsq(of_law.numpy(), power.numpy(), rcond=None)[0]
+
+
+def _runge_kutta(rate: Callable[[Tensor], Tensor], start: Tensor, times: Tensor) -> Tensor:
+    """Return the states at these times (m,) from one at the first, (m, …), with one step between neighbours."""
+    return cast(Tensor, odeint(lambda _, state: rate(state), start, times, method="rk4"))
 
 
 def _chain(outer: Tensor, inner: Tensor) -> Tensor:
