@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import multiprocessing
 import os
@@ -79,6 +80,12 @@ GARBAGE = 100_000
 each collection traverses the 100,000 objects of JAX (measured)."""
 
 
+def collect_garbage_rarely() -> None:
+    """Collect garbage after many new objects, and not when the process ends, which takes 0.3 s after drawing."""
+    gc.set_threshold(GARBAGE)
+    atexit.register(gc.freeze)
+
+
 class Processes(Executor):
     """A pool of spawned processes that can be restarted after one of them was killed, which breaks the whole pool.
 
@@ -137,6 +144,6 @@ def _begin(parent: int) -> None:
             time.sleep(0.5)
         os._exit(1)
 
-    gc.set_threshold(GARBAGE)
+    collect_garbage_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=watch, daemon=True).start()

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
-import scipy.special as host
+import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from jax import Array
 
 Scalar: TypeAlias = "float | Array"
-_ARRAY = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+_ARRAY = SimpleNamespace(exp=np.exp, log=np.log, ndtr=lambda z: scipy.special.ndtr(z))
 """The functions exp, log and Φ (`ndtr`) for NumPy arrays."""
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
@@ -429,7 +429,7 @@ class Uniform(_Between):
     def score(self, x: ArrayLike) -> np.ndarray:
         """Return Φ⁻¹((x − low)/(high − low))."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
-        return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
+        return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
         """Return −log(high − low) between the bounds, −∞ outside."""
@@ -467,7 +467,7 @@ class LogUniform(_Between):
         """Return Φ⁻¹(log(x/low)/log(high/low))."""
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
-        return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
+        return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
         """Return −log x − log log(high/low) between the bounds, −∞ outside."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import re
 import sys
@@ -18,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 
 import bayesdamp as bd
 from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prepare_streams, print_error
-from bayesdamp.machine import GARBAGE, kill_as_interrupt
+from bayesdamp.machine import collect_garbage_rarely, kill_as_interrupt
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses: an internal error, an error of the user, and an interrupt (Ctrl-C)."""
@@ -147,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
     completion_init()
-    gc.set_threshold(GARBAGE)
+    collect_garbage_rarely()
     try:
         if any("\0" in word for word in given):
             raise bd.InputError(

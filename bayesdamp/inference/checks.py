@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import next_fast_len
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.coordinates.truncated_normal import near
 from bayesdamp.inference.mode import (
@@ -61,7 +61,7 @@ the coefficients change."""
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     """Return the autocorrelation of x, (..., n), at lags 0 to `lags`, (..., lags + 1)."""
     x = x - x.mean(axis=-1, keepdims=True)
-    size = next_fast_len(x.shape[-1] + lags, real=True)
+    size = scipy.fft.next_fast_len(x.shape[-1] + lags, real=True)
     power = np.abs(np.fft.rfft(x, size, axis=-1)) ** 2
     raw = np.fft.irfft(power, size, axis=-1)[..., : lags + 1]
     return raw / np.maximum(raw[..., :1], 1e-300)

@@ -15,8 +15,7 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.special import ndtri
+import scipy  # loads its modules when they are used
 
 from bayesdamp.types import OK, Posterior
 
@@ -73,7 +72,7 @@ def _normalised(draws: np.ndarray) -> np.ndarray:
     """Return normal scores of the ranks among all draws, ties averaged, with Blom's offset (14)."""
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
-    return ndtri((ranks - 3 / 8) / (draws.size + 1 / 4))
+    return scipy.special.ndtri((ranks - 3 / 8) / (draws.size + 1 / 4))
 
 
 def _rhat(chains: np.ndarray) -> float:
@@ -90,9 +89,9 @@ def _ess(chains: np.ndarray) -> float:
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
     count, n = chains.shape
-    size, away = next_fast_len(2 * n, real=True), chains - np.mean(chains, axis=1, keepdims=True)
-    power = np.abs(np.asarray(rfft(away, size, axis=1))) ** 2
-    covariance = np.mean(np.asarray(irfft(power, size, axis=1))[:, :n] / n, axis=0)
+    size, away = scipy.fft.next_fast_len(2 * n, real=True), chains - np.mean(chains, axis=1, keepdims=True)
+    power = np.abs(np.asarray(scipy.fft.rfft(away, size, axis=1))) ** 2
+    covariance = np.mean(np.asarray(scipy.fft.irfft(power, size, axis=1))[:, :n] / n, axis=0)
     within = covariance[0] * n / (n - 1)
     total = covariance[0] + (np.var(np.mean(chains, axis=1), ddof=1) if count > 1 else 0.0)
     rho = 1.0 - (within - covariance) / total

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -343,7 +342,7 @@ def whitening(information: np.ndarray) -> np.ndarray:
         turned = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
     except np.linalg.LinAlgError:
         raise Refusal("the posterior has no curvature at its mode") from None
-    return solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
+    return scipy.linalg.solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
@@ -376,7 +375,7 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
         if logs and whole + folded < max(logs) - NEGLIGIBLE:
             break  # walls can only make an integral smaller
         logs.append(log_at_scale(scale, reflected))
-    return float(logsumexp(logs) - np.log(scales.size))
+    return float(scipy.special.logsumexp(logs) - np.log(scales.size))
 
 
 def log_evidence_about(mode: Mode) -> float:

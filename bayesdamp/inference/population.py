@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+import scipy  # loads its modules when they are used
 
 from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
@@ -114,14 +114,14 @@ class Kernels:
         def inside(centre: float) -> np.ndarray:
             """Return the same over θ ≥ 0."""
             top = (m * width**2 + centre * tau**2) / variance
-            return overlap(centre) + log_ndtr(top * np.sqrt(variance) / (width * tau))
+            return overlap(centre) + scipy.special.log_ndtr(top * np.sqrt(variance) / (width * tau))
 
         for centre, log_weight in zip(self.centres, self.log_weights, strict=True):
             # Near zero, K includes its mirror image.
             near = centre < FAR * width
             own = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
             log = np.logaddexp(log, log_weight + own)
-        return log - log_ndtr(m / tau)
+        return log - scipy.special.log_ndtr(m / tau)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
         """Return the log likelihood at coefficients x, (p,), up to a constant."""
@@ -129,7 +129,7 @@ class Kernels:
 
         def about(centres: np.ndarray) -> np.ndarray:
             away = (x - centres[:, None]) / self.width
-            return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
+            return np.asarray(scipy.special.logsumexp(log_weights - 0.5 * away**2, axis=0))
 
         return np.logaddexp(about(self.centres), about(-self.centres))
 
@@ -158,7 +158,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     weights = np.exp(density - density.max())
     weights /= weights.sum()
     ratio = m / tau
-    hazard = np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2 * np.pi)
+    hazard = np.exp(-0.5 * ratio**2 - scipy.special.log_ndtr(ratio)) / np.sqrt(2 * np.pi)
     mean, spread = m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
     shrunk, size = {}, {}
     for sample, kernel in zip(samples, kernels, strict=True):
@@ -168,7 +168,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         # A normal narrower than the grid's gap could fall between its points.
         wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
         given = kernel.log_density(x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
-        given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
+        given = np.exp(given - np.asarray(scipy.special.logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
         ratio = given / np.maximum(np.exp(kernel.log_density(x)), 1e-300)
         log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
         shrunk[sample.name] = summarise(x, given)

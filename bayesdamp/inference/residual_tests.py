@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erfc, gammaincc, log_ndtr
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
@@ -108,7 +108,11 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.
         u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
         left = u[:, s > ABSORBED]
         power = 0.5 * np.sum((left.T @ scores) ** 2)
-        lines.append(SpectralLine(float(gammaincc(0.5 * left.shape[1], power)) if left.size else 1.0, words))
+        lines.append(
+            SpectralLine(
+                float(scipy.special.gammaincc(0.5 * left.shape[1], power)) if left.size else 1.0, words
+            )
+        )
     lines.append(_highest(scores, cycles, across))
     best = min(lines, key=lambda line: line.chance)
     return SpectralLine(min(1.0, len(lines) * best.chance), best.words)
@@ -250,7 +254,7 @@ def other_form(
         score, log_bayes = 0.0, 0.0  # an ignored direction leaves the odds as they were
         if np.isfinite(left) and left > NEW * size > 0:
             score = float(direction @ scores / left)
-            chances.append((float(erfc(abs(score) / np.sqrt(2))), form.words))
+            chances.append((float(scipy.special.erfc(abs(score) / np.sqrt(2))), form.words))
             length = SIZE * largest * left / size * np.sqrt(likelihood.information(moved, mode.z))
             log_bayes = log_bayes_factor(score, float(length), form.signed)
         if form.damps:
@@ -268,7 +272,7 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     """
     shrunk = length * length / (1.0 + length * length)
     log = 0.5 * (shrunk * score * score - np.log1p(length * length))
-    return float(log if signed else log + np.log(2.0) + log_ndtr(score * np.sqrt(shrunk)))
+    return float(log if signed else log + np.log(2.0) + scipy.special.log_ndtr(score * np.sqrt(shrunk)))
 
 
 def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:

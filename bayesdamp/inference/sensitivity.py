@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import DRAWS, Ahead
 from bayesdamp.inference.diagnostics import effective_mean
@@ -118,7 +118,7 @@ def against_width(
         weights = log_weights.copy()
         for name, other in others.items():
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
-        log_evidence = float(logsumexp(weights) - np.log(weights.size))
+        log_evidence = float(scipy.special.logsumexp(weights) - np.log(weights.size))
         w = np.exp(weights - log_evidence)
         size = effective_size(weights)
         if size >= ENOUGH and pareto_k(weights) < K_LIMIT:

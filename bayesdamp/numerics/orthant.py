@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from scipy.special import gammaln, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
+import scipy  # loads its modules when they are used
 
 POINTS = 24
 """Number of Gauss–Legendre nodes for each coordinate (conventional)."""
@@ -55,7 +55,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if k > MAX_NESTED:
         return _log_probability_by_lattice(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
-    first = log_ndtr(mean[:, 0] / sd)
+    first = scipy.special.log_ndtr(mean[:, 0] / sd)
     if k == 1:
         return first
     at = truncated_quantiles(mean[:, 0], sd, LEVELS[None, :])
@@ -64,7 +64,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
     means = mean[:, None, 1:] + (at - mean[:, :1])[:, :, None] * slope[:, None, :]
     if k == 2:
-        inner = log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
+        inner = scipy.special.log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
     else:
         inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, -1)
     top = inner.max(axis=1, keepdims=True)
@@ -86,7 +86,7 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
     for i in range(k):
         centre = centres[:, i, None] + np.einsum("cpj,cj->cp", z[:, :, :i], lower[:, i, :i])
         sd = np.broadcast_to(lower[:, i, i, None], centre.shape)
-        log += log_ndtr(centre / sd)
+        log += scipy.special.log_ndtr(centre / sd)
         at = np.broadcast_to(levels[:, i], centre.shape).reshape(-1, 1)
         value = truncated_quantiles(centre.ravel(), sd.ravel(), at)[:, 0].reshape(centre.shape)
         z[:, :, i] = (value - centre) / sd
@@ -96,12 +96,12 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
 
 def truncated_quantiles(mean: np.ndarray, sd: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Return quantiles, (c, p), at `levels` in (0, 1) of normals with means and sds (c,) that are truncated to ≥ 0."""
-    above = ndtr(mean / sd)[:, None]
+    above = scipy.special.ndtr(mean / sd)[:, None]
     if above.min(initial=1.0) > MIN_PROBABILITY:
-        z = -ndtri(np.maximum((1 - levels) * above, 1e-300))
+        z = -scipy.special.ndtri(np.maximum((1 - levels) * above, 1e-300))
     else:
         with np.errstate(divide="ignore"):
-            z = -ndtri_exp(np.log1p(-levels) + log_ndtr(mean / sd)[:, None])
+            z = -scipy.special.ndtri_exp(np.log1p(-levels) + scipy.special.log_ndtr(mean / sd)[:, None])
     return np.maximum(mean[:, None] + sd[:, None] * z, 0.0)
 
 
@@ -170,7 +170,7 @@ def _truncated_draws(
     for i in range(mean.shape[1]):
         centre = mean[tries, i] + np.einsum("ni,ni->n", z[:, :i], lower[tries, i, :i])
         sd = lower[tries, i, i]
-        log_weight += log_ndtr(centre / sd)
+        log_weight += scipy.special.log_ndtr(centre / sd)
         value = truncated_quantiles(centre, sd, rng.random((tries.size, 1)))[:, 0]
         z[:, i] = (value - centre) / sd
     highest = np.full(counts.size, -np.inf)
@@ -201,8 +201,8 @@ class ReflectedT:
         self.centre, self.factor, self.reflected = centre, factor, reflected
         d = factor.shape[0]
         self._constant = (
-            gammaln(0.5 * (DEGREES + d))
-            - gammaln(0.5 * DEGREES)
+            scipy.special.gammaln(0.5 * (DEGREES + d))
+            - scipy.special.gammaln(0.5 * DEGREES)
             - 0.5 * d * np.log(DEGREES * np.pi)
             - np.sum(np.log(np.diag(factor)))
         )
@@ -223,7 +223,7 @@ class ReflectedT:
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
         white = np.linalg.solve(self.factor, images.T)
         kernel = -0.5 * (DEGREES + d) * np.log1p(np.sum(white**2, axis=0) / DEGREES)
-        return self._constant + logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
+        return self._constant + scipy.special.logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
 
 
 def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:

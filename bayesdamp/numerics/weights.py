@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy  # loads its modules when they are used
 
 LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
 """Levels of the quantiles in summaries, by name."""
@@ -88,7 +88,7 @@ def _fit_shape(above: np.ndarray) -> float:
     grid = grid / (QUARTILE_FACTOR * above[int(n / 4 + 0.5) - 1]) + 1 / above[-1]
     shapes = np.mean(np.log1p(-grid[:, None] * above), axis=1)
     profile = n * (np.log(-grid / shapes) - shapes - 1)
-    weights = np.exp(profile - logsumexp(profile))
+    weights = np.exp(profile - scipy.special.logsumexp(profile))
     large = weights >= 10 * np.finfo(float).eps
     best = np.sum(grid[large] * weights[large]) / np.sum(weights[large])
     shape = np.mean(np.log1p(-best * above))

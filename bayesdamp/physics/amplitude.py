@@ -17,7 +17,6 @@ from itertools import combinations, product
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.special import ndtr, ndtri
 
 from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
@@ -413,7 +412,13 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
     This holds also for half-normal priors, whose own coordinate is |z|.
     """
     prior = p.prior(scale.amplitude, scale.frequency)
-    return float(prior.value(np.asarray(ndtri(0.5 + 0.5 * ndtr(score)) if prior.reflected else score)))
+    return float(
+        prior.value(
+            np.asarray(
+                scipy.special.ndtri(0.5 + 0.5 * scipy.special.ndtr(score)) if prior.reflected else score
+            )
+        )
+    )
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr
+import scipy  # loads its modules when they are used
 
 from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
@@ -81,7 +81,7 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> Pooled:
         low, high = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
         for _ in range(80):
             middle = 0.5 * (low + high)
-            share = float(weight @ ndtr((middle - means) / width))
+            share = float(weight @ scipy.special.ndtr((middle - means) / width))
             low, high = (middle, high) if share < q else (low, middle)
         ends.append(0.5 * (low + high))
     return Pooled(mean, sd, spread, below, above, *ends)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.special import ndtri
 
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, truncated_moments
 from bayesdamp.inference.mode import Mode, maximise
@@ -99,7 +98,11 @@ class NoiseMap:
         # lost in the tails. Both ends are infinite.
         below = np.append(0.0, np.cumsum(parts)) / parts.sum()
         above = np.append(np.cumsum(parts[::-1])[::-1], 0.0) / parts.sum()
-        level = np.where(below < above, ndtri(np.minimum(below, 0.5)), -ndtri(np.minimum(above, 0.5)))
+        level = np.where(
+            below < above,
+            scipy.special.ndtri(np.minimum(below, 0.5)),
+            -scipy.special.ndtri(np.minimum(above, 0.5)),
+        )
         inside = np.abs(level) < WIDEST
         shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         level, values = level[inside], np.stack([fine, shift], axis=1)[inside]

@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache, partial
 from itertools import product
 
 import numpy as np
-from scipy.special import log_ndtr
+import scipy  # loads its modules when they are used
 
 from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
@@ -547,7 +547,7 @@ class _ScaledPriors:
             left = self.left[:, self.inside]
             mean = np.einsum("cij,csj->csi", left, self.aim[:, None, :] / shrunk)
             variance = np.einsum("cij,csj->csi", left**2, self.sizes[:, None, :] ** 2 / shrunk)
-            bound = bound + log_ndtr(mean / np.sqrt(variance)).min(axis=2)
+            bound = bound + scipy.special.log_ndtr(mean / np.sqrt(variance)).min(axis=2)
         order = np.argsort(-bound, axis=None)
         weight = np.exp(bound.ravel()[order] - bound.max())
         total = np.cumsum(weight)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.special import erf
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.linear import DampingLikelihood, Normals, with_priors
 from bayesdamp.priors import Prior, SharedHalfNormal
@@ -150,7 +150,7 @@ def join_runs(
         # A single run determines nothing about the spread, which is 0 unless it is given.
         spreads, masses = np.array([spread or 0.0]), np.ones(1)
     else:
-        spreads, masses = SPREADS, np.diff(erf(EDGES / (SPREAD * np.sqrt(2.0))))
+        spreads, masses = SPREADS, np.diff(scipy.special.erf(EDGES / (SPREAD * np.sqrt(2.0))))
     log, slope, information = (
         np.stack([getattr(r.likelihood, part) for r in runs]) for part in ("log", "slope", "information")
     )

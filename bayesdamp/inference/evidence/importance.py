@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of, truncated_about
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
@@ -80,7 +80,7 @@ class Importance(EvidenceMethod):
         elif not share * final >= FEWEST:  # where most draws have no weight, the shape shows nothing
             few = f"a few draws have all the weight, as much as {share * final:.0f} equal ones"
             outcome = f"not to be trusted: {few}"
-        log_evidence = float(logsumexp(log_weights) - np.log(final))
+        log_evidence = float(scipy.special.logsumexp(log_weights) - np.log(final))
         relative = np.exp(log_weights - log_evidence)
         return Evidence(
             model=model,
@@ -122,7 +122,7 @@ class Importance(EvidenceMethod):
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
         """Return a fit to the weighted draws; None where so few of them have weight that they span no volume."""
         # Truncated weights prevent that one lucky draw becomes the whole fit.
-        w = np.exp(log_weights - logsumexp(log_weights))
+        w = np.exp(log_weights - scipy.special.logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)
         w /= w.sum()
         if 1.0 / np.sum(w**2) < reflected.size + 1:

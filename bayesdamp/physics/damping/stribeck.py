@@ -6,7 +6,7 @@ See B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083
 import math
 from collections.abc import Mapping
 
-from scipy.special import dawsn
+import scipy  # loads its modules when they are used
 
 from bayesdamp.physics.damping import DampingTerm, FreeParameter
 from bayesdamp.priors import HalfNormal, LogUniform
@@ -57,7 +57,7 @@ class Stribeck(DampingTerm):
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
         """Return `DampingTerm.work` in closed form."""
         a = amplitude * frequency / further["stribeck_velocity"]
-        return 4.0 * amplitude * (1.0 + further["static_excess"] * float(dawsn(a)) / a)
+        return 4.0 * amplitude * (1.0 + further["static_excess"] * float(scipy.special.dawsn(a)) / a)
 
 
 PLUGIN = Stribeck()

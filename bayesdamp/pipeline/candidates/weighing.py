@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy  # loads its modules when they are used
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence import EVIDENCES
@@ -176,7 +176,7 @@ def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
         for m, e in evidence.items()
         if np.isfinite(e.log_evidence)
     }
-    total = float(np.asarray(logsumexp(list(logs.values())))) if logs else 0.0
+    total = float(np.asarray(scipy.special.logsumexp(list(logs.values())))) if logs else 0.0
     return {m: float(np.exp(v - total)) for m, v in logs.items()}
 
 

@@ -13,8 +13,6 @@ from typing import Literal
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.special import stdtrit
 
 from bayesdamp.records.oscillation.turning import Turning, local_median, true_runs
 from bayesdamp.types import InputError
@@ -78,7 +76,9 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     spans: list[tuple[int, int]] = []
     for first, last in _runs_in_phase(t, turns, floor):  # swings first .. last - 1
         # A median of five, because a spike or a gap spoils one turning point, and so two ranges.
-        ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
+        ranges = scipy.ndimage.median_filter(
+            np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest"
+        )
         # Indices at which turning points are missing in a gap of the samples.
         gaps = np.diff(turns.times[first : last + 1])
         across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
@@ -120,7 +120,7 @@ def _runs_in_phase(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[in
     begin, end = np.maximum(turns.times - width, t[0]), np.minimum(turns.times + width, t[-1])
     samples = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
     sampled = samples >= 0.75 * (end - begin) / float(np.median(np.diff(t))) - 1
-    clear = (ranges > 2 * floor) & (median_filter(ranges, 3, mode="nearest") > 2 * floor)
+    clear = (ranges > 2 * floor) & (scipy.ndimage.median_filter(ranges, 3, mode="nearest") > 2 * floor)
     good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & clear & sampled[1:] & sampled[:-1]
     runs: list[tuple[int, int]] = []
 
@@ -322,7 +322,9 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
     free = later.size - columns.shape[1]
     variance = float(np.sum((later - columns[1:] @ c) ** 2)) / free
     weights = columns[0] @ inverse
-    slack = float(stdtrit(free, 1 - CHANCE / 2)) * np.sqrt(variance * (1 + float(weights @ weights)))
+    slack = float(scipy.special.stdtrit(free, 1 - CHANCE / 2)) * np.sqrt(
+        variance * (1 + float(weights @ weights))
+    )
     return float(columns[0] @ c), min(slack, 2 * float(np.ptp(later))) if free < 2 else slack
 
 
@@ -405,7 +407,7 @@ class Series:
         allowed = (1 + scale) * (0.5 * self.step) + (TEMPLATE + unsure * share) * ranges[0]
         allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
         blur = 4.5 * self.noise * np.sqrt(1 + scale**2)
-        smooth = uniform_filter1d(off, width, mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(off, width, mode="nearest")
         agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= allowed + blur)
         wrong = np.flatnonzero(~agrees)
         first = int(wrong[-1]) + 1 if wrong.size else 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+import scipy  # loads its modules when they are used
 
 from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, information, stretches
 from bayesdamp.records.oscillation.features import without_gap_edges
@@ -167,7 +167,7 @@ def free_decay(
     decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:
         times, (a, b) = decays.turns.times, decays.best
-        power = median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
+        power = scipy.ndimage.median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
         own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
         for first, last in decays.stretches:
             if (first, last) != decays.best and decays.is_relevant((first, last)):
@@ -282,7 +282,7 @@ def _largest_rise(decays: _Decays) -> float:
     ranges = np.abs(np.diff(turns.values[first:last]))
     if ranges.size < 4 * AVERAGED:
         return 0.0
-    smooth = uniform_filter1d(ranges, AVERAGED, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED, mode="nearest")
     falling = smooth[int(np.argmax(smooth)) :]
     rise = float((falling - np.minimum.accumulate(falling)).max())
     return rise if rise < SMALL * float(smooth.max()) else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # loads its modules when they are used
 
 from bayesdamp.physics.amplitude import EXPONENTS, power_decay, power_slopes
 from bayesdamp.types import Refusal
@@ -299,7 +299,7 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
         rate = depth if q == 0.0 else np.expm1(q * depth) / q
         starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
     fits = [
-        least_squares(
+        scipy.optimize.least_squares(
             residuals,
             np.clip(p, low, high),
             jacobian,  # type: ignore[arg-type]

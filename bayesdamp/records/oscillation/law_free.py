@@ -18,9 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # loads its modules when they are used
-from scipy.linalg import cho_factor, cho_solve
-from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from bayesdamp import formatting as fmt
@@ -148,7 +145,9 @@ def sinusoids(signal: Signal) -> Sinusoids:
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
         if local.size >= 5:
-            local = uniform_filter1d(median_filter(local, 5, mode="nearest"), 5, mode="nearest")
+            local = scipy.ndimage.uniform_filter1d(
+                scipy.ndimage.median_filter(local, 5, mode="nearest"), 5, mode="nearest"
+            )
         local = np.interp(middles, turns[1:-1], local)
     # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
     times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, crossings)
@@ -463,7 +462,7 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         aim = np.linalg.solve(root, windows.phases)
         c = inverse @ aim
         variance = (float(np.sum((aim - white @ c) ** 2)) + KNOWN) / (t.size - count - 1 + KNOWN)
-        wide = float(stdtrit(independent - count - 1 + KNOWN, 0.975)) / TWO_SIDED
+        wide = float(scipy.special.stdtrit(independent - count - 1 + KNOWN, 0.975)) / TWO_SIDED
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
         fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
     logs = np.array([f[0] for f in fits])
@@ -506,20 +505,20 @@ def _smooth_power(
     less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
     walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
     free = x.size - 2
-    wide = float(stdtrit(free * INDEPENDENT / PER_WINDOW + KNOWN, 0.975)) / TWO_SIDED
+    wide = float(scipy.special.stdtrit(free * INDEPENDENT / PER_WINDOW + KNOWN, 0.975)) / TWO_SIDED
     base_at = np.interp(at, x, base)
     curves = []
     prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
         try:
-            factor = cho_factor(noise / scale + ratio * walk, lower=True)
+            factor = scipy.linalg.cho_factor(noise / scale + ratio * walk, lower=True)
         except np.linalg.LinAlgError:
             continue  # the walk is so much larger than the errors that the matrix is singular
-        weighted = cho_solve(factor, columns)
+        weighted = scipy.linalg.cho_solve(factor, columns)
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)
         rest = values - columns @ c
-        off = cho_solve(factor, rest)
+        off = scipy.linalg.cho_solve(factor, rest)
         variance = (float(rest @ off) + KNOWN * scale) / (free + KNOWN)
         log = (
             log_prior
@@ -535,7 +534,7 @@ def _smooth_power(
         slopes = sds = np.empty(0)
         if with_slopes:
             slopes = (columns_slope @ c + ratio * walk_slope @ off) / stretched
-            by_walk = ratio * cho_solve(factor, walk_slope.T)
+            by_walk = ratio * scipy.linalg.cho_solve(factor, walk_slope.T)
             line = columns_slope - by_walk.T @ columns
             spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
                 "ij,jk,ik->i", line, inverse, line

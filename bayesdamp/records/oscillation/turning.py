@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
+import scipy  # loads its modules when they are used
 
 from bayesdamp.records.oscillation.noise import group_by_size
 
@@ -87,7 +87,7 @@ def resample(
     if not smooth:
         return grid, values, a_period
     if a_period >= 24:  # so that spikes do not count as turning points
-        values = median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
+        values = scipy.ndimage.median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
     half = a_period // 10
     if half:
         kernel = np.hanning(2 * half + 3)[1:-1]
@@ -263,7 +263,9 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     """
     grid, smooth, a_period = resample(t, y, period)
     width = int(1.2 * a_period) | 1
-    swing = 0.5 * (maximum_filter1d(smooth, width) - minimum_filter1d(smooth, width))
+    swing = 0.5 * (
+        scipy.ndimage.maximum_filter1d(smooth, width) - scipy.ndimage.minimum_filter1d(smooth, width)
+    )
     extrema, first = zigzag(smooth, swing)
     if len(extrema) < FEW:  # heavy damping: each half cycle is less than half of the one before
         extrema, first = zigzag(smooth, 0.5 * swing)
