@@ -51,13 +51,14 @@ def run_study(
     depth: Depth = Depth.WHOLE,
     answered: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
+    checked: bool = False,
 ) -> int:
     """Run the cells of a study that a folder lacks, and write tables and report.
 
     Parameters
     ----------
     study
-        What to run. Every record is read before anything is written.
+        What to run. Every record is read before anything is written, except with `checked`.
     out
         The run's folder.
     workers
@@ -74,6 +75,8 @@ def run_study(
         Called with each record's verdict as soon as there is one, and again once its motions are sampled.
     quiet
         Whether to show only failed cells.
+    checked
+        Whether the caller has found the free decay in every record already.
 
     Returns
     -------
@@ -89,7 +92,8 @@ def run_study(
 
     use(study.plugins)
     console = console or Console(stderr=True)
-    read_records(study)
+    if not checked:
+        read_records(study)
     store = Store(out)
     with store.lock():
         if fresh:

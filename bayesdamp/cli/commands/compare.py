@@ -163,6 +163,7 @@ def compare(
         )
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     options = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+    options["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)
     return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **options)
 
 
@@ -203,7 +204,8 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
     for record, spec in zip(records, study.signals, strict=True):
         assert isinstance(spec.source, Recording)
         with suppress(InputError):  # the run reports it
-            record = replace(record, signal=read_free_decay(spec.source, spec.name)[1])
+            if record.signal is None:
+                record = replace(record, signal=read_free_decay(spec.source, spec.name)[1])
         read.append(record)
     return read
 
