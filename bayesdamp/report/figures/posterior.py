@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
@@ -57,7 +57,7 @@ def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.
     low = 0.0 if reflect else low
     counts, edges = np.histogram(flat, bins=_BINS, range=(low, high))
     width = 1.06 * flat.std() * flat.size**-0.2 / (edges[1] - edges[0])  # Scott's rule, in bins
-    height = gaussian_filter1d(
+    height = scipy.ndimage.gaussian_filter1d(
         counts.astype(float), max(1.0, width), mode="reflect" if reflect else "constant"
     )
     return 0.5 * (edges[1:] + edges[:-1]), height / (height.max() or 1.0)
@@ -89,7 +89,7 @@ def contours(
         edges.append(np.linspace(0.0 if reflect else low - pad, high + pad, 81))
         modes.append("reflect" if reflect else "constant")
     counts, *_ = np.histogram2d(x, y, bins=edges)
-    smooth = gaussian_filter(counts, 2.6, mode=modes)  # pyright: ignore[reportArgumentType]
+    smooth = scipy.ndimage.gaussian_filter(counts, 2.6, mode=modes)  # pyright: ignore[reportArgumentType]
     order = np.sort(smooth.ravel())[::-1]
     mass = np.cumsum(order) / order.sum()
     levels = [float(order[np.searchsorted(mass, m)]) for m in (0.9, 0.5)]

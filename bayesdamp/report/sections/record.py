@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+import scipy  # loads its modules when they are used
 from markupsafe import Markup
-from scipy.special import expit
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
@@ -211,7 +211,9 @@ class FitQualitySection(SignalSection):
             columns: dict[str, Callable[[AddedForm], str]] = {
                 "additional form": lambda form: form.words,
                 "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
-                "probability, against none": lambda form: fmt.probability(float(expit(form.log_bayes))),
+                "probability, against none": lambda form: fmt.probability(
+                    float(scipy.special.expit(form.log_bayes))
+                ),
             }
             table = Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
             parts.append(folded(f"Other forms of damping in addition to {words.model(ranked[0])}", table))
