@@ -6,11 +6,12 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from markupsafe import Markup, escape
 
 if TYPE_CHECKING:
+    import pandas as pd
     from rich.table import Table as RichTable
 
 NONE = "–"
@@ -300,6 +301,26 @@ def symbols(text: str) -> Markup:
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")
     return Markup(shown.replace("F_damp", "F<sub>damp</sub>").replace("F_rest", "F<sub>rest</sub>"))
+
+
+def data_frame(
+    rows: Mapping[str, Any] | Iterable[Any],
+    columns: Iterable[str] | None = None,
+    index: Iterable[str] | None = None,
+) -> pd.DataFrame:
+    """Return a table as a data frame of pandas, which is imported only when it is needed.
+
+    Parameters
+    ----------
+    rows
+        Rows of values or with values by column; or columns by name.
+    columns, index
+        Names of columns and rows; by default those in `rows`, and numbers.
+    """
+    import pandas as pd
+
+    names, lines = (None if given is None else list(given) for given in (columns, index))
+    return pd.DataFrame(rows if isinstance(rows, Mapping) else list(rows), lines, names)
 
 
 def markdown_table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
-from bayesdamp.formatting import Table
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.answer import Answer, answer
@@ -84,8 +84,6 @@ class Comparison(Result):
         rms (of the residual, in the unit of the record) and outcome. Other forms of damping, which may be more
         probable, are in `verdict.rivals`.
         """
-        import pandas as pd
-
         rows = [
             {
                 "record": a.verdict.record,
@@ -95,7 +93,7 @@ class Comparison(Result):
             for a, unit in self._each()
             for row in a.content.candidates
         ]
-        frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=_CANDIDATES)
+        frame = data_frame(rows, None if rows else _CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
                 frame[name] = frame[name].astype(float)
@@ -138,9 +136,7 @@ class Comparison(Result):
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each record, and one for the specimen, with the columns of verdicts.csv."""
-        import pandas as pd
-
-        return pd.DataFrame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
+        return data_frame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
         """Plot the answer on the first record that has one.

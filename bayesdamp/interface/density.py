@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
@@ -94,10 +94,8 @@ class Density(Shown):
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each parameter, in the order of x: value at the best fit, unit, prior."""
-        import pandas as pd
-
         rows = {n: (self.values[n], self.units[n], p.describe()) for n, p in self.priors.items()}
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "unit", "prior"])
+        return data_frame(rows.values(), ["value", "unit", "prior"], index=rows)
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
         """Convert values by name to a vector x, (d,). Parameters without a value have that of the best fit.

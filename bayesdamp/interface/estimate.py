@@ -12,7 +12,7 @@ from bayesdamp import types
 from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.interface.density import units_of
 from bayesdamp.interface.model import Case, Model, check_signal
 from bayesdamp.interface.result import BLUE, INK, QUIET, Result, get_axes
@@ -65,8 +65,6 @@ class Estimate(Result):
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each parameter: value and standard error at both stages, and unit."""
-        import pandas as pd
-
         columns = [f"{what}_{stage}" for stage in STAGES for what in ("value", "stderr")]
         rows: dict[str, dict[str, object]] = {}
         for name in {**self.initial.values, **self.refined.values}:
@@ -75,7 +73,7 @@ class Estimate(Result):
                 rows[name][f"value_{stage.stage}"] = stage.values.get(name, np.nan)
                 rows[name][f"stderr_{stage.stage}"] = stage.stderr.get(name, np.nan)
             rows[name]["unit"] = self.units[name]
-        return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit"])
+        return data_frame(rows.values(), [*columns, "unit"], index=rows)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the record with the motion of each stage that has values, and return the axes.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import TEMPERED, Array, Posterior, sample
@@ -48,9 +48,7 @@ class Evidence(Result, types.Evidence):
 
         Concatenate the rows of several models to compare them.
         """
-        import pandas as pd
-
-        return pd.DataFrame([{n: v for n, v in vars(self).items() if n != "arrays"}])
+        return data_frame([{n: v for n, v in vars(self).items() if n != "arrays"}])
 
     def _table(self) -> Table:
         rows = (

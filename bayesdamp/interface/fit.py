@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
@@ -81,9 +81,7 @@ class Prediction(Result):
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each time: t in s, value and sd in `unit`."""
-        import pandas as pd
-
-        return pd.DataFrame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
+        return data_frame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the motion with its 95 % band, and return the axes."""
@@ -269,8 +267,6 @@ class Fit(Result, Reduced):
 
         If laws may hold approximately, the table also has the parts of the sd.
         """
-        import pandas as pd
-
         columns = ["value", "sd", *(["sd_noise", "sd_law"] if self.law is not None else []), "low", "high"]
         rows = {
             n: {
@@ -285,7 +281,7 @@ class Fit(Result, Reduced):
             }
             for n, v in self.values.items()
         }
-        return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
+        return data_frame(rows.values(), [*columns, "unit", "prior"], index=rows)
 
     def plot(self, ax: GivenAxes = None, until: float | None = None) -> tuple[Axes, ...]:
         """Plot the record with the fit, and the residuals below.
@@ -503,8 +499,6 @@ def tabulate_ratios(
 
     `u`, (n, K), contains the draws; by default draws of the linear approximation are used.
     """
-    import pandas as pd
-
     if fit.law is None:
         raise Refusal(EXACT if fit.outcome == OK else fit.outcome)
     comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
@@ -516,7 +510,7 @@ def tabulate_ratios(
         for r in fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)
     ]
     columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
-    return pd.DataFrame(rows, columns=columns)
+    return data_frame(rows, columns)
 
 
 def check_times(t: ArrayLike, quantity: str) -> Vector:

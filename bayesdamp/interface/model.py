@@ -19,7 +19,7 @@ from bayesdamp.config.signals import canonical_model
 from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
-from bayesdamp.formatting import Table
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import SENSOR
@@ -233,11 +233,9 @@ class Model(Result):
 
         Default priors depend on the record; they are in the summary of a fit.
         """
-        import pandas as pd
-
         given = {n: p.describe() for n, p in self.parameter_priors.items()}
         rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
-        return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
+        return data_frame(rows, ["parameter", "known", "prior"]).set_index("parameter")
 
     def _table(self) -> Table:
         rows = [("damping", self.damping), ("restoring", self.restoring)]

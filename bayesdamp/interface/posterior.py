@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, derive, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
@@ -227,8 +227,6 @@ class Posterior(Result, types.Posterior):
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
         shortest 95 % interval, effective sample sizes, R-hat and unit.
         """
-        import pandas as pd
-
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names:
             for name, values in self.derived.data_vars.items():
@@ -236,7 +234,7 @@ class Posterior(Result, types.Posterior):
                     row = diagnostics.summarise(values.values, self.ensembles, self.effective)
                     rows[str(name)] = {**row, "unit": values.attrs["units"]}
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
-        return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
+        return data_frame(rows.values(), [*COLUMNS, *parts, "unit"], index=rows)
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Plot the trace of each parameter, and its density to the right.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.result import FAINT, INK, Result, get_axes
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
@@ -80,8 +80,6 @@ class Signal(Result, types.Signal):
         Its columns are record, samples, length in s, mean sampling rate in Hz, whether sampling is uniform, quantity,
         unit, and the smallest and largest value in this unit.
         """
-        import pandas as pd
-
         unit, n = self.own_unit, self.t.size
         row = {
             "record": self.name,
@@ -94,7 +92,7 @@ class Signal(Result, types.Signal):
             "low": float(self.y.min()) * unit.scale,
             "high": float(self.y.max()) * unit.scale,
         }
-        return pd.DataFrame([row])
+        return data_frame([row])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the record and return the axes. The parts that were cut away are grey; the title gives the reasons."""

@@ -16,7 +16,7 @@ from bayesdamp import types
 from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.interface.result import Shown, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
@@ -179,9 +179,7 @@ class Run(Shown):
         return cls(folder, name, outcome)
 
     def _read(self, table: str) -> pd.DataFrame:
-        import pandas as pd
-
-        return pd.DataFrame(read_table(self.folder / table), columns=list(TABLES[table]))
+        return data_frame(read_table(self.folder / table), TABLES[table])
 
     def _table(self) -> Table:
         rows = tuple(

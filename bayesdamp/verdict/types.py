@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import CheckedMethods
-from bayesdamp.formatting import with_interval
+from bayesdamp.formatting import data_frame, with_interval
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import save_bytes, write_json
 from bayesdamp.store.tables import write_table
@@ -240,9 +240,7 @@ class Verdict(CheckedMethods):
 
     def summary(self) -> pd.DataFrame:
         """Return one row with the columns of verdicts.csv."""
-        import pandas as pd
-
-        return pd.DataFrame([self.row()])
+        return data_frame([self.row()])
 
     def row(self) -> dict[str, object]:
         """Return the row of verdicts.csv by column."""
