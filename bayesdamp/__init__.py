@@ -59,46 +59,38 @@ _NAME_THERE = {"trajectory": "simulate"}
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
-    from bayesdamp.config import Study as Study
-    from bayesdamp.config import load_study as load_study
-    from bayesdamp.interface.comparison import Comparison as Comparison
-    from bayesdamp.interface.comparison import compare as compare
+    from bayesdamp.config import Study as Study, load_study as load_study
+    from bayesdamp.interface.comparison import Comparison as Comparison, compare as compare
     from bayesdamp.interface.density import Density as Density
-    from bayesdamp.interface.estimate import Estimate as Estimate
-    from bayesdamp.interface.estimate import estimate as estimate
-    from bayesdamp.interface.evidence import Evidence as Evidence
-    from bayesdamp.interface.evidence import evidence as evidence
-    from bayesdamp.interface.fit import Fit as Fit
-    from bayesdamp.interface.fit import Prediction as Prediction
-    from bayesdamp.interface.fit import fit as fit
+    from bayesdamp.interface.estimate import Estimate as Estimate, estimate as estimate
+    from bayesdamp.interface.evidence import Evidence as Evidence, evidence as evidence
+    from bayesdamp.interface.fit import Fit as Fit, Prediction as Prediction, fit as fit
     from bayesdamp.interface.model import Model as Model
-    from bayesdamp.interface.posterior import Posterior as Posterior
-    from bayesdamp.interface.posterior import sample as sample
-    from bayesdamp.interface.record import Record as Record
-    from bayesdamp.interface.record import read as read
+    from bayesdamp.interface.posterior import Posterior as Posterior, sample as sample
+    from bayesdamp.interface.record import Record as Record, read as read
     from bayesdamp.interface.result import load as load
-    from bayesdamp.interface.signal import Signal as Signal
-    from bayesdamp.interface.signal import signal as signal
+    from bayesdamp.interface.signal import Signal as Signal, signal as signal
     from bayesdamp.interface.simulate import simulate as simulate
     from bayesdamp.physics.damping import DampingTerm as DampingTerm
     from bayesdamp.physics.oscillator import Oscillator as Oscillator
     from bayesdamp.physics.trajectories import simulate as trajectory
-    from bayesdamp.pipeline.results import Candidate as Candidate
-    from bayesdamp.pipeline.results import Run as Run
-    from bayesdamp.pipeline.results import run_study as run_study
-    from bayesdamp.priors import HalfNormal as HalfNormal
-    from bayesdamp.priors import LogNormal as LogNormal
-    from bayesdamp.priors import LogUniform as LogUniform
-    from bayesdamp.priors import Normal as Normal
-    from bayesdamp.priors import Uniform as Uniform
+    from bayesdamp.pipeline.results import Candidate as Candidate, Run as Run, run_study as run_study
+    from bayesdamp.priors import (
+        HalfNormal as HalfNormal,
+        LogNormal as LogNormal,
+        LogUniform as LogUniform,
+        Normal as Normal,
+        Uniform as Uniform,
+    )
     from bayesdamp.records.cleaning.clean import clean as clean
-    from bayesdamp.records.envelope.record import EnvelopeRecord as EnvelopeRecord
-    from bayesdamp.records.envelope.record import read_envelope as read_envelope
+    from bayesdamp.records.envelope.record import (
+        EnvelopeRecord as EnvelopeRecord,
+        read_envelope as read_envelope,
+    )
     from bayesdamp.records.oscillation.features import features as features
     from bayesdamp.records.oscillation.law_free import first_words as first_words
     from bayesdamp.records.read import read_record as read_record
-    from bayesdamp.types import InputError as InputError
-    from bayesdamp.types import Refusal as Refusal
+    from bayesdamp.types import InputError as InputError, Refusal as Refusal
     from bayesdamp.verdict.types import Verdict as Verdict
 
 

@@ -14,8 +14,7 @@ from numpy.polynomial import Polynomial
 from bayesdamp.physics.damping import median
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.priors import Prior
-from bayesdamp.records.oscillation.features import Features
-from bayesdamp.records.oscillation.features import features as measure
+from bayesdamp.records.oscillation.features import Features, features as measure
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
 from bayesdamp.types import Problem, Reference, Refusal, Signal
 

@@ -15,7 +15,7 @@ from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.arguments import check_noise, check_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
-from bayesdamp.interface.result import Result, get_axes, show_in_notebook
+from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_notebook
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
@@ -32,8 +32,6 @@ from bayesdamp.verdict.units import in_unit, picture_in_unit
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-    from bayesdamp.interface.result import GivenAxes
 
 
 _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]

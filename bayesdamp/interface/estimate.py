@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp import types
-from bayesdamp.estimators import STAGES
-from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators import STAGES, run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
 from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.interface.density import units_of

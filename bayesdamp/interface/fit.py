@@ -22,7 +22,16 @@ from bayesdamp.interface.answer import amplitudes_in_base_unit
 from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
-from bayesdamp.interface.result import BLUE, FAINT, QUIET, Result, get_axes, list_axes, outcome_notes
+from bayesdamp.interface.result import (
+    BLUE,
+    FAINT,
+    QUIET,
+    GivenAxes,
+    Result,
+    get_axes,
+    list_axes,
+    outcome_notes,
+)
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator
@@ -38,8 +47,6 @@ from bayesdamp.verdict.words import UNSEEN
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-    from bayesdamp.interface.result import GivenAxes
 
 Vector = NDArray[np.float64]
 EXACT = (

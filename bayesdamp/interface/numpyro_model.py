@@ -8,8 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 import numpyro
-from jax import Array
-from jax import numpy as jnp
+from jax import Array, numpy as jnp
 from numpyro import distributions as dist
 
 from bayesdamp.plugins import nearest

@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit, tabulate_ratios
-from bayesdamp.interface.result import QUIET, Result, get_axes, outcome_notes
+from bayesdamp.interface.result import QUIET, GivenAxes, Result, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
-
-    from bayesdamp.interface.result import GivenAxes
 
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")

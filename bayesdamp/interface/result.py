@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
-    """Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
-
+GivenAxes: TypeAlias = "Axes | Sequence[Axes] | NDArray[Any] | None"
+"""Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
 META = "result.json"
 """Name of the file with plain values inside a saved result; the arrays are next to it."""
 KINDS = (

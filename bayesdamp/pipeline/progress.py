@@ -10,8 +10,7 @@ from bayesdamp.types import candidate_parts
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress as Bar
-    from rich.progress import ProgressColumn
+    from rich.progress import Progress as Bar, ProgressColumn
 
     from bayesdamp.config import Study
     from bayesdamp.pipeline.jobs import Job
@@ -82,8 +81,7 @@ def progress_bar(console: Console, *columns: ProgressColumn) -> Bar:
         Behind the others.
     """
     # Not for workers, which show nothing.
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bar, TextColumn, TimeElapsedColumn
 
     return Bar(
         TextColumn("{task.description}"),

@@ -11,8 +11,7 @@ from scipy.integrate import quad
 
 from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, median, parse_model
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
-from bayesdamp.physics.restoring import RestoringLaw
+from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS, RestoringLaw
 from bayesdamp.types import InputError
 from tests.physics.independent import LAWS, restoring
 

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bayesdamp.cli import options as o
-from bayesdamp.cli import records as r
+from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.config import Recording, Study

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import typer
 
-from bayesdamp.machine import cache_folder
+from bayesdamp.machine import cache_folder, cores
 
 LEAST_MEMORY = 2.0
 """Required memory in GiB: twice the 0.95 GiB of a quick comparison of 2,001 samples on two processes (measured)."""
@@ -79,8 +79,6 @@ def kernels() -> CheckResult:
 
 def machine() -> CheckResult:
     """Check the cores and the memory (GiB) that this process may use."""
-    from bayesdamp.machine import cores
-
     count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY

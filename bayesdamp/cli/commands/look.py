@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from bayesdamp.cli import looking
-from bayesdamp.cli import options as o
+from bayesdamp.cli import looking, options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
 from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubts, records_in
 from bayesdamp.plugins import read_modules, use

@@ -14,8 +14,7 @@ from bayesdamp.cli import options as o
 from bayesdamp.cli.files import FIRST_LINE, SIMULATED, SingleFile
 from bayesdamp.cli.options import invalid_value
 from bayesdamp.interface.signal import Signal
-from bayesdamp.interface.simulate import START
-from bayesdamp.interface.simulate import simulate as simulate_record
+from bayesdamp.interface.simulate import START, simulate as simulate_record
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import read_modules, use

@@ -15,10 +15,8 @@ from bayesdamp.inference.deviation.linear import (
     Normals,
     condense,
     grid_of,
-    with_priors,
-)
-from bayesdamp.inference.deviation.linear import (
     normals as normals_of,
+    with_priors,
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.estimators import ESTIMATORS
-from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 from bayesdamp.inference.checks import carried_on
-from bayesdamp.inference.deviation.single import first_half as first_half_of
-from bayesdamp.inference.deviation.single import replace_priors
+from bayesdamp.inference.deviation.single import first_half as first_half_of, replace_priors
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.mode import Mode, log_evidence_near
 from bayesdamp.inference.sensitivity import (

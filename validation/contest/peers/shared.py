@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import even
-from validation.contest.apart.shared import spectral_peak as frequency
+from validation.contest.apart.shared import even, spectral_peak as frequency
 
 __all__ = ["Peer", "Reply", "about_rest", "even", "frequency", "is_recorded", "one_number", "segments"]
 
