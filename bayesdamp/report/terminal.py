@@ -104,8 +104,9 @@ def print_conclusion(folder: Path, console: Console) -> None:
         console.print()
         table = overview_table(available, brief=True)
         console.print(table.rich(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0)))
+    answered = {answer.signal for answer in available}
     for signal in run.signals:
-        if signal not in {answer.signal for answer in available}:
+        if signal not in answered:
             cell = run.cell("answer", signal, run.repeats(signal)[0])
             outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
             why = "" if outcome == OK else f": {outcome.rstrip('.')}"

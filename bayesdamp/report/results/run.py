@@ -39,6 +39,10 @@ _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 """Coefficients of the three classical damping terms."""
 ANCHOR = "answer-"
 """Prefix of the anchor of a record's answer in the page; the name of the record follows."""
+KEPT = 100
+"""Results that stay in memory at once: sections visit one record after the other, and a run may have thousands."""
+CURVE = ("amplitude", "ratio", "low", "high")
+"""Arrays of an answer that are its damping curve."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Amplitude, damping ratio and the ends of its 95 % interval, each (points,)."""
 
@@ -135,14 +139,14 @@ class RunFolder:
         """Whether samplers and evidence allowed deviations from the laws."""
         return (self.study.get("posterior") or {}).get("deviation") == "law"
 
-    @property
+    @cached_property
     def signals(self) -> list[str]:
         """Names of the signals, in the study's order."""
         rows = (row["signal"] for row in self._rows)
         cells = (place.record for place in self._places.values() if place.kind == "signal")
         return list(dict.fromkeys([*(self.info.get("signals") or {}), *rows, *cells]))
 
-    @property
+    @cached_property
     def models(self) -> list[str]:
         """Names of the damping models, in the study's order."""
         return list(dict.fromkeys([*(self.info.get("models") or []), *(row["model"] for row in self._rows)]))
@@ -184,15 +188,27 @@ class RunFolder:
 
     def repeats(self, signal: str) -> list[int]:
         """Return the numbers of a signal's repeats, from 0; [0] if no result is stored."""
-        tables = {row["repeat"] for row in self._rows if row["signal"] == signal}
-        cells = {place.repeat for place in self._places.values() if place.record == signal}
-        return sorted(r for r in tables | cells if r is not None) or [0]
+        return sorted(self._repeats.get(signal, ())) or [0]
+
+    @cached_property
+    def _repeats(self) -> dict[str, set[int]]:
+        """The numbers of repeats that have rows or cells, by signal."""
+        pairs = [(row["signal"], row["repeat"]) for row in self._rows]
+        pairs += [(place.record, place.repeat) for place in self._places.values()]
+        repeats: dict[str, set[int]] = {}
+        for signal, repeat in pairs:
+            if repeat is not None:
+                repeats.setdefault(signal, set()).add(repeat)
+        return repeats
 
     def cell(self, *parts: object) -> CellResult | None:
         """Return a stored result by the parts of its name; None if there is none that can be read."""
         name = "/".join(map(str, parts))
+        if name not in self._places:
+            return None
         if name not in self._read:
-            self._read[name] = self._store.find(name) if name in self._places else None
+            _make_room(self._read)
+            self._read[name] = self._store.find(name)
         return self._read[name]
 
     def cells(self, *parts: object) -> list[CellResult]:
@@ -200,6 +216,12 @@ class RunFolder:
         prefix = "".join(f"{part}/" for part in parts)
         results = (self.cell(name) for name in self._places if name.startswith(prefix))
         return [cell for cell in results if cell is not None]
+
+
+def _make_room(results: dict[Any, Any]) -> None:
+    """Remove the results that were read first, so that fewer than `KEPT` are left."""
+    while len(results) >= KEPT:
+        del results[next(iter(results))]
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
@@ -405,13 +427,17 @@ def answer_of(
             verdict = in_unit(Verdict.from_dict(content.verdict), unit)
             arrays = picture_in_unit(cell.arrays, unit)
             answer = RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
+        _make_room(run.answered)
         run.answered[signal, kinds] = answer
     return run.answered[signal, kinds]
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
-    """Return the answers on the first repeats of all records, in the study's order."""
-    return [answer for signal in run.signals if (answer := answer_of(run, signal)) is not None]
+    """Return the answers on the first repeats of all records, in the study's order, with the damping curve as arrays."""
+    every = (answer_of(run, signal) for signal in run.signals)
+    return [
+        replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every if a is not None
+    ]
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
@@ -437,10 +463,9 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 def curve_of(answer: RecordAnswer) -> Curve | None:
     """Return the finite points of an answer's damping curve; None if there are fewer than two."""
-    names = ("amplitude", "ratio", "low", "high")
-    if not answer.verdict.damping_ratio or not set(names) <= set(answer.arrays):
+    if not answer.verdict.damping_ratio or not set(CURVE) <= set(answer.arrays):
         return None
-    columns = np.array([answer.arrays[name] for name in names], float)
+    columns = np.array([answer.arrays[name] for name in CURVE], float)
     columns = columns[:, np.isfinite(columns).all(axis=0) & (columns[0] > 0)]
     return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
 
