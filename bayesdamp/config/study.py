@@ -417,8 +417,11 @@ class Study:
     @property
     def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
         """Return the signals of each specimen that the study names."""
-        named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
-        return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
+        specimens: dict[str, tuple[SignalSpec, ...]] = {}
+        for spec in self.signals:
+            if spec.specimen:
+                specimens[spec.specimen] = (*specimens.get(spec.specimen, ()), spec)
+        return specimens
 
     @property
     def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:

@@ -161,7 +161,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
 
 def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
     """Return the sampled motions of a record's candidates, by their names."""
-    cell = store.find(f"{SAMPLED}/{spec.name}/{repeat}")
+    cell = store.find(f"{SAMPLED}/{spec.name}/{repeat}", arrays=False)
     if cell is None or cell.outcome != OK:
         return {}
     many = len(spec.restoring) > 1
@@ -179,7 +179,7 @@ def _deviation(study: Study, spec: SignalSpec) -> str:
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
     for spec, path, head, _ in _branches(study, store):
         for method in study.estimators.use:
-            cell = store.find(f"estimate/{path}/{method}")
+            cell = store.find(f"estimate/{path}/{method}", arrays=False)
             if cell is None:
                 continue
             if cell.outcome != OK:
@@ -205,7 +205,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
     for spec, path, head, motions in _branches(study, store):
         for sampler in study.posterior.samplers:
-            cell = store.find(f"posterior/{path}/{sampler}")
+            cell = store.find(f"posterior/{path}/{sampler}", arrays=False)
             if cell is None:
                 continue
             common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
@@ -264,7 +264,7 @@ def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
     for spec, path, head, motions in _branches(study, store):
-        cell = store.find(f"mode/{path}")
+        cell = store.find(f"mode/{path}", arrays=False)
         if cell is None and motions is None:
             continue
         row = dict(head)
@@ -367,19 +367,19 @@ def run_info(study: Study, store: Store) -> Row:
     assumed: dict[str, None] = {}
     for spec in study.signals:
         if spec.is_envelope:
-            answered = store.find(f"{ANSWERED}/{spec.name}/0")
+            answered = store.find(f"{ANSWERED}/{spec.name}/0", arrays=False)
             content = AnswerContent.maybe(answered)
             if answered and content and content.envelope:
                 unit, outcome = content.envelope.unit, answered.outcome
                 about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": outcome}
                 assumed |= dict.fromkeys(content.envelope.assumed)
             continue
-        cell = store.find(f"signal/{spec.name}/0")
+        cell = store.find(f"signal/{spec.name}/0", arrays=False)
         if cell is None:
             continue
         # Where the first repeat shows no oscillation, another one may.
         oscillating = _first_oscillating(store, spec) or cell
-        answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0"))
+        answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0", arrays=False))
         content = RecordContent.of(cell)
         about[spec.name] = {
             **content.provenance,
@@ -396,7 +396,7 @@ def run_info(study: Study, store: Store) -> Row:
             known = RecordContent.of(oscillating)
             about[spec.name] |= {"epsilon_note": known.epsilon_note, "reference": known.scales}
             about[spec.name]["features"] = known.features
-        cells = {m: store.find(f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
+        cells = {m: store.find(f"mode/{spec.name}/0/{m}", arrays=False) for m in study.compare(spec)}
         modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
         priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
         budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
@@ -438,7 +438,7 @@ def run_info(study: Study, store: Store) -> Row:
 
 def _first_oscillating(store: Store, spec: SignalSpec) -> CellResult | None:
     """Return the first repeat of a signal that shows an oscillation."""
-    cells = (store.find(f"signal/{spec.name}/{repeat}") for repeat in range(spec.repeats))
+    cells = (store.find(f"signal/{spec.name}/{repeat}", arrays=False) for repeat in range(spec.repeats))
     return next((cell for cell in cells if cell and cell.outcome == OK), None)
 
 

@@ -433,7 +433,7 @@ def answer_of(
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
-    """Return the answers on the first repeats of all records, in the study's order, with the damping curve as arrays."""
+    """Return the answers on the first repeats of all records, in the study's order; of their arrays only `CURVE`."""
     every = (answer_of(run, signal) for signal in run.signals)
     return [
         replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every if a is not None
