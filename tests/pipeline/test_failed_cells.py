@@ -27,7 +27,7 @@ def study(tmp_path, monkeypatch):
 
 
 def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
-    whole = records.simulated
+    whole = records.simulate_source
 
     def failing(source, restoring, truth, name, rng):
         if name == "bad":
@@ -36,7 +36,7 @@ def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
 
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(records, "simulated", failing)
+        patch.setattr(records, "simulate_source", failing)
         assert run_study(study, out, workers=1) == 3
     said = capsys.readouterr().err.replace("\n", " ")
     assert "signal/bad/0: failed: ArithmeticError: made to fail" in said
