@@ -491,18 +491,19 @@ FURTHER_TERM = 0.125
 """Factor of a model's prior probability for each term beyond the first. Measured on 82 simulated records with a damping
 ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor nearly as many records are
 decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
-OTHERS = 0.1
-"""Prior odds of all other forms of damping together, relative to a single term (conventional)."""
+OTHERS, OTHER_SUMS = 0.1, 9
+"""Prior odds of all other forms of damping together, relative to a single term (conventional), and the number of sums
+with one of these forms (of sums of the paper's terms). Each has the same share, however many are compared on a record."""
 
 
-def odds(damping: Sequence[str], others: int = 0) -> float:
+def odds(damping: Sequence[str], other: bool = False) -> float:
     """Return the prior odds of a damping model against a model with a single term.
 
     Parameters
     ----------
     damping
         Damping terms of the model.
-    others
-        If the model is one of the other forms of damping, the number of these; 0 for a sum among the compared models.
+    other
+        Whether the model has another form of damping, and is not a sum among the compared models.
     """
-    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / others if others else 1.0)
+    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / OTHER_SUMS if other else 1.0)

@@ -17,7 +17,7 @@ from bayesdamp.inference.deviation.specimen import (
     compare_runs,
 )
 from bayesdamp.inference.model.target import damping_priors
-from bayesdamp.priors import FURTHER_TERM, OTHERS, SharedHalfNormal
+from bayesdamp.priors import FURTHER_TERM, OTHER_SUMS, OTHERS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
@@ -133,15 +133,17 @@ def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
 
 
 def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
-    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by two forms."""
+    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by nine sums,
+    of which one or two are weighed."""
     hard = "viscous", "duffing"
     form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
-    one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=(form, other))
     two = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
-    found = specimen("rig", [one, two])
-    alone = math.exp(6) * OTHERS / 2
-    assert found.damping == "viscous"
-    assert found.probability == pytest.approx(1 / (1 + alone), rel=1e-3)
+    ahead = math.exp(6) * OTHERS / OTHER_SUMS
+    for others in ((form,), (form, other)):
+        one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
+        found = specimen("rig", [one, two])
+        assert found.damping == "viscous"
+        assert found.probability == pytest.approx(1 / (1 + ahead), rel=1e-3)
     assert found.rivals[0].damping == "displacement"
     assert not found.decided
     behind = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0})])

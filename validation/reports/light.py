@@ -186,12 +186,11 @@ def row_of(decade: float, number: int) -> dict[str, object]:
 
 def log_weights(result: Answer) -> dict[str, float]:
     """Return log evidence plus log prior odds of every damping under exact laws, relative to the best damping."""
-    others = len({r.damping for r in result.content.rivals})
     logs: dict[str, float] = {}
-    for rows, count in ((result.content.candidates, 0), (result.content.rivals, others)):
+    for rows, other in ((result.content.candidates, False), (result.content.rivals, True)):
         for r in rows:
             if math.isfinite(r.exact):
-                own = r.exact + math.log(odds(r.damping.split("+"), count))
+                own = r.exact + math.log(odds(r.damping.split("+"), other))
                 logs[r.damping] = float(np.logaddexp(logs.get(r.damping, -math.inf), own))
     top = max(logs.values(), default=0.0)
     return {name: value - top for name, value in logs.items()}

@@ -126,13 +126,11 @@ def candidate_probabilities(
         Whether to include the rivals.
     """
     logs: dict[MotionCandidate, float] = {}
-    others = len({r.candidate.damping for r in comparison.forms})
     for r in (*comparison.results, *(comparison.forms if forms else ())):
         if exact or r.approximate_posterior is not None:
             own = exact and r.approximate_posterior is not None
             log = r.exact_posterior.log_evidence if own else r.log_evidence
-            count = others if r in comparison.forms else 0
-            logs[r.candidate] = log + np.log(odds(r.candidate.damping, count))
+            logs[r.candidate] = log + np.log(odds(r.candidate.damping, r in comparison.forms))
     if not logs:  # no candidate could be linearised with deviations
         return candidate_probabilities(comparison, True, forms)
     top = max(logs.values())

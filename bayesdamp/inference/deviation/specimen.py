@@ -267,8 +267,7 @@ def compare_runs(
     own = {m: sum(r.missing(*m, places.get(m[0], "")) for r in records) for m in models}
 
     def prior(model: Model) -> float:
-        terms = model[0].split("+")
-        return float(np.log(odds(terms, len(places) if model[0] in places else 0)))
+        return float(np.log(odds(model[0].split("+"), model[0] in places)))
 
     logs: dict[Model, float] = {}
     repeats: dict[Model, Repeats] = {}
