@@ -31,8 +31,8 @@ Modules
    mode.
 3. Compare. `linear`: posterior and evidence of a linear model. `model_comparison`: all candidates. `forms`: rivals, and
    limits for other forms. `exponent`: the exponent of a power law.
-4. Sample. `sampling`: draws of the motions instead of the linear model, with the sampler of `tempered` and the
-   coordinates of `ridge`.
+4. Sample. `sampling`: draws of the motions instead of the linear model, with the sampler of `tempered`, from
+   the linear models of `slices` where a damping term has a parameter of its own.
 5. Findings. `draws`, `free`: damping ratio at an amplitude, by law and without a law. `findings`: the numbers of a
    verdict and the arrays of a picture.
 

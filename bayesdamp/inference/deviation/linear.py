@@ -209,6 +209,16 @@ class LinearModel:
     shared: np.ndarray
     damping: np.ndarray
 
+    def squares(self, u: np.ndarray) -> np.ndarray:
+        """Return the sums of squares of draws u, (n, K): (n,)."""
+        return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
+
+    def mapped(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
+        """Return the model in w where the old coordinates are u + matrix (w − u), (K,) and (K, K)."""
+        target = self.target - self.root @ (u - matrix @ u)
+        model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
+        return replace(model, rest=self.rest + model.rest, count=self.count)
+
     def only(self, scores: np.ndarray) -> LinearModel:
         """Return the model with only the marked scores, (d,) of bool; the others are fixed at 0."""
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
@@ -311,6 +321,12 @@ class LinearPosterior:
         places = np.flatnonzero(numbers)
         u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
         return u, np.repeat(places, numbers[places])
+
+    def moved(self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+        """Return draws u, (n, K), of combinations at places (n,) after one Crank–Nicolson step of a size up to 1."""
+        means, factors = self.means[places], self.factors[places]
+        noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
+        return means + np.sqrt(1 - step**2) * (u - means) + step * noise
 
 
 def condense(

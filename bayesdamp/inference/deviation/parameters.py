@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class Parameters(Scores):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
+
+    def holding(self, name: str, value: float) -> Self:
+        """Return the parameters with one that was inferred now known."""
+        priors = {n: p for n, p in self.priors.items() if n != name}
+        return replace(self, priors=priors, known={**self.known, name: value})
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -140,6 +146,11 @@ class Straight(Parameters):
     anchor: np.ndarray
     origin: np.ndarray
     root: np.ndarray
+
+    def holding(self, name: str, value: float) -> Self:
+        """Return the parameters with one that was inferred, and that v does not replace, now known."""
+        before = self.free_names.index(name) < self.places
+        return replace(super().holding(name, value), places=self.places - before)
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where there are none."""

@@ -1,7 +1,7 @@
 """The candidates that matter, sampled: posteriors and evidence of the motions themselves, not of a linear model.
 
-Sampling starts from a linear model, in straight coordinates where the restoring law has them, and along the ridge of
-the damping terms' own parameters where they have one. A record determines the angle at rest and the frequency far
+Sampling starts from a linear model, in straight coordinates where the restoring law has them, and from one in each of
+several slices where a damping term has a parameter of its own. A record determines the angle at rest and the frequency far
 better than gravity, so that a posterior of spring, gravity and spring's angle lies along a curve, which a linear
 model leaves after a few of its sds.
 """
@@ -17,7 +17,7 @@ from bayesdamp.inference.deviation.candidate import exact_model, linearise, line
 from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters, straight_at
-from bayesdamp.inference.deviation.ridge import Ridge, ridge_of
+from bayesdamp.inference.deviation.slices import SlicedProposal, sliced
 from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
 from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
@@ -52,7 +52,7 @@ class DrawMotions:
     ----------
     solver : Solver
         Of the motions.
-    parameters : Parameters or Ridge
+    parameters : Parameters
         What the scores of draws stand for.
     active : ndarray of bool, shape (m,)
         Which of the solver's terms act.
@@ -63,7 +63,7 @@ class DrawMotions:
     """
 
     solver: Solver
-    parameters: Parameters | Ridge
+    parameters: Parameters
     active: np.ndarray
     tolerance: float = TOLERANCE
     correction: np.ndarray | float = 0.0
@@ -79,23 +79,11 @@ class DrawMotions:
         return None if motion is None else motion.y + self.correction
 
 
-def motions_near(
-    result: CandidateResult, parameters: Parameters | Ridge, posterior: LinearPosterior
-) -> DrawMotions:
-    """Return motions to the loosest tolerance that keeps draws of the linear posterior within `APART`.
-
-    Parameters
-    ----------
-    result : CandidateResult
-        Of the candidate.
-    parameters : Parameters or Ridge
-        As of `DrawMotions`.
-    posterior : LinearPosterior
-        The linear posterior in the coordinates of `parameters`.
-    """
-    usual, sd = DrawMotions(result.solver, parameters, result.fit.active), np.sqrt(result.variance)
-    middle = posterior.means[int(np.argmax(posterior.log_each))]
-    rows = [middle, *posterior.draws(parameters.positive, TRIED, np.random.default_rng(0))[0]]
+def motions_near(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawMotions:
+    """Return motions to the loosest tolerance that keeps draws of a candidate's linear posterior within `APART`."""
+    usual, sd = DrawMotions(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
+    drawn = start.draws(TRIED, np.random.default_rng(0))[0]
+    rows = [start.middle, *start.scores(drawn)]
     wanted = [usual.at(row) for row in rows]
     if any(y is None for y in wanted):
         return usual
@@ -109,40 +97,58 @@ def motions_near(
 
 
 @dataclass(frozen=True)
-class SamplingStart:
-    """What sampling starts from: a linear model in the coordinates of `parameters`, weighed."""
+class LinearProposal:
+    """A linear posterior of scores and deviations u, (K,), as one linear model in the coordinates of `parameters`."""
 
-    parameters: Parameters | Ridge
+    parameters: Parameters
     model: LinearModel
     posterior: LinearPosterior
 
-    def scores(self, draws: np.ndarray) -> np.ndarray:
-        """Return standard normal scores with g and h, (n, K), of draws."""
-        d, scores = self.parameters.free.size, draws.copy()
-        scores[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
-        return scores
+    @property
+    def log_evidence(self) -> float:
+        """In nats."""
+        return self.posterior.log_evidence
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Mean of u under the most probable hyperparameters, (K,)."""
+        return self.posterior.means[int(np.argmax(self.posterior.log_each))]
+
+    def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Draw u, (count, K), and return each draw's combination of hyperparameters, (count,)."""
+        return self.posterior.draws(self.parameters.positive, count, rng)
+
+    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+        """Return u, (n, K), after a random step that leaves this posterior unchanged where it ends in its support."""
+        return self.posterior.moved(u, combos, step, rng)
+
+    def inside(self, u: np.ndarray) -> np.ndarray:
+        """Return which rows of u, (n, K), have no negative score that must be positive, (n,)."""
+        return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
+
+    def scores(self, u: np.ndarray) -> np.ndarray:
+        """Return u itself."""
+        return u
+
+    def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
+        """Return the log of posterior over linear posterior, (n,), from the motions' sums of squares, (n,)."""
+        prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
+        return 0.5 * (self.model.squares(u) - squares) / variance + prior
 
 
-def reference_of(comparison: ModelComparison, result: CandidateResult) -> SamplingStart:
-    """Return the linear model that a candidate's draws start from.
+def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
+    """Return the linear posterior that a candidate's draws start from.
 
-    In straight coordinates, about the mode in them, where there are any; else the model by which it was weighed.
-    Along a ridge where there is one.
+    It is in straight coordinates where the restoring law has any, and in slices of a parameter of the damping terms
+    where they have one; else it is the one by which the candidate was posterior.
     """
     start = _straightened(comparison, result)
     if start is None:
-        start = SamplingStart(result.fit.parameters, result.model, result.posterior)
-    assert isinstance(start.parameters, Parameters)
-    ridge = ridge_of(result, start.parameters, start.model, start.posterior)
-    if ridge is None:
-        return start
-    model = replace(start.model, positive=ridge.positive)
-    return SamplingStart(
-        ridge, model, linear_posterior(model, result.grid(), result.variance, comparison.samples)
-    )
+        start = LinearProposal(result.fit.parameters, result.model, result.posterior)
+    return sliced(comparison, result, start.parameters, start.posterior) or start
 
 
-def _straightened(comparison: ModelComparison, result: CandidateResult) -> SamplingStart | None:
+def _straightened(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
     """Return the linear model in straight coordinates; None where there are none."""
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straight_at(result.fit.parameters, law, result.z)
@@ -171,11 +177,11 @@ def _straightened(comparison: ModelComparison, result: CandidateResult) -> Sampl
     if fit is None or model is None:
         return None
     posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
-    return SamplingStart(fit.parameters, model, posterior)
+    return LinearProposal(fit.parameters, model, posterior)
 
 
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
-    """Return the weighing with its likeliest candidates and rivals sampled.
+    """Return the comparison with its likeliest candidates and rivals sampled.
 
     The evidence of the linear models decides which they are.
     """
@@ -193,21 +199,26 @@ def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = DRAWS
 ) -> CandidateResult:
     """Return a candidate's result with its motions sampled; a seed always gives the same draws of a candidate."""
-    start = reference_of(comparison, result)
-    parameters, model, y = start.parameters, start.model, comparison.data.y
-    motions = motions_near(result, parameters, start.posterior)
+    start, y = proposal_of(comparison, result), comparison.data.y
+    motions = motions_near(result, start)
 
     def squares(row: np.ndarray) -> float:
         motion = motions.at(row)
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
-    def ratio(u: np.ndarray) -> np.ndarray:
-        """Return the log of the motions' likelihood over the linear model's, of draws (n, K): (n,)."""
-        solved = np.array(at_once(squares, u))
-        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        prior = parameters.log_prior_ratio(u[:, : parameters.free.size])
-        return 0.5 * (linear - solved) / result.variance + prior
+    def ratio(w: np.ndarray) -> np.ndarray:
+        """Return the log of the motions' posterior over the linear one, of draws (n, K): (n,)."""
+        return start.log_ratio(w, np.array(at_once(squares, start.scores(w))), result.variance)
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
-    sampled = sample_posterior(ratio, start.posterior, parameters.positive, draws=draws, seed=own_seed)
-    return replace(result, sampled=replace(sampled, draws=start.scores(sampled.draws)))
+    sampled = sample_posterior(ratio, start, draws=draws, seed=own_seed)
+    w = sampled.draws
+    if isinstance(start, SlicedProposal):
+        # All were at the middles of their slices: a Metropolis step moves each within its own.
+        rng = np.random.default_rng([own_seed, 1])
+        new = start.spread(w, rng)
+        accepted = np.log(rng.random(len(w))) < ratio(new) - sampled.log_ratios
+        w = np.where(accepted[:, None], new, w)
+    d, u = start.parameters.free.size, start.scores(w)
+    u[:, :d] = [start.parameters.plain(row) for row in u[:, :d]]
+    return replace(result, sampled=replace(sampled, draws=u))

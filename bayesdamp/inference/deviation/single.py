@@ -176,7 +176,9 @@ class Single:
         probable = np.flatnonzero(probability > NEGLIGIBLE)
         deviation = Deviation(
             DeviatingTrajectories(
-                motions_near(result, parameters, posterior), linearisation.deviations, parameters.known
+                motions_near(result, LinearProposal(parameters, result.model, posterior)),
+                linearisation.deviations,
+                parameters.known,
             ),
             comparison.variance,
             comparison.samples,

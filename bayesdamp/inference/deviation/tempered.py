@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.deviation.linear import LinearPosterior
 from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
 DRAWS = 300
@@ -46,6 +46,8 @@ class Sampled:
     ----------
     draws : ndarray, shape (n, K)
         u = (scores, log g, h), with equal weights.
+    log_ratios : ndarray, shape (n,)
+        Log of their likelihood over the linear model's.
     log_evidence, stderr : float
         In nats, with its standard error.
     temperatures : int
@@ -55,6 +57,7 @@ class Sampled:
     """
 
     draws: np.ndarray
+    log_ratios: np.ndarray
     log_evidence: float
     stderr: float
     temperatures: int
@@ -66,10 +69,30 @@ class Sampled:
         return self.acceptance >= MOVED
 
 
+class Proposal(Protocol):
+    """A posterior from which draws are taken and that random steps leave unchanged."""
+
+    @property
+    def log_evidence(self) -> float:
+        """In nats."""
+        ...
+
+    def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Draw (count, K), and return each draw's combination of hyperparameters too, (count,)."""
+        ...
+
+    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+        """Return draws (n, K) after a random step of a size up to 1 within their combinations (n,)."""
+        ...
+
+    def inside(self, u: np.ndarray) -> np.ndarray:
+        """Return which draws (n, K) have no negative score that must be positive, (n,)."""
+        ...
+
+
 def sample_posterior(
     ratio: Callable[[np.ndarray], np.ndarray],
-    posterior: LinearPosterior,
-    positive: np.ndarray,
+    start: Proposal,
     *,
     draws: int = DRAWS,
     seed: int = 0,
@@ -80,19 +103,17 @@ def sample_posterior(
     ----------
     ratio : callable
         Log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes.
-    posterior : LinearPosterior
+    start : Proposal
         The linear posterior.
-    positive : ndarray of bool, shape (d,)
-        Scores that must not be negative.
     draws, seed : int
         Number of draws, and the seed of their random stream.
     """
     rng = np.random.default_rng(seed)
-    u, combos = posterior.draws(positive, draws, rng)
+    u, combos = start.draws(draws, rng)
     ratios = ratio(u)
     if not np.any(np.isfinite(ratios)):
-        return Sampled(u, -np.inf, float("nan"), 0, 0.0)
-    direct = _in_one_step(rng, u, ratios, posterior, positive, ratio)
+        return Sampled(u, ratios, -np.inf, float("nan"), 0, 0.0)
+    direct = _in_one_step(rng, u, ratios, start, ratio)
     if direct is not None:
         return direct
     beta, step, log_evidence, variance, temperatures, acceptance = 0.0, FIRST_STEP, 0.0, 0.0, 0, 1.0
@@ -106,11 +127,8 @@ def sample_posterior(
         rows = resample(logs, draws, rng)
         combos, u, ratios = combos[rows], u[rows], ratios[rows]
         for _ in range(LAST if beta >= 1.0 else MOVES):
-            # One Crank–Nicolson step of every draw within its combination of hyperparameters.
-            means, factors = posterior.means[combos], posterior.factors[combos]
-            noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
-            new = means + np.sqrt(1 - step**2) * (u - means) + step * noise
-            inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
+            new = start.moved(u, combos, step, rng)
+            inside = start.inside(new)
             new_ratios = np.full(draws, -np.inf)
             if inside.any():
                 new_ratios[inside] = ratio(new[inside])
@@ -120,16 +138,15 @@ def sample_posterior(
             acceptance = float(np.mean(accepted))
             step = float(np.clip(step * np.exp(acceptance - WANTED), LEAST_STEP, 1.0))
     acceptance = acceptance if beta >= 1.0 else 0.0
-    log_evidence += posterior.log_evidence
-    return Sampled(u, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
+    log_evidence += start.log_evidence
+    return Sampled(u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
 
 
 def _in_one_step(
     rng: np.random.Generator,
     u: np.ndarray,
     ratios: np.ndarray,
-    posterior: LinearPosterior,
-    positive: np.ndarray,
+    start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> Sampled | None:
     """Weight draws of the linear posterior, with as many more as make them effectively `KEPT` of those asked for.
@@ -140,15 +157,16 @@ def _in_one_step(
     if share < FEW:
         return None
     if share < KEPT:
-        more = posterior.draws(positive, int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
+        more = start.draws(int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
         if _effective_share(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
-    evidence = posterior.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
-    return Sampled(u[resample(logs, draws, rng)], evidence, error, 1, 1.0)
+    evidence = start.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
+    rows = resample(logs, draws, rng)
+    return Sampled(u[rows], ratios[rows], evidence, error, 1, 1.0)
 
 
 def _rise(ratios: np.ndarray, most: float) -> float:

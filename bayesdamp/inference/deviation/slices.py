@@ -1,0 +1,325 @@
+"""The linear posterior that draws of the motions start from, in slices of a damping term's own parameter.
+
+The motion is far from linear in a Stribeck velocity or in the exponent of a power law, but nearly linear in all other
+parameters where that one is held. The range of its score a is therefore cut into slices of equal width. In each slice
+the motion is linearised about the mode that the others have at the slice's middle (as H. Rue, S. Martino and N. Chopin
+integrate over hyperparameters, J. R. Stat. Soc. B 71, 319, 2009). A candidate without such a parameter has one linear
+model for all draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.inference.deviation.candidate import exact_model, linearise, linearise_at_mode, refit
+from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
+from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.physics.damping import TERMS
+
+WIDTH = 1.0
+"""Width of a slice in posterior sds of the score, under the linear model about the mode."""
+NARROW = 0.05
+"""Posterior sd of the score, in prior sds, below which one linear model is enough."""
+FARTHEST = 4.0
+"""Largest score, in prior sds."""
+DEEP = 8.0
+"""Nats below the most probable slice at which the slices end."""
+MOST_SLICES = 12
+"""On either side of the mode."""
+MOST_GROWTH = 1.0
+"""Largest change of log t across a slice: where the record determines a and t only together, slopes are far larger."""
+LEAST = 1e-3
+"""Least c relative to its pivot."""
+CLEAR = 3.0
+"""Posterior sds from zero from which a coefficient moves with a."""
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A linear model at the middle of a slice, without the score a.
+
+    Attributes
+    ----------
+    middle : float
+        a at which the motion is linearised.
+    model, posterior
+        The linear model of the other scores and of the deviations there, and its posterior.
+    slopes : ndarray, shape (d − 1,)
+        Slopes by a of the other scores' mode, relative to the score t of the force that contains a.
+    pivot : float
+        Score of the term's coefficient c at the mode.
+    """
+
+    middle: float
+    model: LinearModel
+    posterior: LinearPosterior
+    slopes: np.ndarray
+    pivot: float
+
+
+@dataclass(frozen=True)
+class SlicedProposal:
+    """A linear posterior of scores and deviations u, (K,), whose linear model depends on the score a.
+
+    A draw w has a at the middle of a slice; `spread` moves it within the slice. w stands for u with the same a, in
+    which the other entries have moved with their mode. The part of the force that contains a is proportional
+    to a score t, and so is that movement. t is the term's coefficient c, or t = s c / pivot where the term has a
+    further parameter s to which that part is proportional, such as the static excess of friction: the force is linear
+    in c and t, not in c and s.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        What the scores stand for.
+    place : int
+        Of a among the scores.
+    product : tuple of int, optional
+        Places of c and of s.
+    size : int
+        Place of t: that of c or of s.
+    width : float
+        Of each slice.
+    slices : tuple of Slice
+        With rising middles.
+    """
+
+    parameters: Parameters
+    place: int
+    product: tuple[int, int] | None
+    size: int
+    width: float
+    slices: tuple[Slice, ...]
+
+    @property
+    def _middles(self) -> np.ndarray:
+        return np.array([s.middle for s in self.slices])
+
+    @property
+    def _logs(self) -> np.ndarray:
+        """Log evidence of each slice, with the prior of a at its middle, (k,)."""
+        prior = -0.5 * self._middles**2 - 0.5 * np.log(2 * np.pi)
+        return np.array([s.posterior.log_evidence for s in self.slices]) + prior + np.log(self.width)
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all slices, in nats."""
+        return float(np.logaddexp.reduce(self._logs))
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Mean of u under the most probable hyperparameters in the most probable slice, (K,)."""
+        part = self.slices[int(np.argmax(self._logs))]
+        mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
+        return np.insert(mean, self.place, part.middle)
+
+    def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
+        """Yield the rows of w, (n, K), in each slice: their places, the slice, a − middle, and the other entries."""
+        which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
+        for i in np.unique(which):
+            rows = np.flatnonzero(which == i)
+            part = self.slices[i]
+            yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
+
+    def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Draw w, (count, K), and return for each the place of its combination in its slice, (count,)."""
+        numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
+        rows, combos = [], []
+        for part, number in zip(self.slices, numbers, strict=True):
+            if number:
+                others, combo = part.posterior.draws(part.model.positive, number, rng)
+                rows.append(np.insert(others, self.place, part.middle, axis=1))
+                combos.append(combo)
+        return np.concatenate(rows), np.concatenate(combos)
+
+    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+        """Return w after a random step that leaves this posterior unchanged where it ends in its support."""
+        new = u.copy()
+        for rows, part, off, others in self._split(u):
+            others = part.posterior.moved(others, combos[rows], step, rng)
+            new[rows] = np.insert(others, self.place, part.middle + off, axis=1)
+        return new
+
+    def spread(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return w, (n, K), with a anywhere in its slice."""
+        new = w.copy()
+        for rows, part, *_ in self._split(w):
+            new[rows, self.place] = part.middle + self.width * rng.uniform(-0.5, 0.5, rows.size)
+        return new
+
+    def inside(self, u: np.ndarray) -> np.ndarray:
+        """Return which rows of w, (n, K), have no negative score that must be positive, (n,)."""
+        return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
+
+    def scores(self, w: np.ndarray) -> np.ndarray:
+        """Return u, (n, K)."""
+        return self._scores(w)[0]
+
+    def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return u, (n, K), and the log of its volume over that of w, (n,)."""
+        u, log = w.copy(), np.zeros(len(w))
+        others = np.delete(np.arange(self.parameters.free.size), self.place)
+        own = self.size - (self.size > self.place)
+        for rows, part, off, _ in self._split(w):
+            step = off[:, None]
+            moves = step * part.slopes
+            growth = moves[:, own].copy()
+            moves[:, own] = np.expm1(growth)
+            u[np.ix_(rows, others)] += moves * w[rows, self.size, None]
+            log[rows] = growth
+            if self.product is not None:
+                c, s = self.product
+                scale = part.pivot / np.maximum(u[rows, c], LEAST * part.pivot)
+                u[rows, s] *= scale
+                log[rows] += np.log(scale)
+        return u, log
+
+    def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
+        """Return the log of posterior over linear posterior, (n,), from the motions' sums of squares, (n,)."""
+        d, p = self.parameters.free.size, self.parameters
+        u, volume = self._scores(w)
+        linear, at_middle = np.empty(len(w)), w[:, :d].copy()
+        for rows, part, _, others in self._split(w):
+            linear[rows] = part.model.squares(others)
+            at_middle[rows, self.place] = part.middle
+        prior = p.log_prior(u[:, :d]) - p.log_prior(at_middle) + p.log_prior_ratio(u[:, :d])
+        return 0.5 * (linear - squares) / variance + prior + volume
+
+
+def sliced(
+    comparison: ModelComparison, result: CandidateResult, base: Parameters, posterior: LinearPosterior
+) -> SlicedProposal | None:
+    """Return the linear posterior in slices of that parameter of the damping terms which is determined least.
+
+    None where the terms have no such parameter, where it is determined well, or where no motion stays in phase.
+
+    Parameters
+    ----------
+    comparison : ModelComparison
+        Of the record.
+    result : CandidateResult
+        The candidate's.
+    base : Parameters
+        What the scores stand for.
+    posterior : LinearPosterior
+        The linear posterior about the mode, in these scores.
+    """
+    d = base.free.size
+    own = np.array([name in result.solver.inferred for name in base.free_names])
+    leading = np.flatnonzero(own & ~base.positive)
+    if not leading.size:
+        return None
+    sds = np.sqrt(posterior.weights @ np.sum(posterior.factors[:, :d] ** 2, axis=2))
+    place = int(leading[np.argmax(sds[leading])])
+    if sds[place] < NARROW:
+        return None
+    mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
+    mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
+    width = WIDTH * min(float(sds[place]), 1.0)
+    search = _Search(comparison, result, base, place, *_parts(result, base, place), width)
+    middle = float(np.clip(mode[place], -FARTHEST, FARTHEST))
+    first = search.at(middle, np.delete(mode, place))
+    if first is None:
+        return None
+    slices, best = [first[0]], _height(first[0])
+    for side in (1.0, -1.0):
+        at, u = first
+        for i in range(1, MOST_SLICES + 1):
+            a = middle + side * i * width
+            start = u.copy()
+            start[: d - 1] += side * width * at.slopes * u[search.size - (search.size > place)]
+            new = search.at(a, start) if abs(a) <= FARTHEST else None
+            if new is None:
+                break
+            at, u = new
+            slices.append(at)
+            best = max(best, _height(at))
+            if _height(at) < best - DEEP:
+                break
+    slices.sort(key=lambda s: s.middle)
+    return SlicedProposal(base, place, search.product, search.size, width, tuple(slices))
+
+
+def _parts(result: CandidateResult, base: Parameters, place: int) -> tuple[tuple[int, int] | None, int]:
+    """Return `SlicedProposal.product` and `SlicedProposal.size` for the parameter at a place."""
+    names = base.free_names
+    term = next(
+        t for t in map(TERMS.get, result.candidate.damping) if names[place] in [p.name for p in t.inferred]
+    )
+    c, simple = names.index(term.parameter), [n for n, _ in term.reduces if n in names and n != names[place]]
+    if not simple:
+        return None, c
+    s = names.index(simple[0])
+    return (c, s), c if names[place] in dict(term.reduces) else s
+
+
+def _height(part: Slice) -> float:
+    """Return a slice's log evidence with the prior of a, up to a constant."""
+    return part.posterior.log_evidence - 0.5 * part.middle**2
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The linear model about the mode of all but the score a, with places as of `SlicedProposal`."""
+
+    comparison: ModelComparison
+    result: CandidateResult
+    base: Parameters
+    place: int
+    product: tuple[int, int] | None
+    size: int
+    width: float
+
+    def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
+        """Return the slice about a and the mode of the others, (K − 1,), searched from `start`; None without one."""
+        result, data, solver = self.result, self.comparison.data, self.result.solver
+        name = self.base.free_names[self.place]
+        held = self.base.holding(name, float(self.base.priors[name].value(np.asarray(a))))
+        d = held.free.size
+        z = np.where(held.positive, np.maximum(start[:d], 0.0), start[:d])
+        fit = replace(result.fit, parameters=held, z=z)
+        if result.linearisation is None:
+            fit = refit(solver, data, fit)
+            if fit is None:
+                return None
+            model, u = exact_model(fit), fit.z
+        else:
+            about = linearise(solver, data, fit, np.concatenate([z, start[d:]]))
+            mode = None if about is None else linearise_at_mode(solver, data, fit, result.variance, about)
+            if mode is None:
+                return None
+            model, u = mode[0].model, mode[0].u
+        pivot, matrix = 1.0, np.eye(u.size)
+        if self.product is not None:
+            # By c and s c / pivot instead of c and s.
+            c, s = (i - (i > self.place) for i in self.product)
+            pivot = float(u[c])
+            if pivot <= 0:
+                return None
+            matrix[s, c] = -u[s] / pivot
+            model = model.mapped(u, matrix)
+        posterior = linear_posterior(model, result.grid(), result.variance, self.comparison.samples)
+        # The mode of the scores that move with a, where the others and the deviations are held.
+        square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
+        sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
+        own = self.size - (self.size > self.place)
+        moves = ~held.positive | (u[:d] > CLEAR * sds)
+        moves[own] = True
+        largest = u[:d].copy()
+        largest[own] = size = max(u[own], sds[own])
+        largest = u[:d] + matrix[:d, :d] @ (largest - u[:d])
+        z = np.insert(largest, self.place, a)
+        g, h = np.split(u[d:], 2) if u.size > d else (None, None)
+        motion = solver.solve(self.base.values(z), fit.active, None if g is None else np.expm1(g), h)
+        if motion is None:
+            return None
+        columns = self.base.by_scores(motion.tangents, z)
+        others = np.delete(columns, self.place, axis=1) @ matrix[:d, :d]
+        pull = others.T @ columns[:, self.place] / result.variance
+        slopes = np.zeros(d)
+        slopes[moves] = -np.linalg.solve(square[np.ix_(moves, moves)], pull[moves]) / size
+        slopes *= min(1.0, MOST_GROWTH / max(self.width * abs(slopes[own]), 1e-300))
+        return Slice(a, model, posterior, slopes, pivot), u
