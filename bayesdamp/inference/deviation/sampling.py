@@ -1,9 +1,9 @@
 """The candidates that matter, sampled: posteriors and evidence of the motions themselves, not of a linear model.
 
 Sampling starts from a linear model, in straight coordinates where the restoring law has them, and from one in each of
-several slices where a damping term has a parameter of its own. A record determines the angle at rest and the frequency far
-better than gravity, so that a posterior of spring, gravity and spring's angle lies along a curve, which a linear
-model leaves after a few of its sds.
+several slices where a damping term has a parameter of its own. A record determines the angle at rest and the
+frequency far better than gravity, so that a posterior of spring, gravity and spring's angle lies along a curve, which a
+linear model leaves after a few of its sds.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ from bayesdamp.inference.deviation.model_comparison import (
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
-from bayesdamp.inference.deviation.sampling import DrawMotions, motions_near, sampled_result
+from bayesdamp.inference.deviation.sampling import DrawMotions, LinearProposal, motions_near, sampled_result
 from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.inference.mode import LinearDraws, Mode
 from bayesdamp.inference.model.deviation import Deviation

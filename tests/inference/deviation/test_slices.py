@@ -79,15 +79,15 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
 ) -> None:
     """On a record of dry friction the static excess is best at zero, and then the velocity matters only for a draw.
 
-    The evidence of five seeds has an sd of 0.03 and agrees with the quadrature within a tenth of a nat (false alarms
-    below 1 in 100). Control: without slices it has an sd of a nat.
+    The evidence of five seeds has an sd of 0.02 and agrees with the quadrature within a tenth of a nat (false alarms
+    below 1 in 100). Control: without slices it is more than a nat too low.
     """
     # With dry friction f the half cycles are cosines about -f and f, 2f smaller each time.
     t, frequency, loss, sd = np.linspace(0.0, 30.0, 1200), 2 * np.pi * 0.5, 0.008, 0.004
     half = np.floor(frequency * t / np.pi)
     clean = (0.5 - (2 * half + 1) * loss) * np.cos(frequency * t) + loss * (-1.0) ** half
     signal = bd.Signal(t, clean + sd * np.random.default_rng(8040).standard_normal(t.size))
-    known = {"noise_sd": sd}
+    known = {"noise_sd": sd, "epsilon": 0.01}
     comparison = compare_signal(signal, damping=["stribeck"], restoring=["linear"], known=known)
     result = under_exact_laws(comparison.results[0])
 
@@ -108,4 +108,4 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     assert sliced.std(ddof=1) < 0.1
     assert sliced.mean() == pytest.approx(whole, abs=0.1)
     monkeypatch.setattr(sampling, "sliced", lambda *_: None)
-    assert evidence().std(ddof=1) > 0.3
+    assert abs(evidence().mean() - whole) > 0.5
