@@ -493,7 +493,7 @@ ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with th
 decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
 OTHERS, OTHER_SUMS = 0.1, 9
 """Prior odds of all other forms of damping together, relative to a single term (conventional), and the number of sums
-with one of these forms (of sums of the paper's terms). Each has the same share, however many are compared on a record."""
+of the paper's terms with one of these forms. Each has the same share, however many are compared on a record."""
 
 
 def odds(damping: Sequence[str], other: bool = False) -> float:
