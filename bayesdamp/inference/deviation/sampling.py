@@ -24,29 +24,29 @@ from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
 ANCHORS = 3
-"""How often the coordinates are laid through the mode in the last ones, at most."""
+"""Largest number of times that straight coordinates are anchored at the mode in the last ones."""
 CLOSE = 0.1
-"""Largest difference of v and z at the mode, in scores, for which the coordinates are not laid again."""
+"""Largest difference of coordinates and scores at the mode for which the coordinates are not anchored again."""
 BEHIND = 5.0
-"""Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""
+"""Nats behind the best, by linear posteriors, up to which a candidate is sampled: more than sampling has changed any
+log evidence (measured)."""
 MOST = 6
-"""Candidates that are sampled at most."""
+"""Largest number of candidates that are sampled (conventional)."""
 LOOSER = (3e-6, 1e-6, 3e-7)
-"""Errors of a step, as shares of the amplitude, that are tried in turn."""
+"""Errors of an integration step, as fractions of the amplitude, that are tried in turn."""
 APART = 0.05
-"""Largest error of a motion, in standard deviations of the whole record's noise: no parameter moves by more of its own
-sd."""
+"""Largest error of a motion: the norm over all samples, in standard deviations of the noise. It moves no parameter by
+more of its own sd."""
 TRIED = 4
-"""Draws for which this is checked."""
+"""Number of draws for which this is checked."""
 
 
 @dataclass(frozen=True)
 class DrawMotions:
-    """Motions of draws, solved only as closely as the record's noise requires.
+    """Solve the motions of draws with a loose tolerance and a common correction.
 
-    The motions are solved to a tolerance, and all get the correction to `TOLERANCE` that one of them needs: the
-    errors of motions that are near each other are nearly the same (defect correction; H. J. Stetter, Numer. Math. 29,
-    425 (1978)).
+    The correction is the difference that the usual tolerance makes for one of the motions. It is nearly the same for
+    all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
 
     Attributes
     ----------
@@ -57,9 +57,9 @@ class DrawMotions:
     active : ndarray of bool, shape (m,)
         Which of the solver's terms act.
     tolerance : float
-        Error of a step as a share of the amplitude.
+        Error of an integration step, as a fraction of the amplitude.
     correction : ndarray, shape (n,), or float
-        What is added to each motion.
+        Correction that is added to each motion.
     """
 
     solver: Solver
@@ -149,7 +149,7 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def _straightened(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return the linear model in straight coordinates; None where there are none."""
+    """Return the linear model in straight coordinates; None where there are none, or the motion escapes."""
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straight_at(result.fit.parameters, law, result.z)
     if coordinates is None:
@@ -198,7 +198,7 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = DRAWS
 ) -> CandidateResult:
-    """Return a candidate's result with its motions sampled; a seed always gives the same draws of a candidate."""
+    """Return the result with draws from the posterior with exact motions; equal seeds give equal draws."""
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = motions_near(result, start)
 

@@ -1,10 +1,10 @@
-"""The posterior of the motions themselves, by a sequential Monte Carlo sampler that starts from the linear model's.
+"""Sequential Monte Carlo from the linear posterior to the posterior with exact motions.
 
-Draws of the linear posterior are led to the posterior that solves every motion, along L_linear^(1−β) L^β with β from
-0 to 1 (P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411). Both ends share prior and noise, so
-that a draw's weight is the ratio of two likelihoods. The moves are Crank–Nicolson steps, which leave the linear
-posterior unchanged (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat. Sci. 28, 2013, 424): their
-acceptance depends on that ratio alone, in any number of dimensions.
+The draws pass through posteriors with the likelihoods L_linear^(1−β) L^β, β from 0 to 1 (P. Del Moral, A. Doucet and A.
+Jasra, J. R. Stat. Soc. B 68, 2006, 411). Prior and noise are the same at both ends, so that weights depend only on the
+ratio of the likelihoods. Crank–Nicolson moves leave the linear posterior unchanged (S. L. Cotter, G. O. Roberts, A. M.
+Stuart and D. White, Stat. Sci. 28, 2013, 424), so that their acceptance depends only on this ratio too, in any number
+of dimensions.
 """
 
 from __future__ import annotations
@@ -19,28 +19,33 @@ import scipy  # loads its modules when they are used
 from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
 DRAWS = 300
+"""Number of draws (conventional)."""
 KEPT = 0.5
-"""Smallest effective share of the draws after a rise in temperature (conventional)."""
+"""Effective fraction of the draws after an increase of β (conventional)."""
 FEW = 0.15
-"""Smallest effective share of the first draws for which more draws cost less than moves (conventional)."""
+"""Effective fraction of the first draws from which importance sampling with more draws costs less than moves
+(conventional)."""
 MARGIN = 1.2
-"""Factor on the number of draws that the first ones suggest is enough."""
+"""Safety factor of the number of draws for importance sampling."""
 HEAVY = 0.7
-"""Shape of the weights' tail beyond which the weights are not relied on (Vehtari et al., 2024)."""
+"""Pareto shape of the largest weights above which importance sampling is not reliable (Vehtari et al., 2024)."""
 MOVES, LAST = 2, 5
-"""Moves of every draw at each temperature, and at the last; none where the first draws already suffice (`KEPT`)."""
+"""Number of moves of every draw at each β, and at β = 1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
+"""Initial and smallest step of a move, in posterior standard deviations."""
 WANTED = 0.35
-"""Acceptance that the step is adapted to."""
+"""Acceptance rate to which the step is adapted."""
 MOST_TEMPERATURES = 30
+"""Largest number of values of β."""
 LEAST_RISE = 1e-6
+"""Smallest increase of β."""
 MOVED = 0.05
-"""Acceptance at the last temperature below which the draws are not trusted."""
+"""Acceptance rate of the last moves below which the draws are not trusted."""
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Draws of the posterior of the motions themselves.
+    """Draws from the posterior with exact motions.
 
     Attributes
     ----------
@@ -65,7 +70,7 @@ class Sampled:
 
     @property
     def trusted(self) -> bool:
-        """Whether enough of the last moves were accepted for the draws to have left the linear model's."""
+        """Return whether enough of the last moves were accepted for the draws to have converged."""
         return self.acceptance >= MOVED
 
 
@@ -97,12 +102,12 @@ def sample_posterior(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Sampled:
-    """Draw from the posterior that is `ratio` times the linear one, and compute its evidence.
+    """Draw from the posterior with exact motions, and compute its evidence.
 
     Parameters
     ----------
     ratio : callable
-        Log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes.
+        Returns the log ratio of exact and linear likelihood for draws (n, K): (n,), −∞ where a motion escapes.
     start : Proposal
         The linear posterior.
     draws, seed : int
@@ -149,9 +154,9 @@ def _in_one_step(
     start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> Sampled | None:
-    """Weight draws of the linear posterior, with as many more as make them effectively `KEPT` of those asked for.
+    """Resample draws of the linear posterior by importance sampling, with more draws if they are needed.
 
-    None where too many more are needed, or where a few draws have nearly all of the weight.
+    Return None where too many more are needed (`FEW`), or where a few draws have nearly all of the weight.
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < FEW:
@@ -170,18 +175,18 @@ def _in_one_step(
 
 
 def _rise(ratios: np.ndarray, most: float) -> float:
-    """Return the rise of β, `most` at most, after which the draws are still effectively `KEPT` of their number."""
+    """Return the increase of β, `most` at most, after which the effective fraction of the draws is `KEPT`."""
 
     def excess(rise: float) -> float:
         return _effective_share(ratios, rise) - KEPT
 
     if excess(most) >= 0:
         return most
-    if excess(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
+    if excess(LEAST_RISE) < 0:  # escaped motions have no weight at any β
         return LEAST_RISE
     return float(scipy.optimize.brentq(excess, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
 
 
 def _effective_share(ratios: np.ndarray, rise: float) -> float:
-    """Return the effective share of the draws after a rise of β (Kong 1992)."""
+    """Return the effective fraction of the draws after an increase `rise` of β (Kong 1992)."""
     return effective_size(rise * np.maximum(ratios, -1e300)) / ratios.size
