@@ -17,7 +17,7 @@ OUTSIDE = (
 """Modules that do not affect results, but only where and when something is computed and how it is shown; they are not
 part of a digest. (The values of settings are part of a key.)"""
 LEAVES = (
-    "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells",
+    "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.candidate", "bayesdamp.pipeline.candidates.tasks",
     "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
 """Modules that combine many computations: their source is part of a digest, but the modules that they import are

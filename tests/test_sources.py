@@ -22,10 +22,10 @@ from pathlib import Path
 import bayesdamp
 from bayesdamp.config import load_study
 from bayesdamp.store import Store
-from bayesdamp.pipeline.jobs import jobs_of, work_of
+from bayesdamp.pipeline.jobs import jobs_of, tasks_of
 assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])
-print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in work_of(study, Store(Path("x")), job).items()}))
+print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, Store(Path("x")), job).items()}))
 """
 STUDY = study_text(
     'estimators = { use = ["least_squares", "sindy"] }',
@@ -75,7 +75,7 @@ def test_imports_are_found_as_the_parser_finds_them():
         assert by_parser(path, set(modules)) - {name} == set(imported(name)) & set(modules) - {name}, name
     # negative control: it does tell apart
     assert by_parser(modules["bayesdamp.pipeline.run"], set(modules)) != imported(
-        "bayesdamp.pipeline.candidates.cells"
+        "bayesdamp.pipeline.candidates.tasks"
     )
 
 

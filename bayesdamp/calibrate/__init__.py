@@ -1,4 +1,4 @@
-"""Calibration as a command: are the intervals and the models' probabilities what they claim to be?"""
+"""Test on simulated records whether intervals contain the truth, and models are true, as often as stated."""
 
 from bayesdamp.calibrate.run import run_calibration
 

@@ -1,4 +1,4 @@
-"""Records drawn from a study's own prior, which is the same object that the posterior will use."""
+"""Draw records from the prior of a study, and find their posterior modes under the same prior."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.tasks import failure
+from bayesdamp.pipeline.tasks import outcome_of_failure
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
-SECOND = "envelope"
-"""Used if the first one's fit is not ok."""
+"""The estimator from which the search for the mode starts."""
+SECOND_ESTIMATOR = "envelope"
+"""A further estimator, used if the fit of the first one fails its checks."""
 SCALES = (0.003, 0.1)
-"""Range of the damping ratios' unknown scale in the default prior from which records are drawn and with which they are
-weighed: below it noise hides the damping of most records, above it many do not oscillate."""
-ESCAPES = 100
-"""Draws in a row whose trajectory does not stay finite, after which the prior is refused."""
+"""Range of the unknown prior scale of damping ratios, for drawing records and for their evidence. Below this range
+noise hides the damping of most records; above it many records do not oscillate."""
+MOST_ESCAPES = 100
+"""Number of successive draws with unbounded trajectories after which the prior is rejected (conventional)."""
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class DrawnRecord:
-    """A record, the parameters behind it (all that are inferred), and its target."""
+    """A simulated record: the true values of all inferred parameters, the signal, and its posterior density."""
 
     truth: Mapping[str, float]
     signal: Signal
@@ -46,9 +47,10 @@ class DrawnRecord:
 
 @dataclass(frozen=True)
 class Generator:
-    """One damping model with its priors, before there is a record.
+    """Draws records of one damping model from its priors.
 
-    blank: its target with an empty record: a real record has the same priors, because they do not depend on it.
+    model: the damping sum. source: the simulation. system: the restoring law and what is known of it. blank: the
+    posterior density with an empty record; the priors do not depend on the record.
     """
 
     model: str
@@ -59,8 +61,8 @@ class Generator:
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
         """Draw parameters from the prior and a record with them.
 
-        If a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
-        the posterior is the same under the prior without them.
+        If a trajectory is unbounded, the parameters are drawn again. The likelihood of such parameters is zero for
+        every record, so that leaving them out of the prior does not change the posterior.
 
         Raises
         ------
@@ -69,7 +71,7 @@ class Generator:
         """
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
-        for _ in range(ESCAPES):
+        for _ in range(MOST_ESCAPES):
             z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
@@ -78,18 +80,18 @@ class Generator:
                 escaped = fault
                 continue
             return DrawnRecord(truth, signal, replace(self.blank, signal=signal))
-        raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
+        raise InputError(f"{self.model}: {MOST_ESCAPES} draws from the prior in a row, and {escaped}")
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
-    """Return the random numbers of one record: a function of the study's seed and the record's labels."""
+    """Return the random number generator of one record, seeded by the study's seed and the record's labels."""
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
 
 
-def generator(
+def make_generator(
     study: Study, model: str, *, source: Simulation | None = None, priors: Mapping[str, Prior] | None = None
 ) -> Generator:
-    """Return the generator of one model of a study, for records like its first signal.
+    """Return the generator of records of one model, simulated like the first signal of a study.
 
     Parameters
     ----------
@@ -121,11 +123,12 @@ def generator(
     noise, *others = study.noises
     if others:
         raise InputError(
-            f"{study.source}: posterior.noise names {1 + len(others)} models; records are drawn from one"
+            f"{study.source}: posterior.noise names {1 + len(others)} models; calibration needs exactly one"
         )
     if NOISES.get(noise).constants:
         raise InputError(
-            f"{study.source}: posterior.noise is {noise}, which depends on the record; nothing can be drawn from it"
+            f"{study.source}: posterior.noise is {noise}, which depends on the record, so no record can be drawn "
+            "from it; give another noise model"
         )
     empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
     none = np.empty(0)
@@ -134,11 +137,11 @@ def generator(
         build_target(empty, terms, system, features, reference, noise=noise, term_priors=given)
         for features in any_record
     )
-    moved = [name for name in blank.names if blank.priors[name] != other.priors[name]]
-    if moved:
+    dependent = [name for name in blank.names if blank.priors[name] != other.priors[name]]
+    if dependent:
         raise InputError(
-            f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
-            f'drawn from it; give one in [system], such as {moved[0]} = {{ prior = "normal", ... }}'
+            f"{study.source}: the default prior of {' and '.join(dependent)} depends on the record, so nothing can be "
+            f'drawn from it; give a prior in [system], such as {dependent[0]} = {{ prior = "normal", ... }}'
         )
     low, high = SCALES
     pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
@@ -148,7 +151,7 @@ def generator(
 
 
 def _reference(study: Study, system: System) -> Reference:
-    """Return the reference of the priors, from the study alone."""
+    """Return the amplitude and frequency with which default priors scale, from the settings of the study."""
     amplitude, frequency = system.amplitude, system.frequency
     if all(name in system.known for name in LAWS.get(system.restoring).parameters):
         law = Oscillator((), system.restoring)
@@ -159,14 +162,14 @@ def _reference(study: Study, system: System) -> Reference:
     if amplitude is None or frequency is None:
         name = "amplitude" if amplitude is None else "frequency"
         raise InputError(
-            f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a record's own "
-            "would make the prior depend on the data; it must be a positive number"
+            f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a value from a "
+            "record would make the prior depend on the data; give a positive number"
         )
     return Reference(amplitude, frequency)
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
-    """Return the mode from starting points that depend on the record alone, and the refined estimate.
+    """Return the posterior mode of a record, and its refined estimate. All starts depend on the record alone.
 
     Raises
     ------
@@ -179,18 +182,18 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
     refined = first[-1]
     seeds = {Seed(ESTIMATOR, refined.stage): refined.values} if refined.values else {}
     if refined.outcome != OK:
-        second = run_estimator(SECOND, drawn.signal, problem, stages=["initial"], seed=0)
+        second = run_estimator(SECOND_ESTIMATOR, drawn.signal, problem, stages=["initial"], seed=0)
         more = [*first[:-1], *second]
         seeds |= {Seed(e.estimator, e.stage): e.values for e in more if e.values}
         seeds[Seed("prior centre", drawn=True)] = {}
     return find_mode(drawn.target, seeds, noise_level=roughness), refined
 
 
-def attempt(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
-    """Return a result and OK, or None and why there is none: a method's refusal, or a fault of the program."""
+def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
+    """Call a function. Return its result and OK, or None and the reason: its Refusal, or an unexpected exception."""
     try:
         return compute(*arguments), OK
     except Refusal as refusal:
         return None, str(refusal)
     except Exception as fault:
-        return None, failure(fault)
+        return None, outcome_of_failure(fault)

@@ -1,4 +1,4 @@
-"""Simulation-based calibration: the rank of a record's truth among the draws of its posterior."""
+"""Simulation-based calibration: compute the ranks of true parameters among the draws of their posteriors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.calibrate.problem import attempt, generator, mode_of, record_rng
+from bayesdamp.calibrate.problem import make_generator, mode_of, record_rng, run_safely
 from bayesdamp.calibrate.statistics import thin
 from bayesdamp.config import Study
 from bayesdamp.inference.mode import Mode
@@ -18,22 +18,23 @@ from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK, InputError
 
 CHUNK = 16
-"""Records of one task."""
+"""Number of records of one task."""
 LIKELIHOOD = "log_likelihood"
-"""Ranked with the parameters: it may show an error that no parameter's ranks show (Modrák et al., 2023)."""
+"""The log likelihood is ranked too: it can show an error that no parameter shows (Modrák et al., 2023)."""
 
 
 def compute_chunk(study: Study, model: str, first: int) -> Product:
-    """Draw a chunk of records of one model, numbered from `first`, and rank their truths.
+    """Draw the records of one task, numbered from `first`, and rank their true parameters among posterior draws.
 
     Returns
     -------
     Product
-        Its content is a `RanksContent`: names of the parameters, and the likelihood last. arrays: truth (c, k), value
-        and stderr of the refined estimate (c, k), and by sampler, shape (c, s, k): ranks among the thinned draws (−1
-        if there are none) and below, the share of all draws below the truth.
+        The content is a `RanksContent` with the names of the k parameters, the log likelihood last. Arrays for c
+        records
+        and s samplers: truth (c, k); value and stderr of the refined estimate (c, k); ranks (c, s, k) of the truth
+        among the thinned draws, −1 without draws; below (c, s, k), the fraction of all draws below the truth.
     """
-    source, table, p = generator(study, model), study.calibration, study.posterior
+    source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]
     outcomes, modes, began = [OK] * CHUNK, dict[int, tuple[Target, Mode]](), time.perf_counter()
     truth = np.full((CHUNK, len(names)), np.nan)
@@ -41,7 +42,7 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     for i in range(CHUNK):
         drawn = source.draw(record_rng(study.seed, model, first + i), f"{model}-{first + i}")
         truth[i, :-1] = [drawn.truth[n] for n in names[:-1]]
-        fit, outcomes[i] = attempt(mode_of, drawn, source.system)
+        fit, outcomes[i] = run_safely(mode_of, drawn, source.system)
         if fit is None:
             continue
         mode, refined = fit
@@ -58,7 +59,7 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
         for i, (target, mode) in modes.items():
             seed = int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2))
             settings = Settings(p.chains, p.warmup, p.draws, seed)
-            posterior, outcome = attempt(SAMPLERS.get(sampler).sample, target, mode, settings)
+            posterior, outcome = run_safely(SAMPLERS.get(sampler).sample, target, mode, settings)
             sampler_outcomes[sampler][i] = posterior.outcome if posterior else outcome
             if posterior:
                 draws = [*np.moveaxis(posterior.draws, -1, 0), posterior.log_likelihood]
@@ -84,10 +85,10 @@ def check(study: Study) -> None:
     Raises
     ------
     InputError
-        If it cannot.
+        If the study cannot be calibrated.
     """
     for model in study.compare(study.signals[0]):
-        generator(study, model)
+        make_generator(study, model)
     p, table = study.posterior, study.calibration
     if p.chains * p.draws < table.draws:
         raise InputError(
@@ -97,7 +98,7 @@ def check(study: Study) -> None:
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return what a chunk's result depends on, besides the model and its first record."""
+    """Return the settings on which the result of a task depends, besides the model and its first record."""
     table, resolved = study.calibration, study.resolved()
     return {
         "signal": resolved["signals"][0],

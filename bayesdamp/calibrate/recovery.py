@@ -1,4 +1,4 @@
-"""Model recovery: a model drawn from the uniform prior, its record, and the probabilities that the evidence gives."""
+"""Model recovery: draw a damping model and a record of it, and compute the probabilities of all models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.calibrate.problem import DrawnRecord, Generator, attempt, generator, mode_of, record_rng
+from bayesdamp.calibrate.problem import (
+    DrawnRecord,
+    Generator,
+    make_generator,
+    mode_of,
+    record_rng,
+    run_safely,
+)
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
@@ -22,20 +29,20 @@ from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 4
-"""Records of one task."""
+"""Number of records of one task."""
 
 
 def compute_chunk(study: Study, kind: str, first: int) -> Product:
-    """Draw a chunk of records, numbered from `first`, and compute the probabilities of the models.
+    """Draw the records of one task, numbered from `first`, and compute the probabilities of the models.
 
-    kind: "recovery" over all models, "single" over single dampings.
+    kind: "recovery" draws from and compares all models, "single" only models with one term.
 
     Returns
     -------
     Product
-        Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
-        (c, m); design, noise and cycles (c, 2); loss (c,), the share of its amplitude that the motion without noise
-        loses.
+        The content is a `RecoveryContent`. Arrays for c records and m models: model (c,), the index of the true model;
+        probability (c, m); log_evidence (c, m); design (c, 2), noise and cycles; loss (c,), the fraction of the
+        amplitude that the motion loses.
     """
     models, began = models_of(study, kind), time.perf_counter()
     outcomes, evidence_outcomes = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
@@ -44,7 +51,7 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
     evidence = np.full((CHUNK, len(models)), np.nan)
     for i in range(CHUNK):
         number = first + i
-        design[i] = level(study, kind, number)
+        design[i] = design_of(study, kind, number)
         generators = _generators(study, kind, models, *design[i])
         rng = record_rng(study.seed, kind, number)
         truth[i] = rng.integers(len(models))
@@ -55,7 +62,7 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
             continue
         for m, source in enumerate(generators):
             labels = (kind, number, source.model)
-            result, outcomes[i] = attempt(_evidence, study, source, drawn, labels)
+            result, outcomes[i] = run_safely(_evidence, study, source, drawn, labels)
             if result is None:
                 break
             evidence[i, m], evidence_outcomes[i][m] = result
@@ -82,8 +89,11 @@ def models_of(study: Study, kind: str) -> list[str]:
     return [m for m in models if len(parse_model(m)) == 1] if kind == "single" else models
 
 
-def level(study: Study, kind: str, number: int) -> tuple[float, float]:
-    """Return the noise, as a share of the reference amplitude, and cycles of a record: the design in turn."""
+def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
+    """Return the noise (fraction of the reference amplitude) and the number of cycles of a record.
+
+    Records take all combinations of the study's noise levels and cycles in turn.
+    """
     table = study.recovery
     if kind == "single":
         return table.single_noise, table.single_cycles
@@ -92,36 +102,36 @@ def level(study: Study, kind: str, number: int) -> tuple[float, float]:
 
 
 def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model; the inference knows the design, so the noise's prior may depend on it."""
+    """Return a generator for each model. The prior of the noise has its median at the given noise level."""
     table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
     if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:
         raise InputError(
-            f"{study.source}: calibrate --models needs a simulated first signal, and in [system] amplitude and "
-            "frequency, with which its levels of noise and length scale"
+            f"{study.source}: calibrate --models needs a simulated first signal, and amplitude and frequency in "
+            "[system], with which noise and duration of the records scale"
         )
     samples = table.single_samples if kind == "single" else table.samples
     source = source.model_copy(
         update={"duration": 2 * math.pi * cycles / system.frequency, "samples": samples}
     )
     prior = {"noise_sd": LogNormal(median=noise * system.amplitude, sigma=table.noise_sigma)}
-    return [generator(study, m, source=source, priors=prior) for m in models]
+    return [make_generator(study, m, source=source, priors=prior) for m in models]
 
 
 def _evidence(
     study: Study, source: Generator, drawn: DrawnRecord, labels: tuple[object, ...]
 ) -> tuple[float, str]:
     """Return the log evidence of one model for the record, and its outcome. Raises Refusal."""
-    own = replace(drawn, target=replace(source.blank, signal=drawn.signal))
-    mode, _ = mode_of(own, source.system)
+    assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
+    mode, _ = mode_of(assumed, source.system)
     seed = int(record_rng(study.seed, *labels).integers(2**31 - 1))
-    evidence = EVIDENCES.get("importance").evidence(source.model, own.target, mode, seed)
+    evidence = EVIDENCES.get("importance").evidence(source.model, assumed.target, mode, seed)
     if not math.isfinite(evidence.log_evidence):
         raise Refusal(f"{source.model}: the evidence is not finite")
     return evidence.log_evidence, evidence.outcome
 
 
 def _loss(drawn: DrawnRecord) -> float:
-    """Return the share of its amplitude that the motion loses, from the largest swings of first and last cycle."""
+    """Return the fraction of the amplitude that the motion loses between its first and its last cycle."""
     target, t = drawn.target, drawn.signal.t
     p = {**target.known, **drawn.truth}
     theta = simulate(target.oscillator, p, t, tolerance=1e-4 * abs(p["theta0"]) + 1e-9)
@@ -138,19 +148,19 @@ def check(study: Study) -> None:
     Raises
     ------
     InputError
-        If they cannot.
+        If they cannot be drawn.
     """
     for kind in ("recovery", "single") if study.recovery.single else ("recovery",):
         models = models_of(study, kind)
         if len(models) < 2:
             raise InputError(
-                f"{study.source}: models.compare has {len(models)} models to tell apart; give two or more"
+                f"{study.source}: models.compare has {len(models)} models to compare; give two or more"
             )
-        _generators(study, kind, models, *level(study, kind, 0))
+        _generators(study, kind, models, *design_of(study, kind, 0))
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return what a chunk's result depends on, besides its kind and first record."""
+    """Return the settings on which the result of a task depends, besides its kind and first record."""
     resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],

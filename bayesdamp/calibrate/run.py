@@ -1,6 +1,7 @@
-"""`bayesdamp calibrate`: from a study file to its folder.
+"""Run a calibration: compute records until enough are usable, and write tables and report.
 
-Records are computed in series, chunk by chunk, until enough of them are accepted; a run that was cut off resumes.
+A series is one kind of records, such as those of one model. A task computes a chunk of a few records of a series. An
+interrupted calibration resumes.
 """
 
 from __future__ import annotations
@@ -25,22 +26,22 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
-from bayesdamp.pipeline.tasks import perform, task_key
-from bayesdamp.pipeline.workers import pool_of
+from bayesdamp.pipeline.tasks import compute_and_store, task_key
+from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use
-from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
+from bayesdamp.store import Store, TaskResult, provenance, write_json, write_table
 from bayesdamp.store.contents import ChunkContent, RanksContent
 from bayesdamp.types import OK
 
-DONE, WRONG_CELLS = 0, 3
-"""Exit statuses: all is computed, or the program failed on a record."""
-MOST = 20
-"""Records tried for each that is wanted; with fewer accepted the series ends short, and this is reported."""
+DONE, SOME_FAILED = 0, 3
+"""Exit statuses: everything is computed, or the program failed on some records."""
+MOST_TRIES = 20
+"""Number of records that are simulated for each requested one, at most; then the series ends with fewer records."""
 
 
 @dataclass(frozen=True)
 class RecordSeries:
-    """Records of one kind: "ranks" of a model, "recovery" or "single"; wanted: how many accepted ones are needed."""
+    """A series of records: kind "ranks" (of one model), "recovery" or "single". wanted: number of usable records."""
 
     kind: str
     wanted: int
@@ -48,19 +49,19 @@ class RecordSeries:
 
     @property
     def name(self) -> str:
-        """The kind, and the model if it has one."""
+        """Name of the series: the kind, with the model if there is one."""
         return f"{self.kind}/{self.model}" if self.model else self.kind
 
     @property
     def module(self) -> ModuleType:
-        """The module that computes the chunks."""
+        """The module that computes its tasks."""
         return ranks if self.kind == "ranks" else recovery
 
-    def cell(self, study: Study, first: int) -> tuple[str, str]:
-        """Return name and key of the chunk that starts at a record."""
+    def task(self, study: Study, first: int) -> tuple[str, str]:
+        """Return name and key of the task whose first record is number `first`."""
         terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
         laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
-        # A chunk looks these up by name, so their sources are not among its imports.
+        # Plug-ins are looked up by name, not imported, so their source is added to the key.
         sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
         sources += [*map(SAMPLERS.source, study.calibration.samplers), EVIDENCES.source("importance")]
         parts = self.module.key_parts(study)
@@ -79,7 +80,7 @@ def run_calibration(
     report: bool = True,
     console: Console | None = None,
 ) -> int:
-    """Compute what `out` does not contain yet, and write tables and report.
+    """Compute the results that `out` does not contain yet, and write tables and report.
 
     Parameters
     ----------
@@ -90,9 +91,9 @@ def run_calibration(
     records
         Number of records, instead of the study's.
     models
-        Whether the models' probabilities are tested; by default the posteriors are.
+        Whether to test the probabilities of models instead of the posteriors.
     workers
-        Number of processes; by default that of the cores.
+        Number of processes; by default the number of cores.
     fresh
         Whether results in `out` are deleted first.
     report
@@ -103,7 +104,7 @@ def run_calibration(
     Returns
     -------
     int
-        The exit status: 0, or 3 if chunks or records failed. A verdict of wrong is a result, not a failure.
+        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure.
 
     Raises
     ------
@@ -150,15 +151,17 @@ def run_calibration(
         for line in lines:
             console.print(line, style="red", highlight=False)
         for series in every:
-            good = accepted(whole.get(series.name, ()))
+            good = count_usable(whole.get(series.name, ()))
             if good < series.wanted and not failed:
+                tries = MOST_TRIES * series.wanted
                 console.print(
-                    f"{series.name}: {good} of {series.wanted} records after trying {MOST} for each"
+                    f"{series.name}: only {good} of the {series.wanted} requested records could be used; gave up "
+                    f"after simulating {tries}."
                 )
-        return WRONG_CELLS if lines else DONE
+        return SOME_FAILED if lines else DONE
 
 
-def _write(study: Study, store: Store, results: Mapping[str, Sequence[CellResult]], models: bool) -> None:
+def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult]], models: bool) -> None:
     """Write the tables and run.json."""
     if models:
         columns, rows = tables.recovery_table(results)
@@ -183,52 +186,53 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[CellResult
 
 def gather(
     study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
-) -> dict[str, list[CellResult]]:
-    """Return the chunks of every series, in order; compute in waves what the store lacks.
+) -> dict[str, list[TaskResult]]:
+    """Compute the tasks of every series in waves, and return their results in order.
 
-    A wave's size follows from how many records the waves before it accepted, not from what was stored already: a run
-    that was cut off ends with the same records. Chunks that failed are tried again by the next run.
+    The size of a wave follows from the fraction of usable records in the waves before it, not from the results that
+    were
+    already stored: an interrupted calibration ends with the same records. Failed tasks are repeated by the next run.
     """
-    results: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
+    results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
-    with progress_bar(console, TimeRemainingColumn()) as progress, pool_of(workers, None) as pool:
+    with progress_bar(console, TimeRemainingColumn()) as progress, open_pool(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
-        compute = partial(_chunk, study, store.folder.resolve())
+        compute = partial(_compute_task, study, store.folder.resolve())
         while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
             chunks = (map if pool is None else pool.map)(compute, *zip(*wave))
             for (series, _), chunk in zip(wave, chunks, strict=True):
                 results[series.name].append(chunk)
-                progress.update(bars[series.name], advance=accepted([chunk]))
+                progress.update(bars[series.name], advance=count_usable([chunk]))
     return results
 
 
-def accepted(results: Sequence[CellResult]) -> int:
-    """Return how many records of these chunks count."""
+def count_usable(results: Sequence[TaskResult]) -> int:
+    """Return how many records in these results are usable."""
     return sum(sum(ChunkContent.of(r).accepted) for r in results)
 
 
-def next_wave(series: RecordSeries, results: Sequence[CellResult]) -> list[int]:
-    """Return the first records of the chunks of the next wave; none if the series is done, short or has failed."""
+def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
+    """Return the first records of the tasks in the next wave; none if the series is complete, gave up or has failed."""
     chunk = series.module.CHUNK
-    tried, good = len(results) * chunk, accepted(results)
-    if good >= series.wanted or tried >= MOST * series.wanted or any(is_failed(r) for r in results):
+    tried, good = len(results) * chunk, count_usable(results)
+    if good >= series.wanted or tried >= MOST_TRIES * series.wanted or any(is_failed(r) for r in results):
         return []
-    rate = max(good / tried, 1 / MOST) if tried else 1.0
+    rate = max(good / tried, 1 / MOST_TRIES) if tried else 1.0
     count = math.ceil((series.wanted - good) / rate / chunk)
     return [tried + i * chunk for i in range(count)]
 
 
-def is_failed(result: CellResult) -> bool:
-    """Return whether the program failed on a chunk."""
+def is_failed(result: TaskResult) -> bool:
+    """Return whether the program failed in a task."""
     return status_of(result.outcome) is Status.FAILED
 
 
-def _chunk(study: Study, folder: Path, series: RecordSeries, first: int) -> CellResult:
-    """Return one chunk; compute and store it if the folder lacks it."""
+def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) -> TaskResult:
+    """Return the result of a task; compute and store it if it is missing."""
     use(study.plugins)
-    store, (name, key) = Store(folder), series.cell(study, first)
+    store, (name, key) = Store(folder), series.task(study, first)
     stored = store.find(name)
     if stored is None or stored.key != key or is_failed(stored):
         label = series.model or series.kind
-        perform(store, name, key, lambda: series.module.compute_chunk(study, label, first))
+        compute_and_store(store, name, key, lambda: series.module.compute_chunk(study, label, first))
     return store.read(name)

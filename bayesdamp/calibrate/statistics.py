@@ -1,4 +1,4 @@
-"""Test whether posteriors are calibrated: ranks, coverage, reliability of probabilities, with exact p values.
+"""Exact p values and bands for the ranks, the coverage and the probabilities of a calibration.
 
 Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari and Gelman, arXiv 1804.06788): parameters drawn from
 the prior, and a record from these, make the rank of the truth among independent posterior draws uniform. The rank is
@@ -43,19 +43,19 @@ def uniformity_p(counts: np.ndarray) -> float:
 
 @lru_cache(maxsize=256)
 def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest cumulative counts of n uniform ranks at the inner ends of the bins.
+    """Return a band for the cumulative counts of n uniform ranks: lower and upper limits, (bins − 1,) each.
 
-    The cumulative counts (bins − 1,) of n uniform ranks are all inside with at least this probability.
+    All cumulative counts together are in the band with at least this probability.
     """
     low, high = 0.0, 1.0 - probability
-    for _ in range(20):  # the band is a step function of the tail: its lower side is used
+    for _ in range(20):  # bisection: the band changes in steps with the tail, and the wider one is used
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _p_of_tail(middle, n, bins) <= 1.0 - probability else (low, middle)
     return _inside(low, n, bins)
 
 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
-    """Return two-sided tails of counts of n events of probability p.
+    """Return the two-sided tail probabilities of counts of n events with probability p.
 
     A tail is twice the smaller of P(X ≤ count) and P(X ≥ count).
     """
@@ -63,7 +63,7 @@ def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
 
 
 def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return least and greatest cumulative counts with two-sided tails above `tail`; least > greatest if none is."""
+    """Return the range of cumulative counts with two-sided tails above `tail`; least > greatest if it is empty."""
     good = _tails(np.arange(n + 1)[:, None], n, np.arange(1, bins) / bins) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
     return np.where(good.any(axis=0), least, n + 1), greatest
@@ -72,22 +72,23 @@ def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
 @lru_cache(maxsize=4096)
 def _p_of_tail(tail: float, n: int, bins: int) -> float:
     """Return the probability that uniform ranks have a two-sided tail as small as this at the end of some bin."""
-    # Rounding in a tail that is met exactly must not count as being beyond it.
+    # A tail that equals the limit apart from rounding is not beyond it.
     low, high = _inside(tail * (1 + 1e-9), n, bins)
     if np.any(low > high):
         return 1.0
     counts, mass = np.array([0]), np.ones(1)
     for k in range(bins - 1):
-        # Of those not counted yet, a share of 1/(bins − k) falls into the next bin.
+        # A rank that is in none of the first k bins is in the next one with probability 1/(bins − k).
         new = np.arange(low[k], high[k] + 1)
         counts, mass = new, binom.pmf(new[:, None] - counts, n - counts, 1.0 / (bins - k)) @ mass
     return float(np.clip(1.0 - mass.sum(), 0.0, 1.0))
 
 
 def holm(tests: Sequence[float]) -> np.ndarray:
-    """Return Holm's adjusted p values, (k,), of the tests' p values.
+    """Return p values adjusted by Holm's method, (k,).
 
-    Rejecting those below α errs once or more with probability α at most. A test without a p value (nan) is ignored.
+    If tests with adjusted p values below α are rejected, the probability of any false rejection is at most α. A test
+    without a p value (nan) is ignored.
     """
     p = np.asarray(tests, float)
     adjusted = np.full(p.size, np.nan)
@@ -107,7 +108,7 @@ def hits_distribution(p: np.ndarray) -> np.ndarray:
 
 
 def hits_p(hits: int, p: np.ndarray) -> float:
-    """Return the two-sided p value of so many hits of independent events with probabilities p (n,)."""
+    """Return the two-sided p value of a number of hits among independent events with probabilities p (n,)."""
     if not p.size:
         return float("nan")
     mass = hits_distribution(p)
@@ -115,7 +116,7 @@ def hits_p(hits: int, p: np.ndarray) -> float:
 
 
 def hits_band(p: np.ndarray, probability: float) -> tuple[int, int]:
-    """Return the least and greatest numbers of hits that are inside with at least this probability, in equal tails."""
+    """Return the range of the number of hits, with equal tails, that has at least this probability."""
     cumulative = np.cumsum(hits_distribution(p))
     tail = 0.5 * (1.0 - probability)
     return int(np.searchsorted(cumulative, tail, side="right")), int(np.searchsorted(cumulative, 1.0 - tail))

@@ -1,4 +1,4 @@
-"""The tables of a calibration and of a model recovery: a p value for every claim, and what run.json contains."""
+"""Build the tables and summaries of a calibration and of a model recovery, with a p value for every test."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from scipy.stats import binom, binomtest, norm
 from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
-from bayesdamp.store import CellResult
+from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import RanksContent, RecoveryContent
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)
-"""Probabilities of the intervals that are tested."""
+"""Probabilities of the intervals whose coverage is tested."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
-"""Bins of the highest probability."""
-ALARM = 0.01
-"""Probability that anything at all in a table is called wrong although everything is right (Holm)."""
+"""Edges of the bins into which records are sorted by the probability of their most probable model."""
+FALSE_ALARM = 0.01
+"""Probability that any test in a table has the verdict "wrong" although everything is correct (conventional)."""
 CLASSICAL = "refined estimate"
+"""Method whose intervals are tested beside those of samplers: the trajectory fit with its standard errors."""
 COLUMNS = (
     "model", "method", "parameter", "check", "level", "records", "without", "value", "low", "high", "p", "p_holm",
     "verdict",
@@ -34,15 +35,15 @@ RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outco
 """Columns of recovery.csv; a column for each damping sum follows."""
 
 Row = dict[str, Any]
-Results = Mapping[str, Sequence[CellResult]]
+Results = Mapping[str, Sequence[TaskResult]]
 
 
-def _join(chunks: Sequence[CellResult], name: str) -> np.ndarray:
+def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
     return np.concatenate([c.arrays[name] for c in chunks])
 
 
 def _adjust(family: Iterable[Row]) -> list[Row]:
-    """Return the rows of a family of tests with Holm's p values."""
+    """Add Holm's adjusted p values to the rows of a family of tests."""
     rows = list(family)
     for row, adjusted in zip(rows, statistics.holm([r["p"] for r in rows]), strict=True):
         row["p_holm"] = float(adjusted)
@@ -52,12 +53,12 @@ def _adjust(family: Iterable[Row]) -> list[Row]:
 def calibration_rows(study: Study, results: Results) -> list[Row]:
     """Return the rows of calibration.csv.
 
-    They are, for each model, sampler and parameter, the checks of the ranks and of three intervals, then the intervals
-    of the refined estimates. Samplers and refined estimates are two families of tests.
+    For each model, sampler and parameter there is a test of the ranks and one for each level of intervals; then follow
+    the intervals of the refined estimates. Samplers and refined estimates are two families of tests.
 
-    records: how many count; without: how many had no interval; value: for "ranks" the largest difference of their
-    distribution function from the uniform one, for "coverage" the share that contains the truth, with the limits of
-    99 % of such shares. p_holm below `ALARM` is a verdict of wrong.
+    records: number of records. without: number without an interval. value: for "ranks" the largest difference between
+    their distribution function and the uniform one; for "coverage" the fraction of intervals that contain the truth,
+    with its 99 % limits. The verdict is "wrong" if p_holm is below `FALSE_ALARM`.
     """
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
@@ -79,19 +80,19 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
             has_error = np.isfinite(stderr[:, k]) & (stderr[:, k] > 0)
             away = np.abs(value[:, k] - truth[:, k])[has_error] / stderr[has_error, k]
             head = {"model": content.model, "method": CLASSICAL, "parameter": name}
-            for level in LEVELS:  # so many standard errors, as the refined estimate's Hessian gives them
+            for level in LEVELS:  # intervals of norm.ppf(...) standard errors, from the Hessian
                 inside, without = away <= norm.ppf(0.5 + 0.5 * level), int(np.sum(~has_error))
                 classical.append({**head, **_coverage_row(inside, level, without)})
     rows = _adjust(rows) + _adjust(classical)
     for row in rows:
         p = row["p_holm"]
         row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
-        row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
+        row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < FALSE_ALARM else "passes"
     return rows
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
-    """Return model, sampler, parameter, and of the records that count the ranks and shares below, (n,) each."""
+    """Iterate over model, sampler, parameter, and the ranks and fractions `below` (see `ranks`) of usable records."""
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
         ranks, below = _join(chunks, "ranks"), _join(chunks, "below")
@@ -102,13 +103,13 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
 
 
 def points(draws: int) -> int:
-    """Return into how many equal parts the ranks' distribution function is divided for its test: at most 64."""
+    """Return the number of bins for the test of ranks: the largest divisor of draws + 1 that is at most 64."""
     return max(k for k in range(1, 65) if (draws + 1) % k == 0)
 
 
 def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     n, hits = inside.size, int(inside.sum())
-    low, high = binom.interval(1 - ALARM, n, level) if n else (math.nan, math.nan)
+    low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
     return {
         "check": "coverage",
         "level": level,
@@ -122,14 +123,14 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
-    """Return the rows of ranks.csv: ranks of each truth in the thinned draws, in the order of their records."""
+    """Return the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records."""
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))
         yield {"model": model, "sampler": sampler, "parameter": name, "ranks": text}
 
 
 def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
-    """Return what run.json contains of a calibration: counts by model, verdicts, and bands of the ranks' figures."""
+    """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures."""
     table, counts = study.calibration, {}
     for chunks in results.values():
         contents = [RanksContent.of(c) for c in chunks]
@@ -146,8 +147,8 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
         }
     bands = {}
     for n in sorted({r["records"] for r in rows if r["check"] == "ranks" and r["records"]}):
-        low, high = statistics.uniformity_band(n, points(table.draws), 1 - ALARM)
-        bin_low, bin_high = binom.interval(1 - ALARM, n, 1 / table.bins)
+        low, high = statistics.uniformity_band(n, points(table.draws), 1 - FALSE_ALARM)
+        bin_low, bin_high = binom.interval(1 - FALSE_ALARM, n, 1 / table.bins)
         bands[str(n)] = {"low": low, "high": high, "bin_low": bin_low, "bin_high": bin_high}
     families = {}
     for family, classical in {"posterior": False, "classical": True}.items():
@@ -162,7 +163,7 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
         "counts": counts,
         "families": families,
         "bands": bands,
-        "alarm": ALARM,
+        "alarm": FALSE_ALARM,
         "bins": table.bins,
         "points": points(table.draws),
         "draws": table.draws,
@@ -170,7 +171,7 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
 
 
 def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
-    """Return columns and rows of recovery.csv: every record that was tried, and the probability of each model."""
+    """Return columns and rows of recovery.csv: all simulated records, with the probability of each model."""
     models = dict.fromkeys(m for chunks in results.values() for m in RecoveryContent.of(chunks[0]).models)
 
     def rows() -> Iterator[Row]:
@@ -197,8 +198,8 @@ def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
 
 
 def recovery_summary(results: Results) -> Row:
-    """Return what run.json contains of a model recovery, by series."""
-    summary: Row = {"alarm": ALARM}
+    """Return the summary of a model recovery for run.json, by series."""
+    summary: Row = {"alarm": FALSE_ALARM}
     for name, chunks in results.items():
         contents = [RecoveryContent.of(c) for c in chunks]
         models = contents[0].models
@@ -209,7 +210,7 @@ def recovery_summary(results: Results) -> Row:
             o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row
         ]
         top = p.argmax(axis=1)
-        hit, height = top == truth, p.max(axis=1)
+        hit, highest = top == truth, p.max(axis=1)
         right = p[np.arange(truth.size), truth]
         confusion = np.zeros((len(models), len(models)), int)
         np.add.at(confusion, (truth, top), 1)
@@ -217,7 +218,7 @@ def recovery_summary(results: Results) -> Row:
         for noise, cycles in sorted(set(map(tuple, design.tolist()))):
             inside = np.all(design == (noise, cycles), axis=1)
             sizes = {"noise": noise, "cycles": cycles, "records": int(inside.sum())}
-            means = {"share": float(hit[inside].mean()), "probability": float(height[inside].mean())}
+            means = {"share": float(hit[inside].mean()), "probability": float(highest[inside].mean())}
             by_design.append({**sizes, **means})
         by_model = []
         for m, model in enumerate(models):
@@ -232,8 +233,8 @@ def recovery_summary(results: Results) -> Row:
             "evidences": len(evidences),
             "doubtful": sum(outcome != OK for outcome in evidences),
             "confusion": confusion,
-            "hits": _hits(hit, height),
-            "bins": _adjust(_bins(hit, height)),
+            "hits": _hits(hit, highest),
+            "bins": _adjust(_bins(hit, highest)),
             "by_model": _adjust(by_model),
             "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
             "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
@@ -245,9 +246,9 @@ def recovery_summary(results: Results) -> Row:
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
-    """Compare how often the most probable model was the true one with the sum of its probabilities."""
+    """Compare how often the most probable model is the true one with the sum of the probabilities of these models."""
     n, hits = hit.size, int(hit.sum())
-    low, high = statistics.hits_band(p, 1 - ALARM)
+    low, high = statistics.hits_band(p, 1 - FALSE_ALARM)
     share = binomtest(hits, n).proportion_ci(0.95, "exact") if n else None
     return {
         "records": n,
@@ -264,12 +265,12 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Compare hits and probabilities by the highest probability; bands of 1 − alarm for all bins (Bonferroni)."""
-    place = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
-    edges, used = list(pairwise(EDGES)), np.unique(place)
+    """Compare hits with probabilities in bins of the highest probability; the bands hold jointly (Bonferroni)."""
+    bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
+    edges, used = list(pairwise(EDGES)), np.unique(bin_of)
     for k in used:
-        inside = place == k
-        least, most = statistics.hits_band(p[inside], 1 - ALARM / used.size)
+        inside = bin_of == k
+        least, most = statistics.hits_band(p[inside], 1 - FALSE_ALARM / used.size)
         n = int(inside.sum())
         yield {
             "from": edges[k][0],

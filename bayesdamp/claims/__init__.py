@@ -1,9 +1,9 @@
-"""The claims of the paper, each with a measurement that supports or contradicts it."""
+"""Judge the claims of the paper by measurements."""
 
 from bayesdamp.claims import accuracy, mechanisms
-from bayesdamp.claims.judge import Claim, Judgement, judged, written
+from bayesdamp.claims.judge import Claim, Judgement, judge_all, write_page
 
 CLAIMS: tuple[Claim, ...] = (*mechanisms.CLAIMS, *accuracy.CLAIMS, *accuracy.IN_NOISE, *accuracy.TIMES)
 """All claims, by subject."""
 
-__all__ = ["CLAIMS", "Claim", "Judgement", "judged", "written"]
+__all__ = ["CLAIMS", "Claim", "Judgement", "judge_all", "write_page"]

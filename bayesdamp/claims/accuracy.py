@@ -1,4 +1,4 @@
-"""Tables 1 to 3, figures 5 to 10, section 5.5: the error of each method on clean and noisy records, and its time."""
+"""Claims on the errors of methods on clean and noisy records, and on their times (tables 1 to 3, section 5.5)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.claims.judge import (
-    FAR,
+    MUCH_SMALLER,
     NO_RUN,
     TRUTH,
     Claim,
@@ -35,13 +35,13 @@ from bayesdamp.report.results.estimators import (
 
 CLAIMS: list[Claim] = []
 IN_NOISE: list[Claim] = []
-"""Claims on clean records, and on noisy ones."""
+"""Claims on records without noise, and on noisy records."""
 HYBRID = 0.1
-"""Per cent: the paper's threshold."""
+"""Largest error of hybrid methods that the paper claims, in per cent."""
 GENERATIONS = (20, 40)
-"""As printed."""
-FEWEST = 20
-"""Number of errors from which a root mean square is accurate to a sixth."""
+"""Range of the number of generations that the paper claims."""
+LEAST_ERRORS = 20
+"""Fewest errors for a root mean square, which is then accurate to a sixth."""
 PRINTED_ERRORS = {
     "least_squares": "0.0004 / 0.006 / 0.001",
     "koopman": "~0",
@@ -54,8 +54,8 @@ PRINTED_ERRORS = {
     "envelope": "0.03 / 0.04 / 0.03",
     "genetic": "~0",
 }
-"""Table 2: by method its errors in per cent."""
-PRINTED = {
+"""Errors in per cent (viscous / Coulomb / quadratic) by method, as printed in table 2."""
+PRINTED_TIMES = {
     "least_squares": ("< 1 s", 0.0, 1.0),
     "sindy": ("< 1 s", 0.0, 1.0),
     "weak_sindy": ("1–2 s", 1.0, 2.0),
@@ -67,9 +67,9 @@ PRINTED = {
     "koopman": ("2–3 min", 120.0, 180.0),
     "symbolic_regression": ("5–10 min", 300.0, 600.0),
 }
-"""Table 3: by method the printed time, and its limits in s; the lower limit is 0 if only the upper one is printed."""
-QUICKER = 3.0
-"""Factor by which a time below the printed range no longer confirms it, because machines differ by as much."""
+"""Times by method as printed in table 3, with their limits in s (0 if only an upper limit is printed)."""
+MUCH_FASTER = 3.0
+"""A time below the printed range by more than this factor does not confirm it (machines differ by less)."""
 
 
 @claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")
@@ -86,7 +86,7 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
     ]
     measured = (
         f"Every refined estimate is within {worst['refined'][0]:.1g} % of the truth, because the trajectory fit has "
-        "one optimum, which does not depend on the starting point. The largest error without it is "
+        "a single optimum, which does not depend on its start. The largest error without this fit is "
         f"{worst['initial'][0]:.2g} % ({words.method(worst['initial'][1])}), and {fmt.listing(good) or 'none'} "
         f"{'is' if len(good) == 1 else 'are'} below 0.1 % without it. The error after the refinement therefore does "
         "not show how good the method before it is."
@@ -95,7 +95,7 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
 
 
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge a row of Table 2."""
+    """Judge the claimed errors of a method (a row of table 2)."""
     if method not in comparison.methods:
         return NO_RUN
     signals = comparison.signals
@@ -103,14 +103,14 @@ def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     errors = {
         stage: [comparison.errors.get((method, s, stage), math.nan) for s in signals] for stage in STAGES
     }
-    # A printed 0 means less than its last digit. Comparisons with nan are false: such an error is not reached.
+    # A printed 0 means below the last printed digit. Comparisons with nan are false, so nan does not confirm a claim.
     own, refined = (all(e <= max(p, 5e-3) for e, p in zip(errors[stage], printed)) for stage in STAGES)
     pairs = [(p, e) for p, e in zip(printed, errors["initial"]) if p > 0]
     verdict: Verdict = "holds" if own else "holds in part" if refined else "does not hold"
-    if pairs and all(e * FAR < p for p, e in pairs):
+    if pairs and all(e * MUCH_SMALLER < p for p, e in pairs):
         verdict = "better than claimed"
     sizes = "; ".join(f"{s} {' / '.join(fmt.number(e, 2) for e in errors[s])}" for s in STAGES)
-    tail = " The printed figures need the refinement." if refined and not own else ""
+    tail = " Only the refined estimates reach the printed errors." if refined and not own else ""
     return Judgement(verdict, f"Viscous / Coulomb / quadratic: {sizes} %.{tail}")
 
 
@@ -131,7 +131,7 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
     }
     sizes = ", ".join(f"{words.method(m)} {e:.2g} %" for m, e in worst.items())
     verdict = "holds" if max(worst.values()) < 0.5 else "does not hold"
-    return Judgement(verdict, f"Largest error of each method's own estimate: {sizes}.")
+    return Judgement(verdict, f"Largest error of each initial estimate: {sizes}.")
 
 
 @claim(CLAIMS, "The genetic algorithm converges in 20 to 40 generations.", "4.5")
@@ -143,11 +143,13 @@ def _generations(runs: Runs) -> Judgement:
         generations[damping] = int(away[-1]) + 1 if away.size else 0
     counts, most = ", ".join(f"{d} {n}" for d, n in generations.items()), max(generations.values())
     measured = (
-        f"Generations until the best stays within 1 %: {counts}; the record's decay sets the search range."
+        f"Generations until the best one stays within 1 %: {counts}. The search range follows from the decay of the "
+        "record."
     )
-    quicker = most * QUICKER < GENERATIONS[0]
+    much_faster = most * MUCH_FASTER < GENERATIONS[0]
     return Judgement(
-        "does not hold" if most > GENERATIONS[1] else "better than claimed" if quicker else "holds", measured
+        "does not hold" if most > GENERATIONS[1] else "better than claimed" if much_faster else "holds",
+        measured,
     )
 
 
@@ -177,13 +179,13 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
 
 
 def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
-    """Return the errors of a method's own estimates by repeat at a noise level; empty if there are none."""
+    """Return the errors of a method's initial estimates at a noise level, by repeat; {} if there are none."""
     each = along.each.get((method, "initial"))
     return each[along.values.index(level)] if each and level in along.values else {}
 
 
 def _size(along: ErrorSeries, method: str, level: float) -> str:
-    """Return the root mean square error of a method's own estimates, with its interval."""
+    """Return the root mean square error of a method's initial estimates, with its interval, as text."""
     low, high = interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
@@ -201,15 +203,17 @@ def _weak(runs: Runs) -> Judgement:
             best.append(first)
             worst.append(last)
             leading = min(order, key=lambda m: along.errors[m, "initial"][along.values.index(level)])
-            place = f"place {first}" if first == last else f"place {first} to {last}"
+            rank = f"rank {first}" if first == last else f"rank {first} to {last}"
             parts.append(
-                f"{words.model(along.model)} at {level:g} %: {place} of {len(order)}, "
+                f"{words.model(along.model)} at {level:g} %: {rank} of {len(order)}, "
                 f"{_size(along, 'weak_sindy', level)}; smallest {words.method(leading)} {_size(along, leading, level)}"
             )
     if not parts:
         return NO_RUN
     verdict = "holds" if max(worst) <= 2 else "does not hold" if min(best) > 2 else "holds in part"
-    return Judgement(verdict, f"Own estimates, with the places that the repeats allow: {'; '.join(parts)}.")
+    return Judgement(
+        verdict, f"Initial estimates, with the range of ranks that the repeats allow: {'; '.join(parts)}."
+    )
 
 
 @claim(IN_NOISE, "In noise, the weak form is better than SINDy because it uses no derivative.", "3.9")
@@ -233,7 +237,7 @@ def _sindy(runs: Runs) -> Judgement:
     if not better:
         return NO_RUN
     verdict = "holds" if all(better) else "holds in part" if any(better) else "does not hold"
-    return Judgement(verdict, f"Weak against strong form: {'; '.join(parts)}.")
+    return Judgement(verdict, f"Weak SINDy against SINDy: {'; '.join(parts)}.")
 
 
 @claim(IN_NOISE, "Hybrid methods are the most accurate in noise too.", "5.2, 6")
@@ -250,26 +254,28 @@ def _bound(runs: Runs) -> Judgement:
                 if math.isfinite(bound)
                 for e in errors.values()
             ]
-            if len(squares) >= FEWEST:
+            if len(squares) >= LEAST_ERRORS:
                 ratios.append(math.sqrt(sum(squares) / len(squares)))
         if ratios:
             good.append(max(ratios) < 1.5)
             parts.append(f"{words.model(along.model)} {min(ratios):.2f} to {max(ratios):.2f}")
     if not parts:
         return NO_RUN
-    measured = f"Refined error over the Cramér–Rao bound, over all noise levels: {'; '.join(parts)}."
+    measured = (
+        f"Root mean square error of refined estimates divided by the Cramér–Rao bound: {'; '.join(parts)}."
+    )
     return Judgement("holds" if all(good) else "does not hold", measured)
 
 
 def verdict_of(own: float, low: float, high: float) -> Verdict:
-    """Judge a printed range of times by a measured time, all in s."""
+    """Judge a printed range of times, low to high, by a measured time `own`, all in s."""
     if not own <= high:
         return "does not hold" if math.isfinite(own) else "cannot be judged"
-    return "better than claimed" if own < low / QUICKER else "holds"
+    return "better than claimed" if own < low / MUCH_FASTER else "holds"
 
 
 def _time(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge a row of Table 3."""
+    """Judge the claimed time of a method (a row of table 3)."""
     if method not in comparison.methods:
         return NO_RUN
     own, refined = (comparison.seconds.get((method, stage), math.nan) for stage in STAGES)
@@ -277,10 +283,10 @@ def _time(method: str, comparison: EstimatorComparison) -> Judgement:
         f"{fmt.duration(own)}, and {fmt.duration(refined)} for the refinement, for the three records together, "
         "including compilation if it was necessary."
     )
-    return Judgement(verdict_of(own, *PRINTED[method][1:]), measured)
+    return Judgement(verdict_of(own, *PRINTED_TIMES[method][1:]), measured)
 
 
 TIMES = [
     Claim(f"Table 3, {words.method(m)}: {printed}.", "Table 3", on_clean(partial(_time, m)))
-    for m, (printed, _, _) in PRINTED.items()
+    for m, (printed, _, _) in PRINTED_TIMES.items()
 ]

@@ -1,4 +1,4 @@
-"""A claim, small measurements on the paper's pendulums, the verdict, and all of them as a page."""
+"""Claims, measurements on the paper's records, verdicts, and the page that lists them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import Estimate, Problem, Signal, System
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
-"""*Better than claimed*: so far below a printed figure that it does not confirm it."""
-FAR = 10.0
-"""Factor by which an error below the printed one no longer confirms it."""
+"""Verdicts on a claim. "Better than claimed": so far below the printed error or time that it is not confirmed."""
+MUCH_SMALLER = 10.0
+"""An error below the printed one by more than this factor does not confirm it."""
 TRUTH = {"viscous": 0.05, "coulomb": 0.03, "quadratic": 0.05}
-"""Section 2.3 of the paper."""
+"""True coefficients of the paper's records (its section 2.3)."""
 PENDULUM = {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0}
 SPRING = {"stiffness": 20.0, "rest_angle": 0.0}
 START = {"theta0": 0.3, "omega0": 0.0}
@@ -35,7 +35,7 @@ SEED = 20260101
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict on a claim, and the measurement in a sentence or two."""
+    """The verdict on a claim, and a description of the measurement."""
 
     verdict: Verdict
     measured: str
@@ -43,14 +43,14 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs by which claims are judged.
+    """The runs of studies by which claims are judged.
 
     Attributes
     ----------
     paper
-        Folder of the study `paper`; None if there is none.
+        Folder of the run of the study `paper`; None without one.
     noise
-        Folders of the studies `noise*`.
+        Folders of the runs of the studies `noise*`.
     """
 
     paper: Path | None = None
@@ -58,12 +58,12 @@ class Runs:
 
     @cached_property
     def compared(self) -> EstimatorComparison | None:
-        """The comparison of the estimators on the paper's pendulums without noise."""
+        """The comparison of estimators on the paper's records without noise; None without a run."""
         return compare_estimators(RunFolder(self.paper)) if self.paper else None
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """Errors at several noise levels."""
+        """Errors of estimators at several noise levels."""
         return [s for folder in self.noise for s in series(RunFolder(folder)) if s.factor == "noise"]
 
 
@@ -77,11 +77,11 @@ class Claim:
     Attributes
     ----------
     text
-        In our words.
+        The claim, in our words.
     where
         Section, table or figure of the paper.
     judge
-        Measures and judges.
+        Function that measures and judges.
     """
 
     text: str
@@ -90,7 +90,7 @@ class Claim:
 
 
 def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge]:
-    """Add a claim to a list, with the decorated function as its judge. The arguments are those of `Claim`."""
+    """Return a decorator that adds a claim to a list, with the decorated function as its judge."""
 
     def add(judge: Judge) -> Judge:
         claims.append(Claim(text, where, judge))
@@ -103,7 +103,7 @@ NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing
 
 
 def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
-    """Turn a judge of the comparison on clean records into a judge of runs; without the comparison it gives NO_RUN."""
+    """Convert a judge of the comparison on records without noise to a judge of runs; NO_RUN without the comparison."""
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
 
 
@@ -111,7 +111,7 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 def record(
     damping: str, restoring: str = "horizontal_pendulum", epsilon: float = 0.1
 ) -> tuple[Signal, Problem]:
-    """Return the paper's record of a damping, 5,000 samples over 10 s without noise, and its estimation problem."""
+    """Return the paper's record with a damping term (5,000 samples in 10 s, no noise), and its estimation problem."""
     law = PENDULUM if restoring == "horizontal_pendulum" else SPRING
     known = {**law, **START, "epsilon": epsilon}
     osc = Oscillator((damping,), restoring)
@@ -131,16 +131,16 @@ def initial(
     simulated: float = 0.1,
     assumed: float = 0.1,
 ) -> Estimate:
-    """Return a method's own estimate on the paper's record.
+    """Return the initial estimate of a method on the paper's record.
 
     Parameters
     ----------
     method, damping, options, restoring
-        The estimator with its options, and the record.
+        The estimator and its options, and the record.
     simulated
-        Friction's width ε in the record.
+        Width ε of friction in the simulated record (rad/s).
     assumed
-        Friction's width ε that the estimator gets.
+        Width ε of friction that the estimator is given (rad/s).
     """
     signal, problem = record(damping, restoring, simulated)
     if assumed != simulated:
@@ -149,7 +149,7 @@ def initial(
 
 
 def error(estimate: Estimate, damping: str) -> float:
-    """Return an estimate's error in per cent of the truth; nan if there is no answer."""
+    """Return the error of an estimate in per cent of the truth; nan if it has no value."""
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
     return 100 * abs(value / TRUTH[damping] - 1)
 
@@ -157,12 +157,12 @@ def error(estimate: Estimate, damping: str) -> float:
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """Return the error of a method's own estimate in per cent. The arguments are those of `initial`."""
+    """Return the error of `initial(...)` in per cent of the truth."""
     return error(initial(method, damping, options, **record), damping)
 
 
 def period_drift(damping: str) -> float:
-    """Return the relative difference, in per cent, of the mean periods in the two halves of the record."""
+    """Return the difference of the mean periods in the two halves of the paper's record, in per cent."""
     signal, _ = record(damping)
     crossings = features(signal).crossing_times
     periods = crossings[2:] - crossings[:-2]
@@ -170,17 +170,17 @@ def period_drift(damping: str) -> float:
     return float(100 * abs(periods[:half].mean() / periods[half:].mean() - 1))
 
 
-def judged(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
-    """Judge every claim, in order."""
+def judge_all(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
+    """Judge all claims, in their order."""
     return [(claim, claim.judge(runs)) for claim in claims]
 
 
-def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
-    """Return the page in Markdown, with the runs by which it judges."""
+def write_page(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
+    """Return the page of claims and verdicts in Markdown, with the runs on which it is based."""
     judgements = list(judgements)
     counts = Counter(judgement.verdict for _, judgement in judgements)
     verdicts = [f"{verdict} {counts[verdict]}" for verdict in get_args(Verdict) if counts[verdict]]
-    cells = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]
+    rows = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]
     lines = [
         "# The paper's claims, measured",
         "",
@@ -190,7 +190,7 @@ def written(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
         "*refined* is the trajectory fit that starts there. *Better than claimed* means that an error is more than ten",
         "times, or a time more than three times, below the printed one; such a figure does not confirm the claim.",
         "",
-        markdown_table(("claim", "where", "measured", "verdict"), cells),
+        markdown_table(("claim", "where", "measured", "verdict"), rows),
     ]
     for folder in (runs.paper, *runs.noise):
         if folder is not None:

@@ -1,11 +1,11 @@
-"""Sections 3.2, 3.4, 5.1 and 5.3: the failure of the topological method, and the smoothing of Coulomb friction."""
+"""Claims on the failure of the topological method, and on the smoothing of Coulomb friction (sections 3.2 to 5.3)."""
 
 from __future__ import annotations
 
 import math
 
 from bayesdamp.claims.judge import (
-    FAR,
+    MUCH_SMALLER,
     PENDULUM,
     TRUTH,
     Claim,
@@ -22,6 +22,7 @@ AS_PRINTED = {"variant": "as_printed"}
 
 
 def _listing(errors: dict[str, float], digits: int = 2) -> str:
+    """Return errors by damping term as text."""
     return ", ".join(f"{damping} {error:.{digits}g} %" for damping, error in errors.items())
 
 
@@ -56,8 +57,8 @@ def _nonlinearity_is_the_cause(runs: Runs) -> Judgement:
 def _frequency_drifts(runs: Runs) -> Judgement:
     drift = {d: period_drift(d) for d in TRUTH}
     measured = (
-        f"Difference between the mean periods in the two halves of the record: {_listing(drift)}. Equation (14) is the "
-        "one for sin θ."
+        f"Difference between the mean periods in the two halves of the record: {_listing(drift)}. Equation (14) is "
+        "the equation for a force proportional to sin θ."
     )
     return Judgement("holds" if max(drift.values()) > 0.3 else "does not hold", measured)
 
@@ -97,8 +98,8 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
     )
     measured = (
         f"Least squares on a record simulated with tanh: {tanh:.2g} % with tanh, {tanh_as_sign:.2g} % with sign; on "
-        f"one simulated with sign: {sign_as_tanh:.2g} % with tanh, {sign:.2g} % with sign. The regression needs the "
-        "record's own law."
+        f"one simulated with sign: {sign_as_tanh:.2g} % with tanh, {sign:.2g} % with sign. The regression must use "
+        "the friction law (tanh or sign) with which the record was simulated."
     )
     return Judgement("holds" if sign_as_tanh < sign and tanh < tanh_as_sign else "does not hold", measured)
 
@@ -107,7 +108,11 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
 def _regression_is_accurate(runs: Runs) -> Judgement:
     error = initial_error("least_squares", "coulomb")
     verdict = (
-        "does not hold" if not error <= 0.006 else "better than claimed" if error * FAR < 0.006 else "holds"
+        "does not hold"
+        if not error <= 0.006
+        else "better than claimed"
+        if error * MUCH_SMALLER < 0.006
+        else "holds"
     )
     return Judgement(verdict, f"From the angle alone: {error:.2g} %.")
 

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from bayesdamp.store.files import create, no_room, refuse_special, write_bytes
+from bayesdamp.store.files import create, is_disk_full, refuse_special, write_bytes
 from bayesdamp.types import InputError
 
 
@@ -124,7 +124,7 @@ class SingleFile:
         except FileExistsError:
             raise self._taken() from None
         except OSError as error:
-            if no_room(error):
+            if is_disk_full(error):
                 raise
             raise self._refused(error) from None
 

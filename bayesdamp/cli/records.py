@@ -19,7 +19,7 @@ from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
-    from bayesdamp.config.compare import Asked
+    from bayesdamp.config.compare import RecordOptions
 
 MAYBE_ENVELOPE = "If these values are the amplitudes of an envelope, use --quantity envelope."
 _VALID = {
@@ -290,7 +290,7 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
     return f"run {record.raw.run}" if record.raw.run and len(channels) == 1 else record.label
 
 
-def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[Asked]:
+def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
     """Convert records to entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
     o = options
     signals = []

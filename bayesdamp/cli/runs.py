@@ -12,10 +12,10 @@ from rich.console import Console
 from bayesdamp.cli.border import one_line, print_error
 from bayesdamp.cli.files import check_folder
 from bayesdamp.config import Study, load_study
-from bayesdamp.config.load import asks_another, study_file
+from bayesdamp.config.load import has_other_study, study_file
 from bayesdamp.machine import cache_folder
 from bayesdamp.pipeline.jobs import Depth
-from bayesdamp.pipeline.run import WRONG_CELLS, run_study
+from bayesdamp.pipeline.run import SOME_FAILED, run_study
 from bayesdamp.plugins import read_modules
 from bayesdamp.report.terminal import PipeSafeConsole, VerdictPrinter, print_conclusion
 from bayesdamp.types import InputError
@@ -53,7 +53,7 @@ def choose_folder(study: Study) -> Path:
     """
     for name in (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_ANSWERS))):
         folder = check_folder(None, name)
-        if not asks_another(study, folder):
+        if not has_other_study(study, folder):
             return folder
     raise InputError(
         f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}; give another folder with --out"
@@ -104,7 +104,9 @@ def run_and_print(
     answered = None
     if not as_json and len(study.signals) <= FEW:
         answered = VerdictPrinter(shown, {spec.name: spec.source.unit for spec in study.signals})
-    status = run_study(study, folder, console=Console(stderr=True), depth=depth, answered=answered, **options)
+    status = run_study(
+        study, folder, console=Console(stderr=True), depth=depth, on_verdict=answered, **options
+    )
     if as_json:
         path = folder / "verdict.json"
         typer.echo(path.read_text(encoding="utf-8").rstrip("\n") if path.is_file() else "[]")
@@ -112,4 +114,4 @@ def run_and_print(
         (finish or print_conclusion)(folder, shown)
     for error in failed:
         print_error(one_line(f"failed: {error}"))
-    return WRONG_CELLS if failed else status
+    return SOME_FAILED if failed else status

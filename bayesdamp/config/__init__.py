@@ -1,4 +1,4 @@
-"""A study file (TOML, version 1) as a frozen `Study`; every fault in it is one line."""
+"""Read a study file (TOML, version 1) into a frozen `Study`. Each error message is one line."""
 
 from bayesdamp.config.checks import in_keys
 from bayesdamp.config.load import load_study

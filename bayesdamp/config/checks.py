@@ -1,4 +1,4 @@
-"""Checks of a study file's tables; every fault is one line that names the key."""
+"""Check the tables of a study file. Each error message is one line that names the key."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 _KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
-"""Arguments of `read` that have another name among the keys of a record."""
+"""Arguments of `read` that have other names as keys of a study file."""
 _PRIORS: Mapping[str, type[BaseModel]] = {
     kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
 }
 
 
 class StudyError(Exception):
-    """A fault at a key of the study file; `load_study` adds the file's name."""
+    """An error at a key of the study file. `load_study` adds the name of the file."""
 
     def __init__(self, key: str, what: str) -> None:
         key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
@@ -30,16 +30,16 @@ class StudyError(Exception):
         super().__init__(f"{key}: {what}" if key else what)
 
     def within(self, table: str) -> str:
-        """Return the line with its key as it is called inside a table."""
+        """Return the message with the key relative to a table."""
         key = "" if self.key == table else self.key.removeprefix(f"{table}.")
         return f"{key}: {self.what}" if key else self.what
 
 
 def show(value: object) -> str:
-    """Return a value as the study file writes it, cut to a line's length."""
+    """Return a value as written in a study file, shortened to fit on a line."""
     try:
         text = str(value).lower() if isinstance(value, bool) else repr(value)
-    except ValueError:  # Python writes no integer of more than 4,300 digits
+    except ValueError:  # Python does not convert integers of more than 4,300 digits
         text = "a number of thousands of digits"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -50,14 +50,14 @@ def join_keys(key: str, name: str) -> str:
 
 
 def check_table(raw: object, key: str) -> dict[str, Any]:
-    """Return the raw value as a table. Raises StudyError."""
+    """Return a raw value that is a table. Raises StudyError if it is not."""
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {show(raw)}; it must be a table")
     return raw
 
 
 def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
-    """Refuse an unknown key and name the nearest valid one. Raises StudyError."""
+    """Raise StudyError if a key is unknown; the message names the nearest valid key."""
     valid = list(valid)
     for name in raw:
         if name not in valid:
@@ -65,7 +65,7 @@ def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
 
 
 def read_section(model: type[Model], raw: object, key: str) -> Model:
-    """Return a table as a frozen model; a field's description says what would be right. Raises StudyError."""
+    """Return a table as a frozen model. Raises StudyError; the message states valid values."""
     fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
     given = check_table(raw, key)
     check_keys(given, fields, key)
@@ -84,7 +84,7 @@ def read_section(model: type[Model], raw: object, key: str) -> Model:
 
 
 def check_number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
-    """Return a finite number. Raises StudyError."""
+    """Return a raw value as a finite number. Raises StudyError if it is not valid."""
     right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
     try:
         value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
@@ -96,7 +96,7 @@ def check_number(raw: object, key: str, *, positive: bool = False, minimum: floa
 
 
 def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
-    """Return a prior table as one of `bayesdamp.priors`, with or without values below zero. Raises StudyError."""
+    """Return the prior that a table describes. negative: whether it may allow negative values. Raises StudyError."""
     example = 'a table such as { prior = "normal", mean = 0.0, sd = 1.0 }'
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {show(raw)}; it must be {example}")
@@ -114,14 +114,14 @@ def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
 
 
 def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> None:
-    """Check plug-ins' names, without importing a plug-in. Raises StudyError."""
+    """Raise StudyError if a name is not that of a plug-in. The plug-ins are not imported."""
     for name in names:
         if name not in registry.names():
             raise StudyError(key, f"unknown {registry.kind} {name!r}{nearest(name, registry.names())}")
 
 
 def check_distinct(names: Iterable[str], key: str, what: str) -> None:
-    """Refuse a repeated name. Raises StudyError."""
+    """Raise StudyError if a name is repeated."""
     earlier: set[str] = set()
     for name in names:
         if name in earlier:
@@ -131,7 +131,7 @@ def check_distinct(names: Iterable[str], key: str, what: str) -> None:
 
 @contextmanager
 def in_keys() -> Iterator[None]:
-    """Make refusals name the keys of a study, in place of the command's options."""
+    """Make InputErrors name the keys of a study file instead of the options of the command."""
     try:
         yield
     except InputError as error:

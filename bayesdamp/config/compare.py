@@ -1,4 +1,4 @@
-"""An unknown record as a study: everything of its system free, every damping sum under every restoring law."""
+"""Build the study behind the command `compare`: all damping sums under all restoring laws, no known parameters."""
 
 from __future__ import annotations
 
@@ -17,39 +17,45 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 PRUNE = 20.0
-"""Nats behind the best at which a candidate is pruned: a probability of 2e-9. Laplace's evidence, by which candidates
-are pruned, is a few nats off at most where a posterior is not normal."""
+"""Distance to the best log evidence (nats) from which a candidate is pruned: a relative probability of 2e-9. Pruning
+uses
+Laplace's evidence, whose error is a few nats at most if a posterior is not normal."""
 BEST = 2
-"""Number of candidates whose posterior is sampled: the conclusion and its nearest rival."""
+"""Number of candidates whose posterior is sampled: the two most probable ones."""
 WARMUP, DRAWS = 100, 500
-"""Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
-2,000; where they are not, the sampler draws more by itself."""
+"""Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
+if
+they are not, the sampler adds draws."""
 LEAST_NOISE = 1e-3
-"""Noise that is added to a record without noise, as a share of the amplitude: that of a good encoder. Without noise
-there is no likelihood, and nothing could be weighed."""
+"""Noise that is added to a record without noise, because a likelihood needs noise: a fraction of the amplitude, typical
+of
+a good encoder."""
 METHODS = ("laplace", "importance", "bridge")
+"""Evidence methods."""
 JOINT_METHODS = ("laplace", "importance")
-"""Evidence methods of the single records, where they are fitted jointly."""
+"""Evidence methods for single records if the records are also fitted jointly."""
 SPECIMEN = "specimen"
-"""The name of the specimen, where all records are of one."""
+"""Name of the specimen if all records belong to the same one."""
 
 
-Asked = Mapping[str, Any]
-"""A record's file and how to read it, with the keys of a study's [[signal]] (None for no value), and a label where the
-file has several records. Without a unit, an envelope has that of its file, and a motion is in rad."""
+RecordOptions = Mapping[str, Any]
+"""A record's file and how to read it, with the keys of [[signal]] in a study (None for no value), and a label if the
+file
+has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
-    """Return the restoring laws that an unknown record is compared under.
+    """Return the restoring laws that are compared if the user names none: all laws that fit the unit.
 
-    These are all laws, for a translation all that describe one. The user named no law, and a law that is left out would
-    leave its misfit to the damping.
+    All are needed, because the misfit of a wrong restoring law would be explained by damping.
     """
     along = unit in UNITS and UNITS[unit].translates
     return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
-def comparison(records: Sequence[Asked], *, plugins: Sequence[PluginModule] = (), **settings: Any) -> Study:
+def comparison(
+    records: Sequence[RecordOptions], *, plugins: Sequence[PluginModule] = (), **settings: Any
+) -> Study:
     """Return the study that compares damping sums under restoring laws on each record.
 
     Parameters
@@ -57,15 +63,20 @@ def comparison(records: Sequence[Asked], *, plugins: Sequence[PluginModule] = ()
     records
         Files and how to read them.
     plugins
-        The user's modules. Each damping term in them is compared alone and together with each one that ships, each law
-        as one more.
+        The user's modules. Each damping term in them is compared alone and together with each term of the paper; each
+        restoring law is added.
     settings
-        As `comparison_tables` has them.
+        Further arguments of `comparison_tables`.
+
+    Returns
+    -------
+    Study
+        The checked study.
 
     Raises
     ------
     InputError
-        One line in the terms of the command's options.
+        A setting is wrong. The message names the option of the command.
     """
     use(plugins)
     try:
@@ -77,7 +88,7 @@ def comparison(records: Sequence[Asked], *, plugins: Sequence[PluginModule] = ()
 
 
 def comparison_tables(
-    records: Sequence[Asked],
+    records: Sequence[RecordOptions],
     *,
     restoring: Sequence[str] = (),
     damping: Sequence[str] = (),
@@ -87,24 +98,24 @@ def comparison_tables(
     deviation: str = "auto",
     sensor: float = 0.002,
 ) -> dict[str, Any]:
-    """Return the tables of that study's file.
+    """Return the content of the study file for a comparison.
 
     Parameters
     ----------
     records
         Files and how to read them.
     restoring, damping
-        Restoring laws and damping sums; all of them where empty.
+        Restoring laws and damping sums; all if empty.
     repeats
-        Whether all records are of one specimen. The records one by one then get modes and evidence, but no draws.
-        Otherwise each record is a specimen of its own.
+        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws.
+        Otherwise each record is a specimen.
     noise, seed, deviation, sensor
-        As a study has them.
+        Settings of the study.
 
     Raises
     ------
     InputError
-        There is one record to repeat.
+        `repeats` with fewer than two records.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
@@ -129,9 +140,9 @@ def comparison_tables(
     study = first if len(records) == 1 else f"{first}-and-{len(records) - 1}-more"
     if len(records) > 1 and len({record["file"] for record in records}) == 1:
         study = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(records)}-records"
-    own = TERMS.added()
-    sums = all_sums() + [sum_ for term in own for sum_ in (term, *(f"{t}+{term}" for t in PAPER_TERMS))]
-    # The joint fit reads the answers: nobody would read draws of each record by itself, or evidence from these.
+    added = TERMS.added()
+    sums = all_sums() + [sum_ for term in added for sum_ in (term, *(f"{t}+{term}" for t in PAPER_TERMS))]
+    # The joint fit uses the answers, so draws of single records, and evidence from draws, are not needed.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
@@ -155,7 +166,7 @@ def comparison_tables(
 
 
 def _as_name(label: str) -> str:
-    """Return a label as a name of letters, digits, - and _; of a long one both its ends."""
+    """Convert a label to a valid name of letters, digits, - and _. A long label is shortened in its middle."""
     name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
     name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
     return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"

@@ -1,4 +1,4 @@
-"""Reading a study: from a TOML file, from a run's run.json, or by the name of a study that ships."""
+"""Read a study from a TOML file, from the run.json of a run, or by the name of a study of the package."""
 
 from __future__ import annotations
 
@@ -64,18 +64,18 @@ _TABLES = (
     "system", "signal", "sweep", "estimators", "models", "posterior", "evidence", "calibration", "recovery", "plugins",
 )  # fmt: skip
 _PUBLISHED = ("estimator", "signal", "error_pct", "time")
-"""Columns of a CSV file of published figures."""
+"""Columns of a CSV file of published results."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the studies that ship: in the installed package, or next to it in a clone."""
+    """Return the folder of the package's studies: in the installed package, or next to it in a clone."""
     own = PACKAGE / "studies"
     return own if own.is_dir() else PACKAGE.parent / "studies"
 
 
 def study_file(given: Path) -> Path:
-    """Return the file itself where it exists, else the study of this name that ships. Raises InputError."""
+    """Return the path if it exists, else the package's study of this name. Raises InputError if there is none."""
     if given.exists() or len(given.parts) != 1 or given.suffix not in ("", ".toml"):
         return given
     names = sorted(path.stem for path in shipped_folder().glob("*.toml"))
@@ -83,20 +83,22 @@ def study_file(given: Path) -> Path:
         return shipped_folder() / f"{given.stem}.toml"
     if given.suffix:
         return given
-    raise InputError(f"{given}: no such file, and no study of this name ships{nearest(given.name, names)}")
+    raise InputError(
+        f"{given}: no such file, and bayesdamp has no study of this name{nearest(given.name, names)}"
+    )
 
 
 def record_question(study: Study, folder: Path) -> dict[str, Any]:
-    """Return the study as run.json in a run's folder stores it.
+    """Return the description of a study for the run.json in the run's folder.
 
-    The path to the study's files is relative, so that both folders can move together.
+    The path to the study's files is relative, so that both folders can be moved together.
     """
     beside = Path(os.path.relpath(study.source.parent.resolve(), folder.resolve())).as_posix()
     return {"tables": dict(study.tables), "beside": beside}
 
 
-def asks_another(study: Study, folder: Path) -> bool:
-    """Return whether a folder has the run of another study than this one."""
+def has_other_study(study: Study, folder: Path) -> bool:
+    """Return whether a folder contains the run of another study."""
     try:
         run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -108,9 +110,10 @@ def asks_another(study: Study, folder: Path) -> bool:
 
 
 def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
-    """Read a run.json: the study's tables, the folder of its files, and files of the user's modules by their digests.
+    """Read a study from a run.json.
 
-    Raises StudyError where it has no study, or where an input has changed.
+    Returns the tables of the study, the folder of its files, and the files of the user's modules by their digests.
+    Raises StudyError if the file contains no study, or if an input file is missing or has changed.
     """
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
@@ -125,32 +128,39 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
     except (AttributeError, KeyError, TypeError, ValueError):
         what = "does not contain the study of the run"
         raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version") from None
-    # The inputs are where they were, else in the run's folder, else in the working directory.
-    places = (path.parent / str(beside), path.parent, Path())
+    # Look for the inputs in their old folder, in the folder of the run, and in the working directory.
+    folders = (path.parent / str(beside), path.parent, Path())
     for name, digest in inputs.items():
-        file = next((place / name for place in places if (place / name).is_file()), None)
+        file = next((folder / name for folder in folders if (folder / name).is_file()), None)
         if file is None:
-            raise StudyError("", f"{name} is not there any more; put the file of that run next to it")
+            raise StudyError("", f"the input file {name} of the run is missing; put it next to run.json")
         if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
-            raise StudyError("", f"{name} is another file than that of the run; put that one next to it")
-    whole = [place for place in places if place.is_dir() and all((place / name).is_file() for name in inputs)]
-    return tables, whole[0] if whole else places[0], plugins
+            raise StudyError(
+                "", f"{name} has changed since the run; put the file of the run next to run.json"
+            )
+    complete = [f for f in folders if f.is_dir() and all((f / name).is_file() for name in inputs)]
+    return tables, complete[0] if complete else folders[0], plugins
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
-    """Read and check a study file. Paths of signals' files and of plug-ins start at its folder.
+    """Read and check a study file. Paths in it are relative to its folder.
 
     Parameters
     ----------
     path
-        A TOML file, or the run.json of a run, which asks the same question again.
+        A TOML file, or the run.json of a run, which repeats the study of that run.
     plugins
-        Modules besides those that the file names.
+        Modules of plug-ins besides those that the file names.
+
+    Returns
+    -------
+    Study
+        The checked study.
 
     Raises
     ------
     InputError
-        One line with the file, the key, what is wrong and what would be right.
+        The study is wrong. The message names the file, the key, the error and the valid values.
     """
     path = Path(path)
     try:
@@ -168,7 +178,10 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
             what = f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
             raise StudyError(place or "", what) from None
-        except (ValueError, RecursionError) as error:  # an endless number, tables a thousand deep
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # such as a number that is too long, or deeply nested tables
             raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
         if not tables:
             raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
@@ -183,16 +196,21 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     Parameters
     ----------
     raw
-        The file's tables.
+        The tables of the file.
     path
-        The file. Paths of signals' files start at its folder.
+        The file. Paths in it are relative to its folder.
     plugins
-        Modules besides those that it names; all of these, and no others, are in use from here on.
+        Modules of plug-ins besides those that it names. Afterwards all these modules are in use, and no others.
+
+    Returns
+    -------
+    Study
+        The checked study.
 
     Raises
     ------
     StudyError, InputError
-        Without the file's name.
+        The study is wrong. The message does not name the file.
     """
     header = read_section(Header, {n: v for n, v in raw.items() if n in Header.model_fields}, "")
     check_keys(raw, [*Header.model_fields, *_TABLES], "")
@@ -244,29 +262,32 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
 
 
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
+    """Read the tables [[signal]], with [system] and [[sweep]]. Raises StudyError."""
+
     def tables_of(name: str) -> list[dict[str, Any]]:
         entries = raw.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
             raise StudyError(name, f"is {show(entries)}; it must be tables that start with [[{name}]]")
         return entries
 
-    written = tables_of("signal")
-    lists = [entry["restoring"] for entry in written if isinstance(entry.get("restoring"), list)]
-    # Unknown laws are refused with their signal.
-    own = [law for names in lists for law in names if law in LAWS.names()]
-    base = check_base(raw.get("system", {}), (*laws, *own))
-    if not written:
+    entries = tables_of("signal")
+    lists = [entry["restoring"] for entry in entries if isinstance(entry.get("restoring"), list)]
+    # Unknown laws are reported later, with their signal.
+    known = [law for names in lists for law in names if law in LAWS.names()]
+    base = check_base(raw.get("system", {}), (*laws, *known))
+    if not entries:
         raise StudyError("signal", "is missing; a study has at least one [[signal]]")
     signals = []
-    for place, entry in enumerate(expand(written, tables_of("sweep")), start=1):
+    for number, entry in enumerate(expand(entries, tables_of("sweep")), start=1):
         label = entry.get("name")
-        label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(place)
+        label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(number)
         signals.append(resolve_signal(entry, base, folder, f"signal[{label}]", laws))
     check_distinct((s.name for s in signals), "signal", "the signal")
     return tuple(signals)
 
 
 def _read_estimators(raw: object) -> Estimators:
+    """Read the table [estimators] with the tables of single estimators and variants. Raises StudyError."""
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
     variants: dict[str, str] = {}
@@ -275,9 +296,13 @@ def _read_estimators(raw: object) -> Estimators:
             continue
         key, method = join_keys("estimators", name), options["variant_of"]
         if name in ESTIMATORS.names():
-            raise StudyError(key, "is an estimator's own name; a variant needs another, such as sindy_sign")
+            raise StudyError(
+                key, "is the name of an estimator; a variant needs another name, such as sindy_sign"
+            )
         if not re.fullmatch(NAME, name):
-            raise StudyError(key, "is not a name for a variant; it must be letters, digits, - and _")
+            raise StudyError(
+                key, "is not a valid name; a variant's name must have only letters, digits, - and _"
+            )
         key = join_keys(key, "variant_of")
         if not isinstance(method, str):
             raise StudyError(key, f"is {show(method)}; it must be an estimator's name in quotes")
@@ -296,7 +321,7 @@ def _read_estimators(raw: object) -> Estimators:
 
 
 def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str]) -> tuple[Published, ...]:
-    """Read the figures in a CSV file with the columns `_PUBLISHED`. Raises StudyError."""
+    """Read published results from a CSV file with the columns `_PUBLISHED`. Raises StudyError."""
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
         missing = [c for c in _PUBLISHED if c not in (reader.fieldnames or ())]
@@ -316,9 +341,10 @@ def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str
 
 
 def _check_across_tables(study: Study) -> None:
-    """Check what depends on several tables: models to estimate, evidence to prune by, and specimens.
+    """Check settings that depend on several tables. Raises StudyError.
 
-    Repeats of a specimen must have one dimension and the same candidates; a sweep allows no specimens.
+    Estimators run only under compared models. Pruning needs Laplace's evidence. Records of a specimen must have the
+    same dimension and the same candidates, and cannot be combined with a sweep.
     """
     for spec in study.signals:
         for model in spec.estimate or ():

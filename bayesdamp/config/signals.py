@@ -1,4 +1,4 @@
-"""The [[signal]] tables of a study: where each record comes from, what is known of its system, and their sweeps."""
+"""Read the tables [[signal]] of a study: the source of each record, the known parameters of its system, and sweeps."""
 
 from __future__ import annotations
 
@@ -42,17 +42,18 @@ from bayesdamp.types import System
 from bayesdamp.units import UNITS
 
 START = ("theta0", "omega0")
+"""Parameters of the start of a motion."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 LARGEST = 1e24
-"""The largest true value that a simulation takes, in its own unit (conventional)."""
-FEWEST, CYCLES = 0.01, 1e6
-"""The fewest and the most cycles of a simulated record (conventional)."""
-MOST = 100_000
-"""Signals that the sweeps of a study may make (conventional)."""
+"""Largest true value of a parameter of a simulation, in its unit (conventional)."""
+LEAST_CYCLES, MOST_CYCLES = 0.01, 1e6
+"""Smallest and largest number of cycles of a simulated record (conventional)."""
+MOST_SIGNALS = 100_000
+"""Greatest number of signals after the expansion of sweeps (conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
-_MOTIONS = (
+_NOT_OF_ENVELOPES = (
     "simulate", "system", "restoring", "estimate", "clock", "run", "channel", "time_unit", "least_noise",
 )  # fmt: skip
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
@@ -61,6 +62,7 @@ _FILE_KEYS = tuple(n for n in SignalTable.model_fields if n not in ("name", *_IN
 
 
 def _find_law(name: object, key: str) -> RestoringLaw:
+    """Return a restoring law by name. Raises StudyError."""
     if not isinstance(name, str):
         raise StudyError(key, f"is {show(name)}; it must be a restoring law: {', '.join(LAWS.names())}")
     check_plugins(LAWS, [name], key)
@@ -68,7 +70,7 @@ def _find_law(name: object, key: str) -> RestoringLaw:
 
 
 def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Return restoring laws' names, each once. Raises StudyError."""
+    """Check that the names are different restoring laws, and return them. Raises StudyError."""
     for name in names:
         _find_law(name, key)
     check_distinct(names, key, "the law")
@@ -76,7 +78,10 @@ def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
 
 
 def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the study's [system], checked against its restoring law and `laws`; against all laws if it names none."""
+    """Check and return the table [system] of a study.
+
+    Its keys must be parameters of its restoring law or of `laws`; of any law if it names none. Raises StudyError.
+    """
     base = check_table(raw, "system")
     names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
     parameters = {p for name in names for p in _find_law(name, "system.restoring").parameters}
@@ -92,7 +97,7 @@ def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
 
 
 def _read_value(name: str, raw: object, key: str) -> object:
-    """Read a number, "free" or a prior table. Raises StudyError."""
+    """Return a number, None for "free", or the prior that a table describes. Raises StudyError."""
     if name not in REFERENCE:
         if raw == "free":
             return None
@@ -110,9 +115,9 @@ def _read_number(name: str, raw: object, key: str) -> float:
 def _read_systems(
     base: Mapping[str, Any], own: Mapping[str, Any], laws: tuple[str, ...], key: str
 ) -> tuple[list[System], dict[str, float]]:
-    """Return the signal's system under its own restoring law and then under the others, and its reference numbers.
+    """Return the system of a signal under each of its restoring laws, its own first, and its reference numbers.
 
-    The signal's own keys replace those of the study.
+    The keys of the signal replace those of the study. Raises StudyError.
     """
     first = own.get("restoring", base.get("restoring", *laws[:1]))
     if first is None:
@@ -137,6 +142,7 @@ def _read_systems(
 
 
 def _read_simulation(raw: object, system: System, key: str) -> Simulation:
+    """Read the table `simulate`, with the known parameters of the system. Raises StudyError."""
     law = LAWS.get(system.restoring)
     given = check_table(raw, key)
     own = {n for t in damping_order() if t in given for n in TERMS.get(t).further}
@@ -148,7 +154,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
 
     _check_translation(settings.unit, system.restoring, join_keys(key, "unit"))
     if settings.outliers > settings.samples:
-        right = f"it must be at most samples ({settings.samples}), or their share below 1"
+        right = f"it must be at most samples ({settings.samples}), or a fraction of them below 1"
         raise StudyError(join_keys(key, "outliers"), f"is {settings.outliers:g}; {right}")
 
     terms = {name: term for name, term in named.items() if name in given}
@@ -174,7 +180,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     if missing:
         what = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
         raise StudyError(key, f"{what}; a simulation needs the true value, here or as a number in [system]")
-    # A motion must oscillate, and not so often that no computation ends.
+    # The motion must oscillate, but not so often that a simulation takes too long.
     large = next((n for n, value in truth.items() if abs(value) > LARGEST), None)
     if large is not None:
         raise StudyError(join_keys(key, large), f"is {truth[large]:g}; it must be at most {LARGEST:g}")
@@ -183,20 +189,20 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
         raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
-    if not cycles >= FEWEST:
-        what = f"is {duration:g} s, {cycles:.2g} of a cycle; it must be at least {FEWEST:g}"
-        raise StudyError(length, f"{what}: choose parameters that let it oscillate, or a longer one")
-    if cycles > CYCLES:
+    if not cycles >= LEAST_CYCLES:
+        what = f"is {duration:g} s, only {cycles:.2g} of a cycle; it must be at least {LEAST_CYCLES:g}"
+        raise StudyError(length, f"{what}: choose parameters that let it oscillate, or a longer duration")
+    if cycles > MOST_CYCLES:
         what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
-        raise StudyError(length, f"{what}; it must be at most {CYCLES:g} cycles")
+        raise StudyError(length, f"{what}; it must be at most {MOST_CYCLES:g} cycles")
     return Simulation(damping=tuple(terms.values()), truth=truth, **settings.model_dump())
 
 
 def term_keys(law: tuple[str, ...]) -> dict[str, str]:
-    """Return the damping terms by the names of their coefficients in a simulation, which are the terms' own.
+    """Return the damping terms by their keys in the table `simulate`.
 
-    A term that is also a parameter of the restoring law goes by its coefficient's name (`mu_3` for cubic damping with a
-    cubic spring).
+    The key is the name of the term. If a parameter of the restoring law has the same name, it is the name of the
+    coefficient (`mu_3` for cubic damping with a cubic spring).
 
     Parameters
     ----------
@@ -207,15 +213,16 @@ def term_keys(law: tuple[str, ...]) -> dict[str, str]:
 
 
 def damping_order() -> list[str]:
-    """Return the damping terms in the order of the names of sums: the paper's three first."""
+    """Return the damping terms in the order in which sums are named: the three terms of the paper first."""
     return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
 
 
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
+    """Check the keys of a signal that is read from a file. Raises StudyError."""
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
     if not path.is_file():
-        what = f"{entry.file!r} is not there; paths start at the study's folder {folder}"
+        what = f"{entry.file!r} does not exist; paths are relative to the folder of the study, {folder}"
         raise StudyError(join_keys(key, "file"), what)
     if entry.time is not None and entry.rate is not None:
         raise StudyError(join_keys(key, "rate"), "is given together with time; give one of the two")
@@ -227,33 +234,40 @@ def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
 
 
 def _check_translation(unit: str, restoring: str, key: str) -> None:
+    """Raise StudyError if the unit is that of a translation, but the restoring law needs an angle."""
     if UNITS[unit].translates and not LAWS.get(restoring).translates:
         laws = ", ".join(name for name in LAWS.present() if LAWS.get(name).translates)
-        what = f"is {unit!r}, a translation, which {restoring} is not"
+        what = f"is {unit!r}, a translation, but the restoring law {restoring} needs an angle"
         raise StudyError(key, f"{what}; restoring can be {laws}")
 
 
 def resolve_signal(
     raw: object, base: Mapping[str, Any], folder: Path, key: str, laws: tuple[str, ...] = ()
 ) -> SignalSpec:
-    """Return a [[signal]] table, with the study's [system], as one record to simulate or to read.
+    """Check a table [[signal]] together with [system], and return the specification of its record.
 
     Parameters
     ----------
     raw
         The table.
     base
-        The study's [system].
+        The table [system] of the study.
     folder
-        The study's, where paths start.
+        Folder of the study, to which paths are relative.
     key
-        The table's, for messages.
+        Key of the table, for messages.
     laws
-        The restoring laws that the study compares, where it names some.
+        The restoring laws that the study compares, if it names any.
+
+    Returns
+    -------
+    SignalSpec
+        The record to simulate or to read.
 
     Raises
     ------
     StudyError
+        The table is wrong.
     """
     given = check_table(raw, key)
     entry = read_section(SignalTable, given, key)
@@ -278,7 +292,7 @@ def resolve_signal(
         if stray:
             is_inside = stray[0] in SimulateTable.model_fields
             right = "put it inside simulate = { ... }" if is_inside else "remove it here"
-            raise StudyError(join_keys(key, stray[0]), f"belongs to a file; {right}")
+            raise StudyError(join_keys(key, stray[0]), f"is for a record from a file; {right}")
         source = _read_simulation(entry.simulate, system, join_keys(key, "simulate"))
         unit_key = join_keys(key, "simulate.unit")
     for name in (system.restoring, *laws):
@@ -288,7 +302,7 @@ def resolve_signal(
         right = f'it goes with quantity = "{unit.quantity}"'
         raise StudyError(unit_key, f"is {unit.name!r} with quantity {source.quantity!r}; {right}")
     if inertia is not None and not unit.physical:
-        what = f"is {unit.name!r}, which has no forces; leave inertia out or use rad or m"
+        what = f"is {unit.name!r}, in which forces have no unit; remove inertia, or use rad or m"
         raise StudyError(unit_key, what)
     own = {
         name: None if models is None else canonical_models(models, join_keys(key, name))
@@ -307,9 +321,9 @@ def resolve_signal(
 
 
 def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
-    """Read an envelope, which has no restoring law: only its damping is weighed. Raises StudyError."""
+    """Check a signal that is an envelope, which has no restoring law. Raises StudyError."""
     fields = SignalTable.model_fields
-    stray = next((n for n in given if n in _MOTIONS and given[n] != fields[n].default), None)
+    stray = next((n for n in given if n in _NOT_OF_ENVELOPES and given[n] != fields[n].default), None)
     if stray is not None:
         raise StudyError(join_keys(key, stray), "does not apply to an envelope; remove it")
     if entry.file is None:
@@ -321,7 +335,7 @@ def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, k
 
 
 def canonical_model(name: object, key: str) -> str:
-    """Return a damping model with its terms in the order that all tables use. Raises StudyError."""
+    """Return a damping sum with its terms in the standard order (`damping_order`). Raises StudyError."""
     valid = damping_order()
     parts = [part.strip() for part in name.split("+")] if isinstance(name, str) else []
     for part in parts:
@@ -334,17 +348,17 @@ def canonical_model(name: object, key: str) -> str:
 
 
 def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Return damping models, each once. Raises StudyError."""
+    """Return damping sums in standard order. Raises StudyError if a sum is repeated."""
     models = tuple(canonical_model(name, key) for name in names)
     check_distinct(models, key, "the model")
     return models
 
 
 def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, Any]]:
-    """Return the raw [[signal]] tables, repeated over every combination of the sweeps' values.
+    """Return the raw [[signal]] tables, repeated for every combination of the sweeps' values.
 
-    A signal's name gets `-key-value` of each sweep that applies to it (`0.003` reads `0p003`): `simulate.*` applies to
-    simulated signals, a file's key to those that are read, `system.*` to all. Raises StudyError.
+    A sweep of `simulate.*` applies to simulated signals, of a key of files to signals that are read, of `system.*` to
+    all. The name of a signal gets `-key-value` for each sweep that applies (0.003 becomes `0p003`). Raises StudyError.
     """
     tables = [read_section(SweepTable, raw, f"sweep[{i}]") for i, raw in enumerate(sweeps, start=1)]
     for i, sweep in enumerate(tables, start=1):
@@ -357,21 +371,21 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
             right = 'it must be like "simulate.noise_sd", "system.gravity" or "start"'
             raise StudyError(key, f"is {show(sweep.key)}, which is not a key of a signal; {right}")
         if not any(_applies(sweep.key, signal) for signal in signals):
-            raise StudyError(key, f"is {show(sweep.key)}, which no signal has; sweep a key that one has")
+            raise StudyError(key, f"is {show(sweep.key)}, which no signal has; sweep a key of a signal")
         names = [suffix(sweep.key, value, sweep.values) for value in sweep.values]
         if len(set(names)) != len(names):
-            what = f"holds a value twice: {show(list(sweep.values))}; once is enough"
+            what = f"repeats a value: {show(list(sweep.values))}; give each value once"
             raise StudyError(values_key, what)
-    applied = [[sweep for sweep in tables if _applies(sweep.key, signal)] for signal in signals]
-    count = sum(math.prod(len(sweep.values) for sweep in own) for own in applied)
-    if count > MOST:
-        right = f"it must be at most {MOST}: sweep fewer values"
-        raise StudyError("sweep", f"makes {count} signals of these; {right}")
+    applicable = [[sweep for sweep in tables if _applies(sweep.key, signal)] for signal in signals]
+    count = sum(math.prod(len(s.values) for s in applying) for applying in applicable)
+    if count > MOST_SIGNALS:
+        right = f"at most {MOST_SIGNALS} are allowed. Sweep fewer values"
+        raise StudyError("sweep", f"expands to {count} signals; {right}")
     expanded = []
-    for signal, own in zip(signals, applied, strict=True):
-        for values in product(*(sweep.values for sweep in own)):
+    for signal, applying in zip(signals, applicable, strict=True):
+        for values in product(*(sweep.values for sweep in applying)):
             table = copy.deepcopy(signal)
-            for sweep, value in zip(own, values, strict=True):
+            for sweep, value in zip(applying, values, strict=True):
                 head, _, tail = sweep.key.partition(".")
                 if not tail:
                     table[head] = value
@@ -390,7 +404,10 @@ def _applies(key: str, signal: dict[str, Any]) -> bool:
 
 
 def suffix(key: str, value: object, values: tuple[Any, ...]) -> str:
-    """Return `-noise_sd-0p003` for simulate.noise_sd = 0.003; a table or a list goes by its place in the values."""
+    """Return the suffix of a name, such as `-noise_sd-0p003` for simulate.noise_sd = 0.003.
+
+    A table or a list is named by its number among the values.
+    """
     if isinstance(value, dict | list):
         text = str(values.index(value) + 1)
     elif isinstance(value, float):

@@ -1,4 +1,4 @@
-"""A checked study file as a frozen value, with its signals."""
+"""The classes of a checked study file and of its tables."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 
 
 def _tuple_of(value: object) -> object:
+    """Convert a list to a tuple."""
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -29,27 +30,28 @@ SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
 DEVIATIONS: tuple[str, ...] = get_args(Deviation)
-"""Whether laws hold exactly ("none") or approximately ("law"), or it depends on the record ("auto")."""
+"""Whether laws hold exactly ("none") or with deviations ("law"). "auto": deviations for measured records only."""
 MANY = 10_000_000
-"""The most samples of a record, and draws of a chain, that a study may ask for (conventional)."""
+"""Greatest number of samples of a record, and of draws of a chain (conventional)."""
 RECORDS = 1_000_000
-"""The most records, and repeats of one, that it may ask for (conventional)."""
+"""Greatest number of records, and of repeats of a record (conventional)."""
 CHAINS = 1000
+"""Greatest number of chains (conventional)."""
 COLUMN = 100_000
-"""The largest number of a column or of a run."""
+"""Largest number of a column (conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
 
 class StudySection(BaseModel):
-    """A table of the study file: frozen, without other keys than its own."""
+    """Base class of the tables of a study file. They are frozen, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Header(StudySection):
-    """The top of the file; the tables are checked one by one after it."""
+    """The keys at the top of the file, outside all tables."""
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
     name: Name | None = Field(None, description="at most 64 letters, digits, - and _")
@@ -61,10 +63,9 @@ class Header(StudySection):
 
 
 class FileTable(StudySection):
-    """How a record's file is read.
+    """How the file of a record is read; keys that are not given follow from the file.
 
-    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one. start and stop
-    in s of the record's own clock. The file or the reader decides what is not given.
+    angle: column of the recorded quantity, also if it is not an angle. start, stop: in s of the record's clock.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -92,12 +93,15 @@ class FileTable(StudySection):
     start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (after the release)')
     stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto" (before rest)')
     least_noise: float = Field(
-        0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
+        0.0,
+        ge=0,
+        lt=1,
+        description="a fraction of the amplitude: noise that is added to a record without noise",
     )
 
 
 class SignalTable(FileTable):
-    """One [[signal]]: a record that is simulated or read."""
+    """A table [[signal]]: a record that is simulated or read."""
 
     name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
@@ -120,7 +124,7 @@ class SignalTable(FileTable):
 
 
 class SimulateTable(StudySection):
-    """How a record is simulated, besides the true values of the parameters."""
+    """The table `simulate` of a signal, without the true values of the parameters."""
 
     duration: float = Field(
         ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
@@ -128,7 +132,7 @@ class SimulateTable(StudySection):
     samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
     repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")
-    outliers: float = Field(0.0, ge=0, description="a number of samples, or their share below 1")
+    outliers: float = Field(0.0, ge=0, description="a number of samples, or a fraction of them below 1")
     gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
     quantum: float = Field(0.0, ge=0, description="the recording step in the record's unit, 0 or more")
     quantity: Literal["angle", "velocity", "acceleration"] = Field(
@@ -138,7 +142,7 @@ class SimulateTable(StudySection):
 
 
 class SweepTable(StudySection):
-    """One [[sweep]]: all signals that have the key, repeated over its values."""
+    """A table [[sweep]]: all signals that have the key are repeated for each of its values."""
 
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
     values: Annotated[tuple[Any, ...], BeforeValidator(_tuple_of), Field(min_length=1)] = Field(
@@ -147,7 +151,7 @@ class SweepTable(StudySection):
 
 
 class PluginsTable(StudySection):
-    """[plugins]: the user's own modules of plug-ins."""
+    """[plugins]: the user's modules of plug-ins."""
 
     modules: SomeNames | None = Field(
         None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
@@ -155,44 +159,44 @@ class PluginsTable(StudySection):
 
 
 class EstimatorsTable(StudySection):
-    """[estimators] without the options of single methods."""
+    """[estimators] without the tables of single estimators."""
 
     use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
     stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_tuple_of)] = Field(
         ("initial", "refined"), description='a list of "initial" and "refined"'
     )
     repeats: dict[str, Annotated[int, Field(ge=1)]] = Field(
-        {}, description="a table of whole numbers: on how many repeats of a signal a method runs at most"
+        {}, description="a table of whole numbers: the greatest number of repeats on which a method runs"
     )
 
 
 class ModelsTable(StudySection):
-    """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
+    """[models]: the damping sums and restoring laws to compare, and priors of damping terms."""
 
     compare: Literal["all"] | SomeNames = Field(
         ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
     )
     restoring: SomeNames | None = Field(
-        None, description="a list of one or more restoring laws, in place of [system]'s one"
+        None, description="a list of one or more restoring laws, instead of that in [system]"
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
     prune: float | None = Field(
-        None, gt=0, description="a positive number of nats: what is farther behind is not weighed further"
+        None, gt=0, description="a positive number of nats: models farther behind are left out"
     )
 
 
 class PosteriorTable(StudySection):
-    """[posterior]: which samplers, with which noise model, how many draws."""
+    """[posterior]: samplers, noise models, deviations and numbers of draws."""
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
     noise: str | SomeNames = Field(
         "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
     )
     best: int | None = Field(
-        None, ge=1, description="how many models of a signal are sampled, a whole number"
+        None, ge=1, description="a whole number: how many models of a signal are sampled"
     )
     deviation: Deviation = Field(
-        "auto", description='"auto", "none" or "law": whether laws may hold approximately'
+        "auto", description='"auto", "none" or "law": whether deviations from the laws are allowed'
     )
     sensor: float = Field(
         0.002, ge=0, lt=0.5, description="the sensor's relative linearity, a number from 0 to below 0.5"
@@ -203,18 +207,19 @@ class PosteriorTable(StudySection):
 
 
 class EvidenceTable(StudySection):
-    """[evidence]: which methods, and when nested sampling is used as a referee."""
+    """[evidence]: methods, and when nested sampling decides between them (the referee)."""
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field(
-        "auto", description='"auto" (nested sampling where the methods disagree), "always" or "never"'
+        "auto", description='"auto" (nested sampling if the methods disagree), "always" or "never"'
     )
 
 
 class CalibrationTable(StudySection):
-    """[calibration]: how many records for each model, and how truths are ranked.
+    """[calibration]: settings of `calibrate`.
 
-    draws: thinned draws among which a truth is ranked; bins: of the ranks, of equal size.
+    records: number for each model. draws: number of thinned draws among which a true value is ranked. bins: number of
+    bins of the ranks.
     """
 
     records: int = Field(500, ge=1, le=RECORDS, description=_A_COUNT)
@@ -230,11 +235,13 @@ class CalibrationTable(StudySection):
 
 
 class RecoveryTable(StudySection):
-    """[recovery]: records for `calibrate --models`, over levels of noise and lengths that the inference knows.
+    """[recovery]: settings of `calibrate --models`.
 
-    noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm.
-    cycles: of the reference frequency. single: records of single dampings, at their own noise and length; those that
-    lose at least least_loss of their amplitude count.
+    noise: medians of the prior of the noise, as fractions of the reference amplitude. noise_sigma: its standard
+    deviation in the logarithm. cycles: lengths of records, in cycles of the reference frequency. Records take all
+    combinations of noise and cycles in turn. single: number of records of single damping terms, which have
+    single_noise, single_cycles and single_samples; records that lose less than least_loss of their amplitude are not
+    counted.
     """
 
     records: int = Field(1000, ge=1, le=RECORDS, description=_A_COUNT)
@@ -246,12 +253,12 @@ class RecoveryTable(StudySection):
     single_noise: float = Field(0.01, gt=0, description="a positive number")
     single_cycles: float = Field(10.0, gt=0, description="a positive number")
     single_samples: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
-    least_loss: float = Field(0.3, ge=0, lt=1, description="a share from 0 to below 1")
+    least_loss: float = Field(0.3, ge=0, lt=1, description="a fraction from 0 to below 1")
 
 
 @dataclass(frozen=True)
 class Published:
-    """One published figure, as printed: an estimator's error on a signal (per cent) and its time."""
+    """A published result, as printed: the error of an estimator on a signal (per cent), and its time."""
 
     estimator: str
     signal: str
@@ -260,9 +267,9 @@ class Published:
 
 
 class Simulation(SimulateTable):
-    """A record to simulate. Estimators and inference never see it.
+    """A record to simulate. Estimators and inference get only the simulated samples.
 
-    damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
+    damping: true damping terms. truth: true values of the parameters by name (`zeta`, `stiffness`, ...).
     """
 
     damping: tuple[str, ...]
@@ -272,7 +279,7 @@ class Simulation(SimulateTable):
 class Recording(FileTable):
     """A record to read.
 
-    file: as written; path: where it is. The unit of an envelope is empty where the file states it.
+    file: the path as written in the study. path: the resolved path. unit: empty for an envelope if its file states it.
     """
 
     file: str
@@ -280,19 +287,18 @@ class Recording(FileTable):
     unit: str = "rad"
 
     def __hash__(self) -> int:
-        """Return a hash of its fields."""
+        """Return a hash of all fields."""
         return hash(tuple(self.__dict__.values()))
 
 
 @dataclass(frozen=True)
 class SignalSpec:
-    """One record of the study, either simulated or read, and what is known of its system.
+    """A signal of the study: a record that is simulated or read, and what is known of its system.
 
-    inertia: kg m² (kg for a translation), only to show results in physical units.
-    compare: its own damping models, None for the study's. estimate: those under which estimators run, None for all that
-    it compares. laws: the restoring laws that it is compared under. alternatives: its system under the laws that are
-    not `system`'s own. specimen: name of the specimen, empty where the study names none; records of one specimen are
-    fitted jointly, several specimens are summarised.
+    inertia: in kg m² (kg for a translation), used only for results in physical units.
+    compare: damping sums of this signal; None for those of the study. estimate: sums under which estimators run; None
+    for all. laws: the restoring laws that are compared. alternatives: the system under the laws other than that of
+    `system`. specimen: name of the specimen; empty if none is named. Records of a specimen are fitted jointly.
     """
 
     name: str
@@ -306,28 +312,28 @@ class SignalSpec:
     specimen: str = ""
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings of the record, as JSON takes it, without paths of this machine."""
+        """Return all settings of the signal in JSON form, without absolute paths."""
         settings = split(self)
         settings["source"].pop("path", None)
         return settings
 
     @property
     def is_envelope(self) -> bool:
-        """Return whether only the amplitude of the motion was recorded."""
+        """Whether only the amplitude of the motion was recorded."""
         return self.source.quantity == "envelope"
 
     @property
     def restoring(self) -> tuple[str, ...]:
-        """Return the restoring laws that it is compared under; an envelope has none."""
+        """The restoring laws that are compared; an envelope has none."""
         return () if self.is_envelope else self.laws or (self.system.restoring,)
 
     def under(self, restoring: str) -> System:
-        """Return what is known of the system under one of these laws, by default the system's own."""
+        """Return the system under a restoring law; that of `system` if the name is another."""
         return next((s for s in self.alternatives if s.restoring == restoring), self.system)
 
     @property
     def repeats(self) -> int:
-        """Return how many records are simulated; 1 for a record that is read."""
+        """The number of simulated records; 1 for a record that is read."""
         return self.source.repeats if isinstance(self.source, Simulation) else 1
 
 
@@ -335,9 +341,9 @@ class SignalSpec:
 class Estimators:
     """The estimators of a study.
 
-    use: estimators' names. stages: "initial", "refined". options: a method's own table by its name. repeats: on how
-    many repeats of a signal a method runs at most, where not on all. variants: the estimator behind a name that the
-    study gives to an estimator with other options.
+    use: names. stages: "initial", "refined". options: options of each by name. repeats: greatest number of repeats of a
+    signal on which each runs, if not on all. variants: the estimator behind each name that the study itself gives (an
+    estimator with other options).
     """
 
     use: tuple[str, ...]
@@ -347,21 +353,21 @@ class Estimators:
     variants: Mapping[str, str] = field(default_factory=dict)
 
     def method(self, name: str) -> str:
-        """Return the estimator that runs under a name of `use`."""
+        """Return the estimator that a name in `use` stands for."""
         return self.variants.get(name, name)
 
     def on(self, repeat: int) -> tuple[str, ...]:
-        """Return the methods that run on a repeat, numbered from 0."""
+        """Return the names in `use` that run on a repeat, numbered from 0."""
         return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
 
 
 @dataclass(frozen=True)
 class Models:
-    """The damping sums that a study compares.
+    """The models that a study compares.
 
-    compare: damping sums such as `viscous+coulomb`. prior: a prior by damping term, where one is given. restoring: the
-    laws that each sum is combined with, none where a signal's own law is the only one. prune: how many nats behind the
-    best, by Laplace's evidence, a candidate is not weighed further, None to weigh all.
+    compare: damping sums such as `viscous+coulomb`. prior: stated priors by damping term. restoring: restoring laws
+    that each sum is combined with; empty if each signal has only its own. prune: distance to the best log evidence
+    (nats, by Laplace's approximation) from which a candidate is left out; None to keep all.
     """
 
     compare: tuple[str, ...]
@@ -372,10 +378,10 @@ class Models:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study file. `source` is the file; the order of its tables has no effect.
+    """A checked study. The order of tables in the file has no effect.
 
-    published: figures from elsewhere that the report shows next to the study's own. plugins: the user's modules with
-    their sources. tables: the raw tables of the file.
+    source: the file. published: published results that the report shows next to those of the study. plugins: the user's
+    modules with their source code. tables: the raw tables of the file.
     """
 
     source: Path
@@ -395,14 +401,14 @@ class Study:
     tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the damping sums that one of the signals is compared under."""
+        """Return the damping sums that are compared on a signal."""
         return self.models.compare if spec.compare is None else spec.compare
 
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the names of a signal's candidates: its damping sums, each under each of its restoring laws.
+        """Return the names of a signal's candidates: each damping sum under each restoring law.
 
-        With one law a candidate's name is its damping sum; with several, see `candidate_name`. An envelope has no
-        candidates: its damping sums are weighed in its answer alone.
+        With a single law, the name of a candidate is its damping sum; with several laws see `candidate_name`. An
+        envelope has no candidates, because its damping sums are compared only in its answer.
         """
         if spec.is_envelope:
             return ()
@@ -416,7 +422,7 @@ class Study:
 
     @property
     def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """Return the signals of each specimen that the study names."""
+        """The signals of each specimen, by its name."""
         specimens: dict[str, tuple[SignalSpec, ...]] = {}
         for spec in self.signals:
             if spec.specimen:
@@ -425,29 +431,29 @@ class Study:
 
     @property
     def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """Return the specimens that are fitted jointly: envelopes are not."""
+        """The signals of each specimen without envelopes, which have a joint fit of their own."""
         return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
 
     @property
     def repeated(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """Return the signals of each specimen that has several records."""
+        """The signals of each specimen with several records."""
         return {n: specs for n, specs in self.specimens.items() if sum(s.repeats for s in specs) > 1}
 
     @property
     def records(self) -> tuple[tuple[SignalSpec, int], ...]:
-        """Return every record: its signal, and which repeat of it, from 0."""
+        """All records: signal and number of the repeat, from 0."""
         return tuple((spec, repeat) for spec in self.signals for repeat in range(spec.repeats))
 
     @property
     def noises(self) -> tuple[str, ...]:
-        """Return the noise models of the study; of several, one is chosen for each record."""
+        """The noise models of the study; if there are several, one is chosen for each record."""
         given = self.posterior.noise
         if isinstance(given, str):
             return tuple(NOISES.present()) if given == "auto" else (given,)
         return given
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings with their defaults, as JSON takes it, without paths of this machine."""
+        """Return all settings with their defaults in JSON form, without absolute paths."""
         settings = split(replace(self, signals=(), tables={}))
         del settings["source"], settings["plugins"], settings["tables"]
         if self.plugins:
@@ -455,10 +461,7 @@ class Study:
         return {**settings, "signals": [s.resolved() for s in self.signals]}
 
     def estimator_options(self, name: str) -> BaseModel:
-        """Return the options of an estimator with their defaults; imports the estimator.
-
-        Raises InputError for an option that it does not have or that has a wrong value.
-        """
+        """Return the options of an estimator with their defaults. Raises InputError if an option is wrong."""
         try:
             return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
         except InputError as error:

@@ -1,4 +1,4 @@
-"""Point estimates of damping: each method's own, and the trajectory fit that starts there."""
+"""Estimate damping coefficients: by each method itself, then by a trajectory fit that starts at that estimate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.estimators._protocol import Estimator, Options, refusal
+from bayesdamp.estimators._protocol import Estimator, Options, reason_not_applicable
 from bayesdamp.estimators.refine import refine
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
@@ -20,16 +20,18 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
     "bayesdamp.estimators.methods", "estimator", home="bayesdamp.estimators"
 )
 STAGES = ("initial", "refined")
+"""The method's own estimate, and the trajectory fit that starts there."""
 ELEVEN = (
     "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
     "symbolic_regression", "envelope", "genetic",
 )  # fmt: skip
+"""The methods of the paper, in the order of its sections."""
 
 __all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
 def names_for_all() -> list[str]:
-    """Return the names that `use = "all"` means, in order; nothing is imported."""
+    """Return the names of the estimators that `use = "all"` selects, without importing them."""
     return list(ELEVEN)
 
 
@@ -39,23 +41,28 @@ def parse_options(name: str, options: Mapping[str, object] | None, shown: str | 
     Parameters
     ----------
     name
-        The estimator.
+        Name of the estimator.
     options
-        Option to value.
+        Values by option.
     shown
-        The name that a study gave the estimator, if it is another one.
+        The name under which the study uses the estimator, for messages; by default `name`.
+
+    Returns
+    -------
+    Options
+        The options, with defaults for those that are not given.
 
     Raises
     ------
     InputError
-        If an option is unknown, with the nearest valid name, or if its value is wrong, with what it should be.
+        If an option is unknown or its value is wrong. The message names the nearest valid option or the valid values.
     """
     shown = shown or name
     model = ESTIMATORS.get(name).options
     for key in options or {}:
         if key not in model.model_fields:
             valid = list(model.model_fields)
-            hint = nearest(str(key), valid) if valid else "; it has none"
+            hint = nearest(str(key), valid) if valid else "; this estimator has no options"
             raise InputError(f"[estimators.{shown}] has no option {key!r}{hint}")
     try:
         return model.model_validate(dict(options or {}))
@@ -79,23 +86,23 @@ def run(
     Parameters
     ----------
     name
-        The estimator.
+        Name of the estimator.
     signal
         The record.
     problem
-        The damping terms to estimate, and what is known of the system.
+        The damping terms to estimate, and the known parameters of the system.
     options
         Options of the estimator, by name.
     stages
-        Which of `STAGES` to compute.
+        The stages to compute, of `STAGES`.
     seed
         Seed of the estimator's random numbers.
 
     Returns
     -------
     list of Estimate
-        One for each stage, in the order of `STAGES`; `seconds` are those of the stage itself. If a method cannot
-        work on the record, its Estimate has no values and the outcome says why. Other exceptions propagate.
+        An estimate for each stage, in the order of `STAGES`. If a method cannot be applied to the record, its estimate
+        has no values, and its outcome is the reason. Other exceptions propagate.
 
     Raises
     ------
@@ -107,10 +114,10 @@ def run(
             raise InputError(f"unknown stage {stage!r}{nearest(stage, list(STAGES))}")
     estimator, parsed = ESTIMATORS.get(name), parse_options(name, options)
     rng = np.random.default_rng(seed)
-    if sentence := refusal(estimator, problem.damping):
-        return [Estimate(name, stage, outcome=sentence) for stage in STAGES if stage in stages]
+    if reason := reason_not_applicable(estimator, problem.damping):
+        return [Estimate(name, stage, outcome=reason) for stage in STAGES if stage in stages]
 
-    with threadpool_limits(1, "blas"):  # the matrices are small: more threads would only wait for each other
+    with threadpool_limits(1, "blas"):  # the matrices are small, so more threads only make it slower
         first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
         estimates = [first] if "initial" in stages else []
         if "refined" in stages:
@@ -123,6 +130,7 @@ def run(
 
 
 def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
+    """Compute an estimate, check that it is finite, and add name, stage and seconds; a Refusal is its outcome."""
     start = time.perf_counter()
     try:
         estimate = compute()

@@ -1,4 +1,4 @@
-"""What an estimator is, which damping terms it can estimate, and the optional packages that it may need."""
+"""The base class of estimators, the damping terms that each can estimate, and optional packages."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 
 def optional_package(name: str) -> Any:
-    """Import a package that only some estimators need, and that may not be installed.
+    """Import and return a package that only some estimators need.
 
     Raises
     ------
     Refusal
-        If the package is not installed; the text says how to install it.
+        If the package is not installed. The message says how to install it.
     """
     try:
         with warnings.catch_warnings():
@@ -36,53 +36,53 @@ def optional_package(name: str) -> Any:
 
 
 class Options(BaseModel):
-    """Options of one estimator: a frozen model with defaults that refuses unknown fields."""
+    """Options of an estimator. Subclasses have a field with a default for each option; unknown options are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-Chosen = TypeVar("Chosen", bound=Options)
+OptionsType = TypeVar("OptionsType", bound=Options)
 
 
-class Estimator(ABC, Generic[Chosen]):
+class Estimator(ABC, Generic[OptionsType]):
     """A method that estimates damping coefficients from one record.
 
-    name: for an estimator of the package, the name of its file. options: the class of its options.
+    name: name of the estimator; for those of this package the name of the file. options: class of its options.
     """
 
     name: str
-    options: type[Chosen]
+    options: type[OptionsType]
     by_position: str = ""
-    """Why it cannot estimate a force that depends on the position, as a clause; empty if it can."""
+    """The reason, as a clause, why it cannot estimate a force that depends on the position; empty if it can."""
     with_parameters: str = ""
-    """Why it cannot estimate a term that has parameters besides its coefficient; empty if it can."""
+    """The reason why it cannot estimate a term that has parameters besides its coefficient; empty if it can."""
 
     def __init_subclass__(cls) -> None:
-        """Name an estimator of the package after its file."""
+        """Set the name of an estimator of this package to the name of its file."""
         super().__init_subclass__()
         package, _, file = cls.__module__.rpartition(".")
         if package == f"{__package__}.methods":
             cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a sentence why this sum of damping terms cannot be estimated, or None, which is the default."""
+        """Return the reason why a sum of damping terms cannot be estimated, or None if it can (the default)."""
         return None
 
     @abstractmethod
     def initial(
-        self, signal: Signal, problem: Problem, options: Chosen, rng: np.random.Generator
+        self, signal: Signal, problem: Problem, options: OptionsType, rng: np.random.Generator
     ) -> Estimate:
-        """Return the method's own estimate from the record and what is known of the system.
+        """Estimate the unknown parameters from the record.
 
         Raises
         ------
         Refusal
-            If the method cannot work on the record; the text is a sentence.
+            If the method cannot be applied to the record. The message is a sentence.
         """
 
 
-def refusal(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
-    """Return a sentence why an estimator cannot estimate this sum of damping terms, or None."""
+def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
+    """Return the reason why an estimator cannot estimate a sum of damping terms, or None if it can."""
     if reason := estimator.refuses(damping):
         return reason
     for term in map(TERMS.get, damping):
@@ -94,5 +94,5 @@ def refusal(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
 
 
 def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
-    """Return a row for each estimator: its name, and for each single term its `refusal`."""
-    return [(e.name, [refusal(e, (term,)) for term in terms]) for e in estimators]
+    """Return a row for each estimator: its name, and for each term the reason why it cannot estimate it, or None."""
+    return [(e.name, [reason_not_applicable(e, (term,)) for term in terms]) for e in estimators]

@@ -12,8 +12,9 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Problem
 
 SINGULAR = 1e-8
-"""Directions of the scaled parameters with singular values below this share of the largest are not determined
-(measured: rounding leaves 1e-9 of such a direction, and a pendulum of which nothing is known has 1e-5)."""
+"""Combinations of parameters whose singular value is below this fraction of the largest are not determined by the
+record
+(measured: rounding gives 1e-9 for such a combination; a pendulum without known parameters has 1e-5)."""
 
 
 def cramer_rao(
@@ -25,14 +26,14 @@ def cramer_rao(
 ) -> dict[str, float]:
     """Compute the smallest standard deviation of each unknown parameter.
 
-    The Fisher information of samples with independent normal noise is JᵀJ/σ², J (n, k) the derivatives of the
-    samples by the unknowns: the damping coefficients and those of the restoring parameters, theta0 and omega0
-    that are not in `problem.system.known`. What is known, and ε, is taken as exact.
+    For independent normal noise the Fisher information is JᵀJ/σ², where J (n, k) has the derivatives of the n samples
+    by the k unknowns: the damping coefficients, and every restoring parameter, theta0 and omega0 that is not in
+    `problem.system.known`. Known parameters and ε are exact.
 
     Parameters
     ----------
     problem
-        The damping terms, and what is known of the system.
+        The damping terms, and the known parameters of the system.
     parameters
         The true value of every parameter of the oscillator.
     times
@@ -45,7 +46,7 @@ def cramer_rao(
     Returns
     -------
     dict
-        Parameter to its bound, in the parameter's unit; inf if the record does not determine the parameter.
+        The bound by parameter, in the parameter's unit; inf if the record does not determine the parameter.
 
     Raises
     ------
@@ -64,16 +65,17 @@ def cramer_rao(
     names = (*osc.coefficients, *free_names(problem))
     slopes = Trajectories(osc, times, quantity, p, 0.0).with_slopes(p, names)[1]
     if not np.all(np.isfinite(slopes)):
-        raise ValueError("the trajectory escapes: it has no bound")
+        raise ValueError("the trajectory is unbounded for these parameters, so there is no Cramér–Rao bound")
 
+    # Columns of J in units of the noise, then scaled to unit length.
     j = slopes.T / noise_sd
     scale = np.linalg.norm(j, axis=0)
     informed = scale > 0
     _, singular, v = np.linalg.svd(j[:, informed] / scale[informed], full_matrices=False)
-    lost = singular <= SINGULAR * singular.max(initial=0.0)
-    inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, singular))
+    undetermined_directions = singular <= SINGULAR * singular.max(initial=0.0)
+    inverse = np.where(undetermined_directions, 0.0, 1 / np.where(undetermined_directions, 1.0, singular))
     variance = np.full(len(names), np.inf)
     variance[informed] = np.sum((v.T * inverse) ** 2, axis=1) / scale[informed] ** 2
-    undetermined = np.any(np.abs(v.T[:, lost]) > 1e-6, axis=1)
+    undetermined = np.any(np.abs(v.T[:, undetermined_directions]) > 1e-6, axis=1)
     variance[np.flatnonzero(informed)[undetermined]] = np.inf
     return dict(zip(names, np.sqrt(variance).tolist()))

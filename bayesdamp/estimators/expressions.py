@@ -1,6 +1,6 @@
-"""Expressions in one variable, and genetic programming over them by Operon.
+"""Expressions of the velocity, and genetic programming that searches them (by Operon).
 
-An expression is a sum of products of v, |…| and tanh(…) that is simplified as it is built.
+An expression is a sum of products of v, |…| and tanh(…), which is simplified whenever it is built.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import pyoperon
 op: Any = pyoperon  # compiled, and without stubs
 
 SMALL = 1e-3
-"""tanh(x) is replaced by x if x is no larger: they agree to a millionth."""
+"""tanh(x) is replaced by x if |x| is not larger than this; the relative error is then 3e-7 at most."""
 
 
 @dataclass(frozen=True)
 class Atom:
-    """A factor: the variable ("v"), or "abs" or "tanh" of an expression."""
+    """A factor of a product: the variable (kind "v"), or the function "abs" or "tanh" of an inner expression."""
 
     kind: str
     inner: Expression | None = None
@@ -28,13 +28,13 @@ class Atom:
 
 @dataclass(frozen=True)
 class Expression:
-    """Σ coefficient · Π atoms, each product once: terms maps the atoms of a product to its coefficient."""
+    """The sum Σ coefficient · Π atoms. terms: the atoms and the coefficient of each product; all products differ."""
 
     terms: tuple[tuple[tuple[Atom, ...], float], ...]
 
     @classmethod
     def constant(cls, value: float) -> Expression:
-        """Return an expression with one value at every velocity."""
+        """Return a constant expression."""
         return cls((((), float(value)),))
 
     @classmethod
@@ -43,22 +43,22 @@ class Expression:
         return cls((((Atom("v"),), float(weight)),))
 
     @property
-    def depends(self) -> bool:
-        """Whether the expression is more than a constant."""
+    def is_variable(self) -> bool:
+        """Whether the expression depends on the velocity."""
         return any(atoms for atoms, _ in self.terms)
 
     def __add__(self, other: Expression) -> Expression:
-        return _collected([*self.terms, *other.terms])
+        return _collect([*self.terms, *other.terms])
 
     def __mul__(self, other: Expression) -> Expression:
-        return _collected([(a + b, x * y) for a, x in self.terms for b, y in other.terms])
+        return _collect([(a + b, x * y) for a, x in self.terms for b, y in other.terms])
 
     def scaled(self, factor: float) -> Expression:
-        """Return factor · expression."""
+        """Return the expression times a factor."""
         return Expression(tuple((atoms, factor * c) for atoms, c in self.terms))
 
     def apply(self, kind: str, largest: float = np.inf) -> Expression:
-        """Return |expression| or tanh(expression); largest: the expression's largest size, if it is known."""
+        """Return |expression| or tanh(expression). largest: the largest absolute value of the expression, if known."""
         if not self.terms:
             return self
         if all(not atoms for atoms, _ in self.terms):
@@ -86,7 +86,7 @@ class Expression:
         return total
 
     def constants(self) -> np.ndarray:
-        """Return every constant, in the order in which `with_constants` takes them."""
+        """Return all constants, in the order of `with_constants`."""
         constants: list[float] = []
         for atoms, c in self.terms:
             constants.append(c)
@@ -96,7 +96,7 @@ class Expression:
         return np.array(constants)
 
     def with_constants(self, values: Iterable[float]) -> Expression:
-        """Return the same expression with other constants."""
+        """Return the expression with its constants replaced by `values`."""
         values = iter(values)
         terms = []
         for atoms, _ in self.terms:
@@ -109,7 +109,7 @@ class Expression:
         return Expression(tuple(terms))
 
     def stretched(self, scale: float) -> Expression:
-        """Return the expression of v/scale, as an expression of v."""
+        """Return the expression with v replaced by v/scale."""
         terms: Expression = Expression(())
         for atoms, c in self.terms:
             product = Expression.constant(c)
@@ -122,13 +122,13 @@ class Expression:
         return terms
 
     def without_the_negligible(self, v: np.ndarray, share: float) -> Expression:
-        """Drop the products whose root mean square over v (n,) is below a share of the whole's."""
+        """Return the expression without products whose root mean square over v (n,) is below a fraction of its own."""
         whole = float(np.sqrt(np.mean(self(v) ** 2)))
         sizes = [np.sqrt(np.mean(Expression((term,))(v) ** 2)) for term in self.terms]
         return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))
 
     def widths(self) -> list[float]:
-        """Return 1/w of every tanh(w·v)."""
+        """Return the width 1/w of every factor tanh(w·v)."""
         widths = []
         for atoms, _ in self.terms:
             for atom in atoms:
@@ -152,13 +152,13 @@ class Expression:
 
 
 def _is_unit(atom: Atom) -> bool:
-    """Return whether an atom is |product|: the product's factor is 1 and is not a constant of its own."""
+    """Return whether an atom is the absolute value of a single product, whose coefficient is always 1."""
     assert atom.inner is not None
     return atom.kind == "abs" and len(atom.inner.terms) == 1
 
 
-def _collected(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
-    """Add equal products, whose atoms are put in order; |v|·|v| is written as v·v."""
+def _collect(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
+    """Return the sum of terms, with equal products added. Atoms are sorted, and |v|·|v| is written as v·v."""
     size = Atom("abs", Expression.variable(1.0))
     total: dict[tuple[Atom, ...], float] = {}
     for atoms, c in terms:
@@ -176,7 +176,7 @@ DEPTH = 8
 
 @dataclass(frozen=True)
 class ScoredExpression:
-    """An expression, and its length in nodes and mean square error as Operon computed them."""
+    """An expression on the Pareto front, with the length in nodes of Operon's tree, and its mean square error."""
 
     expression: Expression
     length: int
@@ -206,7 +206,7 @@ def front(
     problem.ConfigurePrimitiveSet(sum(int(getattr(op.NodeType, name)) for name in FUNCTIONS))
     budget = 4 * population * generations * (polish + 1)
 
-    # Operon refers to its parts by pointer: each needs a name that lives until the end.
+    # Operon stores pointers to these objects, so each must have a name until the search ends.
     primitives, inputs = problem.PrimitiveSet, problem.InputHashes
     table = op.DispatchTable()
     optimizer = op.LMOptimizer(table, problem, polish, 0)
@@ -266,9 +266,9 @@ def front(
 
 
 def _from_postfix(nodes: list, largest: float) -> Expression:
-    """Turn a tree in postfix order into an expression; a node's first argument is the node right before it.
+    """Convert the nodes of a tree in postfix order to an expression; a node's first argument directly precedes it.
 
-    largest: the largest size of the variable.
+    largest: the largest absolute value of the variable.
     """
     kinds, stack = op.NodeType, []
     grid = np.linspace(-largest, largest, 129)

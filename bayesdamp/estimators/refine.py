@@ -1,4 +1,4 @@
-"""The second stage of every estimator: the trajectory that fits the record best, started at the first stage."""
+"""The second stage of every estimator: a least squares fit of the trajectory, from the values of the first stage."""
 
 from __future__ import annotations
 
@@ -28,25 +28,28 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 from bayesdamp.units import quantity_unit
 
-ROUGHER = 1.1
-"""A residual is reported if it exceeds this many times the record's roughness, and five standard errors more."""
-CORRELATED = 0.1
-"""It is also reported if its correlation over a twelfth of a period exceeds this and five standard errors."""
-SMALLEST = 1e-5
-"""... if it also exceeds this share of the amplitude: a trajectory's error is far below."""
+MOST_RESIDUAL = 1.1
+"""A misfit is reported if the residual exceeds the record's noise by this factor plus five standard errors."""
+MOST_CORRELATION = 0.1
+"""A misfit is reported if the autocorrelation of the residual over a twelfth of a period exceeds both this and five
+standard errors."""
+LEAST_RESIDUAL = 1e-5
+"""No misfit is reported if the residual is below this fraction of the amplitude (numerical errors are much smaller)."""
 TOLERANCE = 1e-11
-"""Largest error of a trajectory, as a share of the amplitude: a record without noise is fitted to its last digits, and
-a sum of squares is smooth enough for its minimum along what the record hardly determines."""
+"""Largest error of a trajectory, as a fraction of the amplitude. It is small so that records without noise are fitted
+to
+their last digits, and the sum of squares is smooth along combinations that the record hardly determines."""
 STEPS = 400
+"""Greatest number of Levenberg–Marquardt steps."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
-"""Near its end the residuals of a refined fit are nearly linear: large factors save steps."""
-STILL, SAME, LEVEL = 1e-9, 1e-13, 1e-12
-"""A search has converged with a step of this share of what changes the residuals as much as all of them are now, of
-this share of the parameters, or that lowers their sum of squares by this share."""
+"""Factors of the damping parameter. They are large because the residuals are nearly linear near the minimum."""
+SMALL_CHANGE, SMALL_STEP, SMALL_GAIN = 1e-9, 1e-13, 1e-12
+"""The search has converged if a step changes the residuals by this fraction of their norm, the parameters by this
+fraction of their values, or lowers the sum of squares by this fraction."""
 
 
 class Minimum(NamedTuple):
-    """The best x (k,), the sum of squares after each evaluation, and whether the search converged."""
+    """The result of a search: the best x (k,), the lowest sum of squares after each evaluation, and convergence."""
 
     x: np.ndarray
     costs: np.ndarray
@@ -70,7 +73,7 @@ class _TrajectoryFit:
         return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
 
     def until(self, time: float) -> _TrajectoryFit:
-        """Return the fit of the samples up to a time, s."""
+        """Return the fit to the samples up to a time (s)."""
         early = self.signal.t <= time
         return replace(self, signal=replace(self.signal, t=self.signal.t[early], y=self.signal.y[early]))
 
@@ -83,7 +86,7 @@ class _TrajectoryFit:
         return values - self.signal.y, slopes.T
 
     def mean_square(self, x: np.ndarray, escaped: float) -> float:
-        """Return the mean square of the residuals, or `escaped` if the trajectory escapes."""
+        """Return the mean square of the residuals, or `escaped` if the trajectory is unbounded."""
         r = self.trajectories.record(self._parameters(x)) - self.signal.y
         value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
         return value if np.isfinite(value) else escaped
@@ -92,17 +95,29 @@ class _TrajectoryFit:
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     """Fit the trajectory to the record by least squares, starting at `first`.
 
-    Unknown are the damping coefficients (never below zero) and those of the restoring parameters, theta0 and omega0
-    that are not known; what `first` does not give starts from the record's features. One unknown: bounded Brent in a
-    bracket around the estimate that widens by itself; several: Levenberg–Marquardt.
-    If the fit misses the record, it starts again over two cycles and doubles the window until it holds the whole
-    record, because a frequency that is a little off loses step over many cycles. stderr assumes white residuals.
-    If the fit is poor, the outcome says so and the result still has its values.
+    The unknowns are the damping coefficients (not negative), and every restoring parameter, theta0 and omega0 that is
+    not known; values that `first` does not have start from the record's features. A single unknown is first searched
+    by Brent's method. If the fit loses the phase of the record, it starts again with the first two cycles and doubles
+    this window until it covers the record.
+
+    Parameters
+    ----------
+    signal
+        The record.
+    problem
+        The damping terms, and the known parameters of the system.
+    first
+        The estimate of the first stage.
+
+    Returns
+    -------
+    Estimate
+        The best values. Their standard errors assume white residuals. If the fit is poor, the outcome says so.
 
     Raises
     ------
     Refusal
-        If the trajectory escapes.
+        If the trajectory is unbounded for every start.
     """
     features = checked_features(signal)
     osc = oscillator(problem)
@@ -122,13 +137,14 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
 
     traces = []
     if len(names) == 1:
-        escaped = 100.0 * size**2  # ten times the record's size
+        escaped = 100.0 * size**2  # as for a residual of ten times the amplitude
         coefficient, costs = brent(
             lambda c: fit.mean_square(np.array([c]), escaped), float(x[0]), float(units[0])
         )
         x = np.array([coefficient])
         traces.append(np.sqrt(costs))
     best = least_squares(fit.linearise, x, floor)
+    # A root mean square residual above this means that the trajectory has lost the phase of the record.
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, features)}[name] for name in names])):
         if not np.sqrt(best.costs[-1] / signal.t.size) < lost:
@@ -141,7 +157,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     traces.append(np.sqrt(best.costs / signal.t.size))
     residual, jacobian = fit.linearise(best.x)
     if not np.all(np.isfinite(residual)):
-        raise Refusal("the trajectory escapes from every start that was tried")
+        raise Refusal("the trajectory is unbounded for every start that was tried")
 
     rms = float(np.sqrt(np.mean(residual**2)))
     problems = [] if best.converged else ["the trajectory fit did not converge"]
@@ -151,7 +167,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
     values = dict(zip(names, map(float, best.x)))
-    moving = best.x > floor  # a parameter at its floor has no standard error
+    moving = best.x > floor  # a parameter at its lower bound has no standard error
     j = jacobian[:, moving]
     scale = np.linalg.norm(j, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
@@ -170,7 +186,7 @@ def least_squares(
 ) -> Minimum:
     """Minimise a sum of squares over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
 
-    linearise: maps x to residuals (n,) and their Jacobian (n, k); a step to residuals that are not finite is refused.
+    linearise: maps x to residuals (n,) and their Jacobian (n, k). A step to residuals that are not finite is rejected.
     """
     costs: list[float] = []
 
@@ -183,21 +199,22 @@ def least_squares(
     def ended(step: Step) -> bool:
         cost = -step.at.value
         scale = np.sqrt(np.diag(step.at.information) / 2)
-        small = bool(np.all(np.abs(step.move) * scale <= STILL * np.sqrt(cost)))
+        small = bool(np.all(np.abs(step.move) * scale <= SMALL_CHANGE * np.sqrt(cost)))
         if step.gain > 0:
-            return small or step.gain < LEVEL * cost or step.gain == cost
-        return small or bool(np.all(np.abs(step.move) <= SAME * np.abs(step.x))) or cost == 0.0
+            return small or step.gain < SMALL_GAIN * cost or step.gain == cost
+        return small or bool(np.all(np.abs(step.move) <= SMALL_STEP * np.abs(step.x))) or cost == 0.0
 
     result = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
     return Minimum(result.x, np.array(costs), result.converged)
 
 
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
-    """Return the first stage's values, or the record's own restoring parameters where these fit better."""
-    own = {**fit.base, **first.values}
-    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
+    """Return the values of `first`, or with the restoring parameters from the record's features if these fit better."""
+    estimated = {**fit.base, **first.values}
+    damping = {name: max(estimated[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
     candidates = [
-        np.array([{**start, **damping}[name] for name in fit.names]) for start in (own, {**own, **fit.base})
+        np.array([{**start, **damping}[name] for name in fit.names])
+        for start in (estimated, {**estimated, **fit.base})
     ]
     if not any(name in first.values for name in fit.names if name not in damping):
         return candidates[0]
@@ -206,20 +223,20 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
 
 
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
-    """Return a sentence if the residual (n,) of a trajectory is more than noise, or None.
+    """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise, or None.
 
-    White noise is mistaken for a misfit in less than one of 10⁶ records.
+    White noise is reported as a misfit in less than one of 10⁶ records.
     """
     n = residual.size
     rms = float(np.sqrt(np.mean(residual**2)))
     size = float(np.abs(features.turning_amplitudes).max())
     noise = max(noise_level(signal), features.roughness)
-    if rms <= SMALLEST * size:
+    if rms <= LEAST_RESIDUAL * size:
         return None
     lag = min(max(1, round(features.samples_per_cycle / 12)), n - 1)
     correlation = float(residual[lag:] @ residual[:-lag] / (residual @ residual))
-    rougher = rms > (ROUGHER + 5 / np.sqrt(2 * n)) * noise
-    if not rougher and correlation <= max(CORRELATED, 5 / np.sqrt(n)):
+    rougher = rms > (MOST_RESIDUAL + 5 / np.sqrt(2 * n)) * noise
+    if not rougher and correlation <= max(MOST_CORRELATION, 5 / np.sqrt(n)):
         return None
     times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
     return (

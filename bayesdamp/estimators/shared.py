@@ -1,4 +1,4 @@
-"""What several estimators need: a record's motion with derivatives, starting values, and small searches."""
+"""Functions that several estimators use: smoothed motion with derivatives, starting values, and small searches."""
 
 from __future__ import annotations
 
@@ -22,43 +22,44 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 DEGREE = 7
-"""Degree of the splines: derivatives of an interpolating one are accurate to a millionth of a per cent."""
-FEWEST = 4
-"""Fewest samples before a gap from which a start can be read."""
-WHOLE, PARTS = 32_768, 8
-"""The noise of a record with at most so many samples is measured on all of them; a longer record is measured on as many
-samples, in so many parts."""
+"""Degree of the splines. The derivatives of an interpolating spline of this degree have relative errors near 1e-8."""
+LEAST_SAMPLES = 4
+"""Fewest samples before the first gap, from which the start of the motion is determined."""
+NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
+"""Greatest number of samples from which the noise is measured, and number of evenly spread parts into which they are
+divided in a longer record."""
 NO_NOISE = 1e-6
-"""Noise below this share of the amplitude counts as none: a likelihood has nothing to weigh by."""
+"""A record with less noise than this fraction of its amplitude counts as noise-free: it has no likelihood."""
 KNOTS_PER_PERIOD = 4.0
-"""Knots of the smoothing spline: it keeps the oscillation and its second harmonic."""
+"""Knots of the smoothing spline in a period, which preserve the oscillation and its second harmonic."""
 EDGE = 1.5
-"""Knot spacings left out at each end of a smoothing spline, where its derivatives are poor."""
+"""Knot spacings at each end of a smoothing spline that are not used, because its derivatives are inaccurate there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
+"""Fewest samples in a period (conventional)."""
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative of the displacement that each quantity is."""
+"""By quantity: the order of the time derivative of the displacement."""
 SCORE = 3.5
-"""Farthest distance from the middle of its prior at which a term's further parameter is searched, in normal scores."""
-PER_CYCLE = 40.0
-"""Means are taken over no more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
+"""Largest standard normal score (under its prior) at which a further parameter of a term is searched."""
+MEANS_PER_CYCLE = 40.0
+"""Least number of block means in a cycle; the mean over a block then reduces a sinusoid by 0.1 % at most."""
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class SmoothedMotion:
-    """Displacement, velocity and acceleration at m instants, all from one spline.
+    """Displacement, velocity and acceleration from one spline.
 
-    t (m,) in s; theta, omega, alpha (m,) in rad, rad/s, rad/s² (or m).
-    clean: whether the spline interpolates. If it smooths, `project` applies the same smoothing to a function of the
-    motion, so that an equation of motion still holds when both its sides are projected. project maps values at all
-    samples (n,) to values at t (m,).
+    t (m,): selected times in s. theta, omega, alpha (m,): the motion there in rad, rad/s, rad/s² (or m).
+    clean: whether the spline interpolates the record; otherwise it smooths.
+    project: smooths a function of the motion like the record, mapping values at all samples (n,) to values at t (m,).
+    An equation of motion still holds when both its sides are projected.
     everywhere: theta, omega, alpha at all samples that are used, each (n,).
-    bandwidth: the highest angular frequency that the spline follows, rad/s.
-    noise: standard deviation of the record's noise, unit of the record.
-    theta0, omega0: displacement and velocity at the record's start.
-    integrated: number of unknown constants of integration that were guessed to get the displacement.
-    response: maps noise (n, m) on the samples of a displacement to what the spline makes of it: displacement,
-    velocity and acceleration at all samples, each (n, m). It is None if the record was integrated.
+    bandwidth: the highest angular frequency that the spline follows, in rad/s.
+    noise: standard deviation of the record's noise, in the record's unit.
+    theta0, omega0: displacement and velocity at the start of the record.
+    integrated: number of constants of integration that had to be guessed for the displacement.
+    response: maps noise (n, r) in the samples to the errors of displacement, velocity and acceleration at all samples,
+    each (n, r), to first order. None if the record was integrated.
     """
 
     t: np.ndarray
@@ -77,12 +78,12 @@ class SmoothedMotion:
 
 
 def oscillator(problem: Problem) -> Oscillator:
-    """Return the oscillator of a problem: its damping terms and its restoring law."""
+    """Return the oscillator of a problem, with its damping terms and its restoring law."""
     return Oscillator(damping=tuple(problem.damping), restoring=problem.system.restoring)
 
 
 def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
-    """Return each damping term's equivalent damping ratio per unit of its coefficient, at the record's amplitude."""
+    """Return the equivalent damping ratio per unit coefficient of each term, at the record's amplitude, (k,)."""
     return np.array(
         [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
     )
@@ -95,19 +96,19 @@ def known_restoring(problem: Problem) -> dict[str, float]:
 
 
 def free_names(problem: Problem) -> list[str]:
-    """Return the unknowns besides the damping: those of the restoring parameters, theta0 and omega0."""
+    """Return the names of the restoring parameters and start values (theta0, omega0) that are not known."""
     names = (*oscillator(problem).law.parameters, "theta0", "omega0")
     return [name for name in names if name not in problem.system.known]
 
 
 def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, float]:
-    """Return those of displacement and velocity at the start that are not known."""
+    """Return the start values, theta0 and omega0, without those that are known."""
     start = {"theta0": float(theta0), "omega0": float(omega0)}
     return {name: value for name, value in start.items() if name not in problem.system.known}
 
 
 def epsilon_of(problem: Problem, features: Features) -> float:
-    """Return the width of friction's switch, rad/s: the known one, or 2 % of the record's peak velocity."""
+    """Return the width ε of friction (rad/s): the known value, or 2 % of the record's peak velocity."""
     known = problem.system.known.get("epsilon")
     if known is not None:
         return float(known)
@@ -115,10 +116,10 @@ def epsilon_of(problem: Problem, features: Features) -> float:
 
 
 def further_values(problem: Problem, features: Features) -> dict[str, float]:
-    """Return what the damping terms take besides their coefficients.
+    """Return the arguments of the damping terms besides their coefficients, by name.
 
-    That is ε if a term switches, the terms' further parameters (the known ones, or the medians of their priors), and
-    the scales of the record.
+    These are ε if a term depends on the sign of the velocity, the further parameters of terms (known values, or the
+    medians of their priors), and the scales of the record.
     """
     osc, reference = oscillator(problem), reference_of(problem.system, features)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
@@ -133,7 +134,7 @@ def further_values(problem: Problem, features: Features) -> dict[str, float]:
 
 
 def further_priors(problem: Problem, features: Features) -> dict[str, Prior]:
-    """Return the priors of the damping terms' unknown parameters besides their coefficients."""
+    """Return the priors of the unknown further parameters of damping terms (not the coefficients), by name."""
     reference = reference_of(problem.system, features)
     return {
         p.name: p.prior(reference.amplitude, reference.frequency)
@@ -144,9 +145,9 @@ def further_priors(problem: Problem, features: Features) -> dict[str, Prior]:
 
 
 def start_parameters(signal: Signal, problem: Problem, features: Features) -> dict[str, float]:
-    """Return every parameter of a trajectory except the damping: the known value, or one read off the record.
+    """Return all parameters of a trajectory except the damping coefficients: known values, or values from the record.
 
-    Restoring parameters come from the record's frequency and midline, theta0 and omega0 from the smoothed record.
+    Restoring parameters follow from the record's frequency and midline, theta0 and omega0 from the smoothed record.
     """
     osc, known = oscillator(problem), problem.system.known
     p = dict(osc.law.start(features.frequency, features.rest, known_restoring(problem)))
@@ -160,11 +161,12 @@ def start_parameters(signal: Signal, problem: Problem, features: Features) -> di
 def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     """Estimate damping coefficients from the energy that the record loses between turning points.
 
-    The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. It is
-    solved by non-negative least squares, each swing weighted by its amplitude. The result is rough, but never far off.
+    The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. The
+    coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The result
+    is rough but robust.
     """
     osc = oscillator(problem)
-    # Half the distance of neighbouring turning points needs no midline.
+    # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
     sizes = np.abs(np.diff(features.turning_values)) / 2
     times = (features.turning_times[1:] + features.turning_times[:-1]) / 2
     largest = max(float(sizes.max()), 1e-300)
@@ -177,7 +179,7 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     middle = np.sqrt(sizes[1:] * sizes[:-1])
     rate = -np.diff(np.log(sizes)) / (w * np.diff(times))
     arguments = further_values(problem, features)
-    ratios = []  # of each term: its equivalent damping ratio per unit of its coefficient
+    ratios = []  # for each term: the equivalent damping ratio per unit coefficient at each amplitude
     for term in osc.terms:
         if term.further:
             further = {n: arguments[n] for n in term.further if n != "rest"}
@@ -191,16 +193,16 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 
 
 def solve(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
-    """Return the least squares solution of a x = b, (c,), with the columns of a (n, c) scaled to one length.
+    """Return the least squares solution x (c,) of a x = b; the columns of a (n, c) are scaled to unit length.
 
-    rcond: the share of the largest singular value below which a direction is left out.
+    rcond: the fraction of the largest singular value below which singular values count as zero.
     """
     scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
     return np.linalg.lstsq(a / scale, b, rcond=rcond)[0] / scale
 
 
 def checked_features(signal: Signal) -> Features:
-    """Return the record's features.
+    """Return the features of a record that is suitable for estimators.
 
     Raises
     ------
@@ -210,44 +212,46 @@ def checked_features(signal: Signal) -> Features:
     features = measure(signal)
     if features.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
         raise Refusal(
-            f"{features.samples_per_cycle:.1f} samples in a period, and at least "
+            f"the record has {features.samples_per_cycle:.1f} samples in a period; at least "
             f"{LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
         )
     return features
 
 
 def has_noise(signal: Signal, features: Features) -> bool:
-    """Return whether a record with these features has noise that a likelihood can weigh by."""
+    """Return whether a record has enough noise for a likelihood."""
     return noise_level(signal) > NO_NOISE * float(np.abs(features.turning_amplitudes).max())
 
 
 def noise_level(signal: Signal) -> float:
-    """Return the standard deviation of the noise, unit of the record; rounding error if there is none.
+    """Return the standard deviation of the noise in the record's unit; rounding error if there is no noise.
 
-    It is measured on the residual of a spline of degree 7 with a knot at every fourth sample, by the median absolute
-    value, so that the corners of Coulomb friction do not count. Quantisation counts as step/√12.
+    It follows from the median absolute residual of a spline of degree 7 with a knot at every fourth sample; the median
+    is not affected by the corners of Coulomb friction. It is at least step/√12, the noise of quantisation.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
         return max(float(np.std(np.diff(y, 6))) / np.sqrt(924.0), signal.step / np.sqrt(12.0))
     parts = [slice(0, t.size)]
-    if t.size > WHOLE:  # the time for a spline grows with the square of its knots
-        size = WHOLE // PARTS
-        parts = [slice(first, first + size) for first in np.linspace(0, t.size - size, PARTS, dtype=int)]
+    if t.size > NOISE_SAMPLES:  # the time to fit a spline grows with the square of its knots
+        size = NOISE_SAMPLES // NOISE_PARTS
+        parts = [
+            slice(first, first + size) for first in np.linspace(0, t.size - size, NOISE_PARTS, dtype=int)
+        ]
     left = []
     for part in parts:
-        spline = _least_squares(t[part], y[part], t[part][4:-4:4])
+        spline = _fit_spline(t[part], y[part], t[part][4:-4:4])
         freedom = 1.0 - (spline.c.size / t[part].size)
         left.append(np.abs(y[part] - spline(t[part])) / np.sqrt(freedom))
     return max(1.4826 * float(np.median(np.concatenate(left))), signal.step / np.sqrt(12.0))
 
 
 def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (t, y) with about `most` samples or fewer: means of neighbours if there is noise, else a selection."""
+    """Return (t, y) with at most `most` samples: block means if the record has noise, else a selection of samples."""
     t, y = signal.t, signal.y
     size = float(np.abs(features.turning_amplitudes).max())
     if t.size > most and noise_level(signal) > 1e-5 * size:
-        group = min(-(-t.size // most), max(1, int(features.samples_per_cycle / PER_CYCLE)))
+        group = min(-(-t.size // most), max(1, int(features.samples_per_cycle / MEANS_PER_CYCLE)))
         blocks = t.size // group
         times = t[: blocks * group].reshape(blocks, group)
         whole = times[:, -1] - times[:, 0] <= 1.5 * (group - 1) * float(np.median(np.diff(t)))
@@ -273,14 +277,13 @@ def phase_of(signal: Signal, features: Features) -> Polynomial:
 def motion(
     signal: Signal, problem: Problem, features: Features, knots_per_period: float = KNOTS_PER_PERIOD
 ) -> SmoothedMotion:
-    """Compute displacement, velocity and acceleration from the record alone, on a uniform clock or not.
+    """Compute displacement, velocity and acceleration from a record, whose times may be uneven.
 
-    If the noise of an interpolating spline's highest derivative, about 6σ/Δt² for an angle, is below a thousandth of
-    the record's own, the spline of degree 7 interpolates and twenty samples at each end are left out. Otherwise a
-    spline of degree 7 with `knots_per_period` is fitted to the record by least squares (samples further off than six
-    robust standard deviations do not count) and one and a half knot spacings at each end are left out.
-    A recorded velocity or acceleration is integrated; its constants come from a known theta0 and omega0, or else
-    from the midline of the turning points. Each of the record's `pieces` is treated by itself.
+    If the noise in the acceleration of an interpolating spline (about 6σ/Δt² for an angle) is below a thousandth of the
+    acceleration, a spline of degree 7 interpolates the record. Otherwise a spline of degree 7 with `knots_per_period`
+    is fitted by least squares, without samples that deviate by more than six robust standard deviations. In both cases
+    the ends are left out. A recorded velocity or acceleration is integrated; the constants follow from a known theta0
+    and omega0, or from the midline of the turning points. Each of the record's `pieces` is fitted separately.
     """
     noise = noise_level(signal)
     parts = [
@@ -313,7 +316,7 @@ def motion(
 
 
 def pieces(signal: Signal, period: float) -> list[Signal]:
-    """Split a record at its gaps; keep the first piece and those of at least a period (s).
+    """Split a record at its gaps, and return the first piece and all pieces that last at least a period (s).
 
     A gap is longer than three sampling intervals and a tenth of the period. Only the first piece of a velocity or an
     acceleration is kept, because it cannot be integrated across a gap.
@@ -331,9 +334,12 @@ def pieces(signal: Signal, period: float) -> list[Signal]:
 def _motion_without_gap(
     signal: Signal, problem: Problem, features: Features, noise: float, knots_per_period: float
 ) -> SmoothedMotion:
+    """Compute the motion of one piece as `motion` describes. noise: standard deviation of the samples."""
     t, y = signal.t, signal.y
-    if t.size < FEWEST:
-        raise Refusal("the samples before the first gap are too few; let the record begin after it")
+    if t.size < LEAST_SAMPLES:
+        raise Refusal(
+            "the record has too few samples before its first gap; choose a record that begins after it"
+        )
     gap = (t[-1] - t[0]) / (t.size - 1)
     order = ORDER[signal.quantity]
     size = float(np.abs(features.turning_amplitudes).max())
@@ -349,18 +355,18 @@ def _motion_without_gap(
     else:
         spacing = max(features.period / knots_per_period, 2.2 * gap)
         knots = _knots(t, spacing)
-        spline = _least_squares(t, y, knots)
+        spline = _fit_spline(t, y, knots)
         for _ in range(2):
             left = np.abs(y - spline(t))
             good = left <= 6 * 1.4826 * max(float(np.median(left)), 1e-300)
             knots = _knots(t[good], spacing)
-            spline = _least_squares(t[good], y[good], knots)
+            spline = _fit_spline(t[good], y[good], knots)
         inside = np.flatnonzero((t >= t[0] + EDGE * spacing) & (t <= t[-1] - EDGE * spacing))
         rows = inside[:: max(1, int(spacing / (16 * gap)))]
         bandwidth = np.pi / spacing
 
     def smooth(x: np.ndarray) -> BSpline:
-        return scipy.interpolate.make_interp_spline(t, x, k=DEGREE) if clean else _least_squares(t, x, knots)
+        return scipy.interpolate.make_interp_spline(t, x, k=DEGREE) if clean else _fit_spline(t, x, knots)
 
     curves, guessed = integrate(spline, signal, problem, features)
     theta, omega, alpha = (curve(t) for curve in curves)
@@ -382,7 +388,7 @@ def _motion_without_gap(
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
-    """Return inner knots about `spacing` apart with at least two samples between neighbours."""
+    """Return inner knots about `spacing` (s) apart, with at least two samples between neighbouring knots."""
     wanted = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / spacing) + 1))[1:-1]
     knots, last = [], 0
     for knot, i in zip(wanted, np.searchsorted(t, wanted)):
@@ -392,7 +398,8 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
     return np.asarray(knots)
 
 
-def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
+def _fit_spline(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
+    """Fit a spline of degree 7 (less if the samples are few) with these inner knots by least squares."""
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap allow only a lower degree
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
         try:
@@ -405,12 +412,12 @@ def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
 def integrate(
     spline: BSpline, signal: Signal, problem: Problem, features: Features
 ) -> tuple[tuple[Curve, Curve, Curve], int]:
-    """Integrate a record's spline as often as its quantity needs.
+    """Return the motion from the spline of a record: a velocity is integrated once, an acceleration twice.
 
     Returns
     -------
     (displacement, velocity, acceleration), int
-        The motion as functions of time, and how many constants of integration were guessed.
+        The motion as functions of time, and the number of constants of integration that were guessed.
     """
     known, t, order = problem.system.known, signal.t, ORDER[signal.quantity]
     if order == 0:
@@ -451,7 +458,7 @@ def integrate(
 
 
 def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
-    """Fit a polynomial in t − t[0] through the midline of the turning points; coefficients, lowest first."""
+    """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first."""
     turns = turning_points(t, y, period)
     if turns.times.size < 4:
         return np.r_[float(np.mean(y)), np.zeros(degree)]
@@ -459,18 +466,18 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
 
 
 def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
-    """Find the minimum of `cost` over x ≥ 0 (paper, section 3.3: Brent's method with bounded search).
+    """Minimise `cost` over x ≥ 0 by Brent's bounded method (paper, section 3.3).
 
-    The bracket is [guess/3, 3·guess] and moves on if the minimum is at its end.
+    The bracket is [guess/3, 3·guess]; it is shifted while the minimum is at one of its ends.
 
     Parameters
     ----------
     cost
         The function to minimise.
     guess
-        Where the search starts, but no lower than `unit`.
+        Start of the search; at least `unit`.
     unit
-        A value of x that is small but matters.
+        A small value of x that still matters, which scales the tolerance.
 
     Returns
     -------
@@ -508,10 +515,10 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[fl
 def search_further(
     priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
 ) -> dict[str, float]:
-    """Find the values of these parameters with the least cost.
+    """Return the values of the parameters in `priors` that minimise `cost`.
 
-    This is variable projection (Golub and Pereyra 1973) if the cost is what the best coefficients leave. Nelder and
-    Mead's search runs over the parameters' normal scores, from the best point of a grid.
+    The search of Nelder and Mead varies the standard normal scores of the parameters, from the best point of a grid. If
+    the cost is the residual with the best coefficients, this is variable projection (Golub and Pereyra 1973).
     """
     if not priors:
         return {}

@@ -1,1 +1,1 @@
-"""From a record and seeds to posteriors and evidence."""
+"""Inference: posteriors, evidence and checks of models on a record."""

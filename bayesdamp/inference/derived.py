@@ -1,4 +1,4 @@
-"""Quantities derived from a posterior's draws, one for each row of `QUANTITIES`.
+"""Quantities that are derived from posterior draws.
 
 | name | unit | meaning |
 |---|---|---|
@@ -6,18 +6,18 @@
 | damping_ratio | 1 | F′_damp/(2ω_n) at the equilibrium, of the terms that are linear there (friction has none) |
 | quality_factor | 1 | 1/(2 · damping_ratio) |
 | equivalent_ratio | 1 | ΔE/(4πE) of a cycle at the reference amplitude |
-| log_decrement | 1 | fall of ln A a cycle at the reference amplitude, ΔE/(A dE/dA) |
-| half_life | s | time in which the amplitude halves from the reference amplitude |
+| log_decrement | 1 | decrease of ln A in a cycle at the reference amplitude, ΔE/(A dE/dA) |
+| half_life | s | time in which the amplitude decreases from the reference amplitude to half of it |
 | energy_fraction | 1 | ΔE/E of a cycle at the reference amplitude |
 | energy_lost | J | inertia · ΔE |
 | viscous_coefficient | N m s | inertia · 2ζ (N s/m for a translation) |
 | coulomb_torque | N m | inertia · μ_c (N for a translation) |
 | quadratic_coefficient | N m s² | inertia · μ_q (N s²/m² for a translation) |
 
-E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force along it, both by
-quadrature with the model's own restoring law. Amplitudes follow dA/dn = −ΔE/(dE/dA) a cycle n (averaging to first
-order). For a linear oscillator with viscous damping the half-life is exact, and the decrement right within half the
-ratio squared.
+E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force in a cycle of this motion,
+both by quadrature with the restoring law of the model. By first-order averaging, the amplitude changes by −ΔE/(dE/dA)
+in a cycle. For a linear oscillator with viscous damping the half-life is exact, and the relative error of the decrement
+is half the damping ratio squared.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
 SLOW = 1e-170
-"""A velocity in rad/s whose square is zero in double precision, so that only linear terms have a slope there."""
+"""A velocity in rad/s whose square is zero in double precision, so that only linear terms have a derivative there."""
 CURVE_DRAWS = 1000
-"""Number of draws for a band over amplitudes: its edges are right within a tenth of an sd."""
+"""Number of draws for a band over amplitudes; its limits are then accurate to a tenth of an sd."""
 _HALVING = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
 class Motions:
-    """The motions of an oscillator under posterior draws of its parameters.
+    """The motions of an oscillator for posterior draws of its parameters.
 
     Attributes
     ----------
     osc : Oscillator
         Its damping terms and restoring law.
     values : mapping of str to float or ndarray
-        Every parameter of the oscillator, scalars or arrays of one shape.
+        All parameters of the oscillator, as scalars or arrays of the same shape.
     near : float
-        Where the search for the equilibrium starts, rad or m.
+        Start of the search for the equilibrium, in rad or m.
     amplitude : float
-        The reference amplitude, rad or m.
+        The reference amplitude, in rad or m.
     inertia : float or None
-        In kg m² (kg for a displacement), None where it is not known.
+        Moment of inertia in kg m² (mass in kg for a displacement); None if it is not known.
     """
 
     osc: Oscillator
@@ -82,13 +82,13 @@ class Motions:
 
     @cached_property
     def frequency(self) -> np.ndarray:
-        """ω_n in rad/s; nan where there is no stable equilibrium."""
+        """The natural frequency ω_n in rad/s; nan without a stable equilibrium."""
         with np.errstate(invalid="ignore"):
             return np.sqrt(self.osc.law.slope(self._rest, self._numbers))
 
     @cached_property
     def damping_ratio(self) -> np.ndarray | None:
-        """F′_damp/(2ω_n) at the equilibrium, of the smooth terms; None where none of them is linear there."""
+        """The damping ratio F′_damp/(2ω_n) at the equilibrium; None if no damping term is linear there."""
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
             return None
@@ -113,7 +113,7 @@ class Motions:
 
     @property
     def half_life(self) -> np.ndarray:
-        """∫ T/δ d ln A from half the reference amplitude to it, in s, by Gauss and Legendre's rule."""
+        """The half-life in s: ∫ T/δ d ln A from half of the reference amplitude to it, by Gauss–Legendre quadrature."""
         time = np.zeros(self.shape)
         for x, w in zip(*_HALVING, strict=True):
             a = self.amplitude * 2.0 ** (-0.5 * (x + 1.0))
@@ -122,7 +122,7 @@ class Motions:
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
-        """Return a factor times a coefficient times the inertia; None where one of them is missing."""
+        """Return factor · coefficient · inertia; None if the inertia is unknown or the model lacks the term."""
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))
@@ -130,16 +130,16 @@ class Motions:
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """One derived quantity.
+    """A derived quantity.
 
     Attributes
     ----------
     name : str
-        As in results.
+        Name in results.
     angular, linear : str
-        Its unit for an angle in rad and for a displacement in m.
+        Units for an angle in rad and for a displacement in m.
     of : callable
-        Computes its value for each draw, None where it does not apply.
+        Function that returns its values for all draws; None if it does not apply.
     """
 
     name: str
@@ -171,9 +171,10 @@ QUANTITIES = (
 
 
 def derive(motions: Motions) -> dict[str, np.ndarray]:
-    """Compute every derived quantity that the model has, of the draws' shape; nan or infinite where a draw has none.
+    """Compute all derived quantities that apply to the model, as arrays by name.
 
-    The natural frequency is left out where it is the same for all draws.
+    A value is nan or infinite if the quantity is not defined for a draw. The natural frequency is left out if it is the
+    same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
@@ -181,28 +182,28 @@ def derive(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def units(displacement: str) -> dict[str, str]:
-    """Return the unit of each derived quantity, where displacements are in "rad" or in "m"."""
+    """Return the unit of each derived quantity for displacements in "rad" or "m"."""
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
 def against_amplitude(
     motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
 ) -> dict[str, np.ndarray]:
-    """Compute quantiles of the logarithmic decrement and of the equivalent ratio against the amplitude.
+    """Compute quantiles of the logarithmic decrement and of the equivalent damping ratio at several amplitudes.
 
     Parameters
     ----------
     motions : Motions
-        Draws, of which some 1,000 are used.
+        The draws, of which about 1,000 are used.
     amplitudes : ndarray, shape (m,)
-        rad or m.
+        Amplitudes in rad or m.
     levels : sequence of float
-        Levels of the quantiles; by default the median and the central 95 %.
+        Levels of the quantiles; by default of the median and the central 95 % interval.
 
     Returns
     -------
     dict of str to ndarray, shape (levels, m)
-        By name of the quantity.
+        Quantiles by name of the quantity.
     """
     every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
     few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
@@ -216,8 +217,10 @@ def against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
+    """Return the equivalent damping ratio ΔE/(4πE)."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 
 def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
+    """Return the logarithmic decrement ΔE/(A dE/dA)."""
     return np.asarray(at.energy_lost / (amplitude * at.energy_slope))

@@ -1,10 +1,10 @@
-"""Diagnostics of draws: summaries, convergence, and files for ArviZ.
+"""Summaries, convergence diagnostics and ArviZ files of posterior draws.
 
-Convergence is judged by the rank-normalised split R̂ and by effective sample sizes of bulk, tails and mean (Vehtari,
-Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing
-convergence of MCMC", Bayesian Analysis 16 (2021); its formulas in brackets). ArviZ computes the same numbers, but takes
-half a second to import (xarray, pandas) in every process. Draws have the shape (chain, draw). A result is nan with
-fewer than four draws a chain, or where one is not finite.
+The diagnostics are the rank-normalised split R̂ and effective sample sizes of bulk, tails and mean (Vehtari, Gelman,
+Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing convergence of
+MCMC", Bayesian Analysis 16 (2021); numbers in brackets are those of its formulas). ArviZ computes the same numbers, but
+its import takes half a second in each process. Draws have the shape (chain, draw). A result is nan if a chain has fewer
+than four draws or a draw is not finite.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.types import OK, Posterior
 
-FEWEST = 4
-"""Smallest number of draws of a chain; conventional."""
+LEAST_DRAWS = 4
+"""Fewest draws of a chain (conventional)."""
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
+"""Largest R̂ and smallest effective sample size of reliable draws (recommended by Vehtari et al.)."""
 
 
 def rhat(draws: np.ndarray) -> float:
-    """Return the larger of two rank-normalised split R̂ (section 4.1); nan for a single chain.
+    """Return the rank-normalised split R̂ (section 4.1); nan for a single chain.
 
-    One is that of the draws (bulk), the other that of their distances from the median (tails).
+    It is the larger one of two values: of the draws (bulk) and of their distances from the median (tails).
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -42,7 +43,7 @@ def ess_bulk(draws: np.ndarray) -> float:
 
 
 def ess_tail(draws: np.ndarray) -> float:
-    """Return the smaller effective sample size of the 5 % and the 95 % quantile (section 4.3)."""
+    """Return the smaller of the effective sample sizes of the 5 % and the 95 % quantile (section 4.3)."""
     if not _usable(draws):
         return float("nan")
     return min(_ess(_split(draws <= np.quantile(draws, level)).astype(float)) for level in (0.05, 0.95))
@@ -59,28 +60,29 @@ def monte_carlo_error(draws: np.ndarray) -> float:
 
 
 def _usable(draws: np.ndarray) -> bool:
-    return draws.shape[1] >= FEWEST and bool(np.all(np.isfinite(draws)))
+    """Return whether there are enough draws and all are finite."""
+    return draws.shape[1] >= LEAST_DRAWS and bool(np.all(np.isfinite(draws)))
 
 
 def _split(draws: np.ndarray) -> np.ndarray:
-    """Return each chain's first and last half as chains, without the middle one of an odd number of draws."""
+    """Return the first and last halves of all chains as chains of their own."""
     half = draws.shape[1] // 2
     return np.vstack((draws[:, :half], draws[:, -half:]))
 
 
 def _normalised(draws: np.ndarray) -> np.ndarray:
-    """Return normal scores of the ranks among all draws, ties averaged, with Blom's offset (14)."""
+    """Return the normal quantiles of the ranks among all draws (14); ties get their mean rank."""
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
     return scipy.special.ndtri((ranks - 3 / 8) / (draws.size + 1 / 4))
 
 
 def _rhat(chains: np.ndarray) -> float:
-    """Return the potential scale reduction (1) to (4)."""
+    """Return the potential scale reduction factor (1) to (4)."""
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
     within = np.mean(np.var(chains, axis=1, ddof=1))
-    with np.errstate(divide="ignore", invalid="ignore"):  # constant chains: inf, or nan where all are equal
+    with np.errstate(divide="ignore", invalid="ignore"):  # constant chains give inf, or nan if all are equal
         return float(np.sqrt((between / within + n - 1) / n))
 
 
@@ -97,11 +99,11 @@ def _ess(chains: np.ndarray) -> float:
     rho = 1.0 - (within - covariance) / total
     rho[0] = 1.0
     pairs = rho[0 : n - 1 : 2] + rho[1:n:2]
-    # The first pair that is not positive, or the last one that the lags allow (as in Stan).
+    # The sum ends at the first pair that is not positive, or at the largest lag (as in Stan).
     ends = ~(pairs > 0) | (np.arange(pairs.size) >= (n - 3) // 2)
     last = int(np.argmax(ends))
-    left = rho[2 * last] if pairs[last] >= 0 or rho[2 * last] > 0 else 0.0
-    time = -1.0 + 2.0 * np.sum(np.minimum.accumulate(pairs[:last])) + left
+    remainder = rho[2 * last] if pairs[last] >= 0 or rho[2 * last] > 0 else 0.0
+    time = -1.0 + 2.0 * np.sum(np.minimum.accumulate(pairs[:last])) + remainder
     return float(chains.size / max(time, 1.0 / np.log10(chains.size)))
 
 
@@ -113,16 +115,21 @@ def summarise(
     Parameters
     ----------
     draws : ndarray, shape (chain, draw)
-        In natural units.
+        Draws in natural units.
     ensembles : int, optional
-        Number of independent groups of chains, where the chains of a group share their moves (emcee's walkers). R̂ then
-        compares groups, while the effective sample size uses each walker's own series.
+        Number of independent groups of chains, if the chains of a group are not independent (emcee's walkers). R̂ then
+        compares the groups.
     effective : float, optional
-        For independent draws of an approximation: how many draws of the posterior they are worth by their importance
-        weights. Both effective sample sizes are then this number, and R̂ is nan because there are no chains.
+        Effective number of independent draws of an approximation, by their importance weights. It is used for both
+        effective sample sizes; R̂ is then nan.
+
+    Returns
+    -------
+    dict of str to float
+        Mean, standard deviation, quantiles, highest density interval, effective sample sizes and R̂.
     """
     chains = draws
-    if ensembles is not None:  # (walker, step) to (ensemble, step · walker), in the order of time
+    if ensembles is not None:  # (walker, step) to (ensemble, step · walker)
         chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
@@ -147,7 +154,7 @@ def summarise(
 
 
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
-    """Return `ok`, or a sentence that names the first parameter whose draws cannot be trusted."""
+    """Return "ok", or a sentence on the first parameter whose draws are not reliable."""
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:
             return f"not converged: R-hat of {name} is {s['rhat']:.3f}, above {RHAT_LIMIT}"
@@ -163,10 +170,10 @@ def effective(draws: np.ndarray) -> float:
     return min(ess_bulk(draws), ess_tail(draws))
 
 
-def saved(posterior: Posterior) -> bytes:
-    """Return draws, log likelihood and sample statistics as a netCDF file for ArviZ.
+def to_netcdf(posterior: Posterior) -> bytes:
+    """Return draws, log likelihood and sample statistics as the content of a netCDF file for ArviZ.
 
-    The file is written in memory, because HDF5 ends the process where a disk is full.
+    The content is created in memory, because HDF5 crashes the process if a disk is full.
     """
     from arviz_base import from_dict
 
@@ -179,7 +186,7 @@ def saved(posterior: Posterior) -> bytes:
         }
     )
     content = io.BytesIO()
-    # On a worker of Dask, xarray locks a file by its name, and a file in memory has none.
+    # On a Dask worker xarray would lock the file by its name, which a file in memory does not have.
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
         data.to_netcdf(content, engine="h5netcdf")

@@ -1,4 +1,4 @@
-"""The mode of a posterior: the climb to it, how finely it is solved there, and Laplace's approximation around it."""
+"""The mode of a posterior: its search from one start, the accuracy of the motion there, and Laplace's approximation."""
 
 from __future__ import annotations
 
@@ -25,25 +25,28 @@ from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Seed
 
 CLOSE = 1e-3
-"""A climb ends at a step of fewer posterior sds than this, if the step also gains less than its cube, in nats."""
+"""A search ends if a step is shorter than this, in posterior sds, and gains less than its cube, in nats
+(conventional)."""
 ROUGHLY = 0.1
-"""The same for a mode that is only compared with another: of a part of a record, or of a growing window."""
-WALL = 1e-9
-"""Value at which a reflected score stops in place of zero, where it has no slope."""
+"""The same limit for a mode that only serves as a start or for a comparison."""
+SMALLEST_SCORE = 1e-9
+"""Lower bound of a reflected score in a search, instead of zero, where the derivative vanishes."""
 LONGEST = 3.0
-"""Largest change of a score in one step: three prior sds."""
+"""Largest change of a score in one step, in prior standard deviations."""
 HOPELESS = 1e-7
 """Expected gain of a failed step, in nats, below which no shorter step is tried."""
 STEPS = 60
-BUDGET = 0.01
-"""Largest change of the log likelihood (nats) that a finer solution of the motion may make within NEAR sds of the mode;
-farther from the mode it may grow with the depth."""
+"""Greatest number of steps of a search."""
+MOST_CHANGE = 0.01
+"""Largest change of the log likelihood (nats) by a more accurate solution of the motion, within `NEAR` posterior sds of
+the
+mode; farther from the mode the limit is proportional to the decrease of the log posterior."""
 NEAR = 3.0
-"""Posterior sds from the mode."""
+"""Distance from the mode, in posterior sds."""
 FINER = 0.01
-"""Share of the tolerance with which the error of a motion is measured."""
+"""Factor of the tolerance for the accurate solution with which the error of a motion is measured."""
 NEGLIGIBLE = 15.0
-"""Scales this many nats less probable than the best one are left out; together they add less than 1e-5."""
+"""Scales whose log evidence is this far below the best one (nats) are left out; together they add less than 1e-5."""
 TWO_SIDED = 1.959964
 """Half-width of a normal's 95 % interval, in standard deviations."""
 
@@ -55,21 +58,27 @@ def maximise_posterior(
     retract: Retract = straight_on,
     close: float = CLOSE,
 ) -> Maximum:
-    """Climb to the mode of a posterior from scores z, (d,).
+    """Search for the mode of a posterior from scores z, (d,).
 
-    Every score has the prior N(0, 1) here: a scale that coefficients share is fixed at 1. Averaged over all scales the
-    prior is highest where all these coefficients are 0, and climbs would end there on records of little damping.
+    The common prior scale of coefficients is fixed at 1, so that every score has the prior N(0, 1). (Averaged over all
+    scales, the prior has its maximum where all these coefficients are 0, and searches on records with little damping
+    would end there.)
 
     Parameters
     ----------
     likelihood : Likelihood
-        Whose posterior it is.
+        Likelihood and target of the posterior.
     z : ndarray, shape (d,)
-        Start.
+        Start of the search.
     retract : callable
-        Maps a point and a step to the point where the step ends.
+        Map from a point and a step to the end of the step.
     close : float
-        As `CLOSE`.
+        Length of the last step, as `CLOSE`.
+
+    Returns
+    -------
+    Maximum
+        The maximum that was reached.
     """
     curvature = likelihood.with_scale(1.0).curvature
     return maximise(curvature, likelihood.target.reflected, z, retract=retract, close=close)
@@ -84,20 +93,25 @@ def maximise(
     retract: Retract = straight_on,
     close: float = CLOSE,
 ) -> Maximum:
-    """Climb to the maximum of a log density of scores.
+    """Search for the maximum of a log density of scores.
 
     Parameters
     ----------
     curvature : callable
-        Maps z, (d,), to the log density, its gradient, (d,), and its information, (d, d).
+        Map from z, (d,), to the log density, its gradient, (d,), and its information (negative Hessian), (d, d).
     reflected : ndarray of bool, shape (d,)
-        Which scores end at zero.
+        Which scores must not be negative.
     z : ndarray, shape (d,)
-        Start.
+        Start of the search.
     limit : int
-        Largest number of steps.
+        Greatest number of steps.
     retract, close
         As in `maximise_posterior`.
+
+    Returns
+    -------
+    Maximum
+        The maximum that was reached.
     """
 
     def expand(z: np.ndarray) -> Expansion:
@@ -112,31 +126,31 @@ def maximise(
         return bool(step.gain < close**3 * max(1.0, abs(value) * 1e-3) and size < close)
 
     start = np.where(reflected, np.abs(z), z)
-    floor = np.where(reflected, WALL, -np.inf)
+    floor = np.where(reflected, SMALLEST_SCORE, -np.inf)
     top = levenberg_marquardt(expand, start, floor, ended, limit=limit, longest=LONGEST, retract=retract)
     return top if np.isfinite(top.value) else replace(top, converged=False)
 
 
 @dataclass(frozen=True)
 class LocalSearch:
-    """One seed's climb to a mode.
+    """The search for a mode from one seed.
 
     Attributes
     ----------
     seed : Seed
-        Where it started.
+        Origin of its start.
     same : tuple of Seed
-        Seeds that start at the same place; no further climb was made from them.
+        Seeds with the same start, from which no other search was made.
     start, end : float
-        Log posterior at both ends.
+        Log posterior at start and end.
     evaluations : int
         Number of likelihoods.
     origin, z : ndarray, shape (d,)
         Scores at the start and the end.
     volume : float
-        Log of the square root of the determinant of the inverse information at the end, which weights modes.
+        Log volume of the posterior at the end, −½ log det of the information, which weights modes.
     converged : bool
-        Whether it ended at a maximum.
+        Whether the search ended at a maximum.
     """
 
     seed: Seed
@@ -152,7 +166,7 @@ class LocalSearch:
 
 @dataclass(frozen=True)
 class StoredMode:
-    """The part of a mode that is stored; the rest follows from it."""
+    """The values from which `restore_mode` rebuilds a mode."""
 
     z: np.ndarray
     log_posterior: float
@@ -163,14 +177,14 @@ class StoredMode:
 
 @dataclass(frozen=True)
 class LinearDraws:
-    """The posterior of a model that is linear in parameters and deviations, where laws may hold approximately.
+    """The posterior of the linear model, in which the record is linear in parameters and deviations of the laws.
 
     Attributes
     ----------
     draws : ndarray, shape (m, d)
-        Scores. Chains start at them, and their moments whiten.
+        Draws of the scores. Chains start at them, and their moments define whitened coordinates.
     log_evidence : float
-        In nats.
+        Log evidence of the linear model in nats.
     """
 
     draws: np.ndarray
@@ -179,27 +193,25 @@ class LinearDraws:
 
 @dataclass(frozen=True)
 class Mode:
-    """A posterior mode in scores.
-
-    It is the mode of the density in which every score has the prior N(0, 1): a scale that damping coefficients share is
-    fixed at 1.
+    """A posterior mode in scores, with the common prior scale of damping coefficients fixed at 1.
 
     Attributes
     ----------
     z : ndarray, shape (d,)
         The mode.
     log_posterior : float
-        Log of that density at z.
+        Log posterior density at z.
     information : ndarray, shape (d, d)
-        Its negative Gauss–Newton Hessian at z.
+        Negative Gauss–Newton Hessian at z.
     likelihood : Likelihood
-        Whose mode it is.
+        Likelihood and target of the posterior.
     searches : tuple of LocalSearch
-        The climbs that led to it and to other modes.
+        The searches that led to this and to other modes.
     step_error, likelihood_error : float
-        Change by a finer solution of the motion within three sds of the mode, in the unit of the record and in nats.
+        Largest change by a more accurate motion within three sds of the mode: of a sample, in the unit of the record,
+        and of the log likelihood, in nats.
     linear : LinearDraws or None
-        The linear model's posterior, where laws may hold approximately.
+        Posterior of the linear model, with deviations from the laws.
     """
 
     z: np.ndarray
@@ -213,32 +225,33 @@ class Mode:
 
     @property
     def tolerance(self) -> float:
-        """Error of a motion, in the unit of the record."""
+        """Largest error of a motion, in the unit of the record."""
         return self.likelihood.tolerance
 
     @property
     def near(self) -> Likelihood:
-        """The likelihood with one shared scale that represents all scales near z."""
+        """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode."""
         return self._normal[0]
 
     @property
     def factor(self) -> np.ndarray:
-        """Cholesky factor of the posterior's covariance with that scale, (d, d), which whitens.
+        """Cholesky factor of the posterior's covariance with the scale of `near`, (d, d).
 
-        Raises Refusal where the information is not positive.
+        Raises Refusal if the information is not positive definite.
         """
         return self._normal[1]
 
     @cached_property
     def _normal(self) -> tuple[Likelihood, np.ndarray]:
-        """The likelihood and the factor of a normal distribution near the mode.
+        """The values of `near` and `factor`.
 
-        The 1/σ² of its scale is the mean over the scales given the expected sum of squares of the coefficients: a step
-        of variational Bayes. Where the record shows no damping, the scale is that of the damping that it would show.
+        The scale σ follows from the mean of 1/σ² over the scales, given the expected sum of squares of the coefficients
+        (one step of variational Bayes). The expectation includes the variance of the coefficients, so that σ is not too
+        small on a record without damping.
         """
         shared = self.likelihood.target.shared
         if self.linear is None:
-            factor = whitening(self.information)
+            factor = covariance_factor(self.information)
             squares = np.sum(self.z[shared] ** 2) + np.sum(factor[shared] ** 2)
         else:
             factor = np.linalg.cholesky(np.atleast_2d(np.cov(self.linear.draws.T)))
@@ -248,12 +261,12 @@ class Mode:
         scales = np.asarray(self.likelihood.scales)
         precision = float(shared_precision(float(squares), int(shared.sum()), scales))
         if self.linear is None:
-            factor = whitening(self.information + np.diag((precision - 1.0) * shared))
+            factor = covariance_factor(self.information + np.diag((precision - 1.0) * shared))
         return self.likelihood.with_scale(precision**-0.5), factor
 
     @property
     def stored(self) -> StoredMode:
-        """The part of it that is stored."""
+        """The values that are stored."""
         return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
 
     def sd(self) -> np.ndarray:
@@ -262,47 +275,53 @@ class Mode:
 
 
 def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
-    """Solve the motion near a mode so finely that a finer solution changes the likelihood by less than `BUDGET`.
+    """Find the mode near z, with a motion so accurate that the log likelihood changes by less than `MOST_CHANGE`.
 
     Parameters
     ----------
     target : Target
-        Whose mode it is.
+        The target, whose posterior is maximised.
     z : ndarray, shape (d,)
         Scores at or near the mode.
     tolerance : float
         First tolerance of the motion, in the unit of the record.
     searches : tuple of LocalSearch
-        The climbs that led to it.
+        The searches that led to z.
+
+    Returns
+    -------
+    Mode
+        The mode with its errors.
 
     Raises
     ------
     Refusal
-        Where the posterior has no finite mode near z, or no curvature there.
+        If the posterior is not finite at its mode, or the information there is not positive definite.
     """
     attempts = 0
     while True:
         attempts += 1
         likelihood = Likelihood.near(target, z, tolerance)
-        top = _highest(likelihood, z)
+        top = _maximum(likelihood, z)
         z = top.x
         mode = Mode(z, top.value, top.information, likelihood, searches)
-        moved, change = _solution_errors(likelihood, z, mode.factor)
-        if change < BUDGET or attempts == 6:
-            return replace(mode, step_error=moved, likelihood_error=change)
-        tolerance *= np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
+        step_error, change = _solution_errors(likelihood, z, mode.factor)
+        if change < MOST_CHANGE or attempts == 6:
+            return replace(mode, step_error=step_error, likelihood_error=change)
+        tolerance *= np.clip(MOST_CHANGE / change, 1e-3, 0.5) * 0.5
 
 
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
-    """Return the mode of a similar posterior, such as one of a part of the record, from scores z, (d,).
+    """Return the mode of another likelihood, such as that of a part of the record; the search starts at z, (d,).
 
-    Raises Refusal where it is not finite.
+    Raises Refusal if the posterior is not finite there.
     """
-    top = _highest(likelihood, z)
+    top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
 
 
-def _highest(likelihood: Likelihood, z: np.ndarray) -> Maximum:
+def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
+    """Search for the mode from z, (d,). Raises Refusal if the posterior is not finite there."""
     top = maximise_posterior(likelihood, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
@@ -310,13 +329,13 @@ def _highest(likelihood: Likelihood, z: np.ndarray) -> Maximum:
 
 
 def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
-    """Return the changes (unit of the record, nats) by a finer solution, at most, at z and around it.
+    """Return the largest changes of a sample (unit of the record) and of the log likelihood by a more accurate motion.
 
-    Around it: three sds away in each whitened direction.
+    They are evaluated at z and at points three sds away in each direction of `factor`.
     """
     finer = likelihood.within(FINER * likelihood.tolerance)
     top: float | None = None
-    moved = change = 0.0
+    step_error = change = 0.0
     around = z + np.concatenate([np.zeros((1, z.size)), NEAR * factor.T, -NEAR * factor.T])
     for at in around:
         coarse, fine = likelihood.residual(at), finer.residual(at)
@@ -324,37 +343,40 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
         top = upper - 0.5 * float(at @ at) if top is None else top
         if not (np.isfinite(lower) and np.isfinite(upper)):
             continue
+        # Far below the mode a larger change is allowed, in proportion to the decrease of the log posterior.
         depth = top - (upper - 0.5 * float(at @ at))
         change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR**2 / max(depth, 1e-300)))
-        moved = max(moved, float(np.max(np.abs(coarse - fine))))
-    return moved, change
+        step_error = max(step_error, float(np.max(np.abs(coarse - fine))))
+    return step_error, change
 
 
-def whitening(information: np.ndarray) -> np.ndarray:
-    """Return the Cholesky factor of the inverse of the information, (d, d). Raises Refusal where that is not positive.
+def covariance_factor(information: np.ndarray) -> np.ndarray:
+    """Return the Cholesky factor of the inverse of the information, (d, d).
 
-    The information is factored before it is inverted: the inverse of a matrix with stiff and loose directions may lose
-    its positivity to rounding.
+    The information is factored before it is inverted, because rounding can make the inverse of an ill-conditioned
+    matrix indefinite. Raises Refusal if the information is not positive definite.
     """
     try:
         if not np.all(np.isfinite(information)):
             raise np.linalg.LinAlgError
-        turned = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
+        reversed_factor = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
     except np.linalg.LinAlgError:
         raise Refusal("the posterior has no curvature at its mode") from None
-    return scipy.linalg.solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
+    return scipy.linalg.solve_triangular(
+        reversed_factor[::-1, ::-1], np.eye(len(information)), trans=1, lower=False
+    )
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Return a mode from the part of it that was stored."""
+    """Rebuild a mode from its stored values."""
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
 
 def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
-    """Return Laplace's log evidence from the expansion at scores z, (d,), at or near a mode.
+    """Return Laplace's log evidence from the expansion of the log likelihood at scores z, (d,), at or near a mode.
 
-    The likelihood is expanded, and each value of a scale that coefficients share has its own integral.
+    The evidence is averaged over the values of the common prior scale of coefficients.
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
@@ -366,20 +388,20 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
 
     def log_at_scale(scale: float, walls: np.ndarray) -> float:
         extra = (scale**-2 - 1.0) * shared
-        height = value - 0.5 * (scale**-2 - 1.0) * squares - count * np.log(scale)
-        return log_integral(height, gradient - extra * at, information + np.diag(extra), at, walls)
+        log_density = value - 0.5 * (scale**-2 - 1.0) * squares - count * np.log(scale)
+        return log_integral(log_density, gradient - extra * at, information + np.diag(extra), at, walls)
 
     logs: list[float] = []
     folded = float(reflected.size * np.log(2.0))
     for whole, scale in sorted(((log_at_scale(s, reflected[:0]), s) for s in scales), reverse=True):
         if logs and whole + folded < max(logs) - NEGLIGIBLE:
-            break  # walls can only make an integral smaller
+            break  # bounds can only make an integral smaller
         logs.append(log_at_scale(scale, reflected))
     return float(scipy.special.logsumexp(logs) - np.log(scales.size))
 
 
 def log_evidence_about(mode: Mode) -> float:
-    """Return Laplace's log evidence about a mode; where laws may hold approximately, that of the linear model."""
+    """Return Laplace's log evidence at a mode, or the log evidence of the linear model if it has one."""
     return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
 
 
@@ -416,15 +438,15 @@ def log_integral(
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """Return Laplace sds of the parameters in natural units from the covariance of the scores, (d, d)."""
+    """Return the standard deviations of the parameters in natural units, from the covariance of the scores, (d, d)."""
     sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
     return dict(zip(target.names, sds.tolist(), strict=True))
 
 
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Return the 95 % interval of each parameter by name, from the normal distribution of its score about the mode.
+    """Return the 95 % interval of each parameter, from a normal distribution of its score with standard deviation `sd`.
 
-    An interval ends at the edge of a half-normal prior.
+    Intervals of parameters with half-normal priors do not go below zero.
     """
     low, high = z - TWO_SIDED * sd, z + TWO_SIDED * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)

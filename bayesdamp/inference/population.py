@@ -1,12 +1,12 @@
-"""The mean and the spread of a coefficient over specimens, from each specimen's own posterior draws.
+"""The mean and the spread of a coefficient over a population of specimens, from posterior draws of each specimen.
 
-Specimens' coefficients have a normal distribution with location m and scale τ, truncated at zero. The likelihood of
-(m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ. Up to a constant, each factor is the mean of
-N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010). Every
-draw is replaced by a narrow normal, so that a τ below the distance of draws adds no noise; the integral is still a
-closed form. m and τ are integrated on a grid. m has a half-normal prior with a given scale, and τ, given m, one with
-the scale m: specimens of one kind rarely spread by much more than their size. (Under a prior of τ as wide as that of m,
-a few specimens could have any spread: with two of them the likelihood falls no faster than 1/τ.)
+The coefficients of specimens have a normal distribution with location m and scale τ, truncated at zero. The likelihood
+of (m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ. Up to a constant, each factor is the mean of
+N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010). Each
+draw is replaced by a narrow normal distribution, which makes the factor smooth for small τ; the integrals have closed
+forms. m and τ are integrated on a grid. The prior of m is half-normal with a given scale, and that of τ given m is
+half-normal with scale m. (With a wider prior of τ, two specimens would not limit the spread: the likelihood decreases
+no faster than 1/τ.)
 """
 
 from __future__ import annotations
@@ -21,24 +21,26 @@ from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
 
 BINS = 150
+"""Number of bins of the draws of a specimen."""
 LOCATIONS, SCALES = 121, 81
+"""Numbers of values of m and τ on the grid."""
 REACH = 9.0
 """Half-width of the grid of m at each τ, in standard deviations of m given τ."""
 LARGEST = 4.0
-"""Largest τ, in scales of the prior: the tail beyond is below 1e-4."""
+"""Largest τ, in units of the prior scale of m; the probability beyond is below 1e-4."""
 FAR = 8.0
-"""A wall this many widths away from a normal has no effect."""
+"""Distance from zero, in widths, from which the truncation of a normal distribution is ignored."""
 POINTS, WIDE, HYPER_DRAWS = 801, 6.0, 2000
-"""Grid of a specimen's own coefficient: points, and sds to each side; draws of (m, τ) for its average."""
-LEAST = 100
-"""Smallest number of effective draws of a specimen, given the others, for a summary that can be trusted."""
+"""Grid of a specimen's coefficient: number of points and half-width in sds; and number of draws of (m, τ)."""
+LEAST_EFFECTIVE = 100
+"""Fewest effective draws of a specimen, given the others, for a reliable summary (conventional)."""
 FEW = 5
-"""With fewer specimens a spread mostly reflects its prior."""
+"""Number of specimens below which the upper limit of the spread mostly follows from its prior."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One specimen's posterior draws of the coefficient, their log weights and log prior densities, all (n,)."""
+    """Posterior draws of a coefficient of one specimen, their log weights and log prior densities, (n,) each."""
 
     name: str
     values: np.ndarray
@@ -48,19 +50,18 @@ class Sample:
 
 @dataclass(frozen=True)
 class Population:
-    """The population of a coefficient, in its unit.
+    """The population of a coefficient, in the unit of the coefficient.
 
     Attributes
     ----------
     mean, spread : mapping of str to float
-        Summaries of the mean and the sd of the coefficient over the population: of the truncated normal, not of its
-        parameters m and τ.
+        Summaries of the mean and the standard deviation of the truncated normal distribution (not of m and τ).
     shrunk : mapping of str to mapping
-        Each specimen's own value given the others.
+        Summary of each specimen's coefficient, given all specimens.
     effective : mapping of str to float
-        Each specimen's effective draws given the others.
+        Effective number of each specimen's draws, given all specimens.
     outcome : str
-        `ok`, or a sentence on what limits the result.
+        "ok", or a sentence on what limits the result.
     """
 
     mean: Mapping[str, float]
@@ -72,7 +73,10 @@ class Population:
 
 @dataclass(frozen=True)
 class Kernels:
-    """A specimen's likelihood as a sum of normals of one width about centres, (b,), with log weights, (b,)."""
+    """The likelihood of a specimen's coefficient as a sum of normal densities of equal width.
+
+    centres, log_weights (b,): of the densities. mean, sd: of the likelihood.
+    """
 
     centres: np.ndarray
     log_weights: np.ndarray
@@ -82,45 +86,45 @@ class Kernels:
 
     @classmethod
     def of(cls, sample: Sample) -> Kernels:
-        """Return the likelihood from draws without their prior, in bins much narrower than the normals.
+        """Return the likelihood from posterior draws divided by their prior, in bins much narrower than the densities.
 
-        The width is Silverman's for the effective number of draws. The draws are moved towards their mean by as much as
-        the normals spread them, which keeps their variance (West, Journal of the Royal Statistical Society B 55, 1993).
-        Near a wall they are not moved: a shift would be worse than the few per cent that the width adds.
+        The width is Silverman's for the effective number of draws. The draws are shifted towards their mean, so that
+        the variance is not increased by the width (West, Journal of the Royal Statistical Society B 55, 1993); but not
+        if the mean is near zero, where a shift would distort more than the width does.
         """
         log_weights = sample.log_weights - sample.log_prior
         w = normalise(log_weights)
         mean = float(w @ sample.values)
         sd = float(np.sqrt(w @ (sample.values - mean) ** 2))
-        share = 1.06 * effective_size(log_weights) ** -0.2
+        relative_width = 1.06 * effective_size(log_weights) ** -0.2
         drawn = sample.values
         if not mean < 4 * sd:
-            drawn = mean + np.sqrt(max(1 - share**2, 0.0)) * (drawn - mean)
+            drawn = mean + np.sqrt(max(1 - relative_width**2, 0.0)) * (drawn - mean)
         edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
         mass = np.histogram(drawn, edges, weights=w)[0]
         centres = np.histogram(drawn, edges, weights=w * drawn)[0]
         filled = mass > 0
-        return cls(centres[filled] / mass[filled], np.log(mass[filled]), share * sd, mean, sd)
+        return cls(centres[filled] / mass[filled], np.log(mass[filled]), relative_width * sd, mean, sd)
 
     def log_likelihood(self, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Return log ∫ likelihood(θ) N(θ | m, τ) dθ up to a constant, over θ ≥ 0, of the shape of m."""
+        """Return log ∫ likelihood(θ) N(θ | m, τ) dθ over θ ≥ 0, up to a constant, in the shape of m."""
         width, log = self.width, np.full(m.shape, -np.inf)
         variance = width**2 + tau**2
 
         def overlap(centre: float) -> np.ndarray:
-            """Return log ∫ K(θ) N(θ | m, τ) dθ up to constants, where K is a normal about the centre."""
+            """Return log ∫ K(θ) N(θ | m, τ) dθ over all θ up to a constant, for a normal density K about the centre."""
             return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
 
         def inside(centre: float) -> np.ndarray:
-            """Return the same over θ ≥ 0."""
+            """Return this integral over θ ≥ 0."""
             top = (m * width**2 + centre * tau**2) / variance
             return overlap(centre) + scipy.special.log_ndtr(top * np.sqrt(variance) / (width * tau))
 
         for centre, log_weight in zip(self.centres, self.log_weights, strict=True):
-            # Near zero, K includes its mirror image.
+            # Near zero the density is reflected, so that no probability is lost.
             near = centre < FAR * width
-            own = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
-            log = np.logaddexp(log, log_weight + own)
+            term = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
+            log = np.logaddexp(log, log_weight + term)
         return log - scipy.special.log_ndtr(m / tau)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
@@ -135,19 +139,24 @@ class Kernels:
 
 
 def population(samples: Sequence[Sample], scale: float) -> Population:
-    """Infer the population of a coefficient that is not negative.
+    """Infer the population of a non-negative coefficient.
 
     Parameters
     ----------
     samples : sequence of Sample
-        One for each specimen.
+        Draws of each specimen.
     scale : float
         Scale of the prior of m.
+
+    Returns
+    -------
+    Population
+        Mean, spread and each specimen's coefficient.
 
     Raises
     ------
     Refusal
-        For fewer than two specimens.
+        If there are fewer than two specimens.
     """
     if len(samples) < 2:
         raise Refusal("a spread needs two specimens or more")
@@ -157,6 +166,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     density = log_prior + np.sum(logs, axis=0)
     weights = np.exp(density - density.max())
     weights /= weights.sum()
+    # Mean and standard deviation of the truncated normal distribution.
     ratio = m / tau
     hazard = np.exp(-0.5 * ratio**2 - scipy.special.log_ndtr(ratio)) / np.sqrt(2 * np.pi)
     mean, spread = m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
@@ -165,7 +175,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
         x, gap = np.linspace(max(low, 0.0), high, POINTS, retstep=True)
         drawn = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
-        # A normal narrower than the grid's gap could fall between its points.
+        # The width is at least the distance of grid points, so that no density falls between them.
         wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
         given = kernel.log_density(x) - 0.5 * ((x - m.ravel()[drawn][:, None]) / wide) ** 2
         given = np.exp(given - np.asarray(scipy.special.logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
@@ -174,26 +184,28 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
         shrunk[sample.name] = summarise(x, given)
         size[sample.name] = effective_size(sample.log_weights - sample.log_prior + log_ratio)
     worst, outcome = min(size, key=lambda name: size[name]), OK
-    if size[worst] < LEAST:
-        few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST}"
+    if size[worst] < LEAST_EFFECTIVE:
+        few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST_EFFECTIVE}"
         outcome = f"not to be trusted: {few}"
     elif len(samples) < FEW:
-        outcome = f"only {len(samples)} specimens: upper ends of mean and spread mostly reflect their priors"
+        outcome = (
+            f"only {len(samples)} specimens: upper limits of mean and spread mostly follow from their priors"
+        )
     centre, width = (summarise(x.ravel(), weights.ravel()) for x in (mean, spread))
     return Population(centre, width, shrunk, size, outcome)
 
 
 def _grid(kernels: Sequence[Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return locations and scales, (LOCATIONS, SCALES), and the log of the prior times the area of each cell.
+    """Return the grid of m and τ, (LOCATIONS, SCALES) each, and the log prior probability of each grid cell.
 
-    Scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
+    The scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
     """
     means, sds = (np.array([getattr(k, n) for k in kernels]) for n in ("mean", "sd"))
     tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST * scale, SCALES)
     precision = 1 / (sds[:, None] ** 2 + tau**2)
     middle = np.sum(means[:, None] * precision, axis=0) / precision.sum(axis=0)
     reach = REACH / np.sqrt(precision.sum(axis=0))
-    # A wide truncated normal may have its maximum anywhere from zero on.
+    # For a wide truncated normal distribution m may be anywhere from zero on.
     low, high = np.maximum(middle - reach, 0.0), np.maximum(middle + reach, reach)
     m = np.linspace(low, high, LOCATIONS)
     tau = np.broadcast_to(tau, m.shape)

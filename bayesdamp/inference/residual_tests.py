@@ -1,14 +1,14 @@
-"""Tests of the residuals at a mode: in their spectrum, and along the effects of forces that no candidate has.
+"""Tests of the residuals at a mode: peaks of their spectrum, and score tests for forces that the model lacks.
 
-The spectrum shows structure at the oscillation, at its overtones, and near zero.
+The spectrum shows structure near the frequency of the oscillation, at its overtones, and at low frequencies.
 
-A score test sees a misfit of a few nats along one direction, which the spectrum does not show. The direction is the
-effect of a small force on the fitted motion: the response of the linearised motion, by variation of parameters from its
-derivatives by the start (Coddington and Levinson, Theory of Ordinary Differential Equations, 1955, section 3.6). Where
-the model is right, the projection of the residuals on it is a standard normal score (Rao, Proceedings of the Cambridge
-Philosophical Society 44, 1948), after the fitted directions are removed from both. The length of the direction,
-measured by the noise, is the effect of such a force on the record. With a prior for its size the two give the Bayes
-factor of the model with this force added. Where that is about one, the record does not decide.
+A score test detects a misfit of a few nats along one direction, which the spectrum does not show. The direction is the
+effect of a small additional force on the fitted motion: the response of the linearised motion, by variation of
+parameters from its derivatives by the start (Coddington and Levinson, Theory of Ordinary Differential Equations, 1955,
+section 3.6). After the fitted directions are removed from both, the projection of the residuals on this direction is
+standard normal if the model is right (Rao, Proceedings of the Cambridge Philosophical Society 44, 1948). Together with
+the length of the direction in units of the noise, and a prior for the size of the force, it gives the Bayes factor of
+the model with this force added.
 """
 
 from __future__ import annotations
@@ -26,16 +26,19 @@ from bayesdamp.physics.kernel.solve import QUANTITIES, Slopes
 from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
+"""Overtones that are tested, as multiples of the frequency."""
 ACROSS = 2
-"""Frequencies on either side that count with a frequency, in steps of one over the record's length: the residual of an
-oscillation under a wrong law has an envelope of a few humps."""
+"""Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
+residual
+of an oscillation under a wrong law is modulated slowly."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
-"""Slow waves: their turns in the record's length."""
+"""Low frequencies that are tested, in periods per duration of the record."""
 ABSORBED = 0.3
-"""A wave is ignored if the fit leaves no more than this share of it."""
-MOST = 20_000
-"""Largest number of samples in the search for a line; longer records are averaged in blocks. A line above them is far
-from any overtone that matters."""
+"""A wave is left out if the fitted directions leave at most this fraction of its norm."""
+MOST_SAMPLES = 20_000
+"""Greatest number of values in the search for a peak; a longer record is averaged in blocks. The frequencies that are
+lost
+are far above the tested overtones."""
 
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
 AT_OVERTONES = (
@@ -45,41 +48,43 @@ SLOW = "it is slow, as if the record's zero drifted"
 LINE = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
 
 PARTS = 32
-"""Points in a step of the solver at which a force is integrated."""
+"""Number of points in a step of the solver for the integration of a force."""
 NEAR_REST = 0.1
-"""Share of the largest velocity below which friction counts as friction near rest."""
+"""Width of the velocity range of friction near rest, as a fraction of the largest velocity."""
 REVERSAL = 0.02
-"""Share of the largest velocity within which that friction reverses."""
+"""Width within which this friction changes its sign, as a fraction of the largest velocity."""
 NEW = 1e-3
-"""A direction is ignored if the fitted directions leave no more than this share of its length."""
+"""A direction is left out if the fitted directions leave at most this fraction of its length."""
 SIZE = 0.5
-"""Scale of the prior of another force's size (half-normal, or normal where either sign makes sense), as a share of the
-largest damping force."""
+"""Prior scale of an additional force, as a fraction of the largest damping force (conventional). The prior is
+half-normal, or
+normal if the force may have either sign."""
 
 
 @dataclass(frozen=True)
 class SpectralLine:
-    """The strongest part of the residuals' spectrum.
+    """The most significant peak of the residuals' spectrum.
 
     Attributes
     ----------
     chance : float
-        Of such a part under white noise, for all parts together.
+        p value: probability of such a peak under white noise, for all tested bands together.
     words : str
-        Where it is, in words that follow "structure remains in the residuals: ".
+        Description of the peak, to follow "structure remains in the residuals: ".
     """
 
     chance: float
     words: str
 
 
-def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.ndarray) -> SpectralLine:
-    """Find the part of the spectrum of whitened residuals that exceeds white noise most.
+def find_spectral_line(
+    t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.ndarray
+) -> SpectralLine:
+    """Find the most significant peak in the spectrum of whitened residuals.
 
-    The square of the residuals' projection on waves, from which the fitted directions are removed, is chi-square
-    distributed. The largest ordinate of a periodogram exceeds x with a chance of 1 − (1 − e^−x)^m (Fisher 1929). A band
-    has a fixed number of waves whatever the record's length: for a small chance its power must be some three times that
-    of the noise model, which would make intervals too narrow by the root of that.
+    In each band, the squared projection of the residuals on waves without the fitted directions is chi-square
+    distributed. The largest of m ordinates of the periodogram exceeds x with probability 1 − (1 − e^−x)^m (Fisher
+    1929).
 
     Parameters
     ----------
@@ -88,9 +93,14 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.
     scores : ndarray, shape (n,)
         The whitened residuals.
     period : float
-        Of the oscillation in s.
+        Period of the oscillation in s.
     absorbed : ndarray, shape (n, k)
-        Orthonormal basis of the fitted directions.
+        Orthonormal basis of the fitted directions (derivatives by the parameters).
+
+    Returns
+    -------
+    SpectralLine
+        The peak with the smallest p value, corrected for the number of tests.
     """
     length, cycles, across = _extent(t, period)
     fastest = 0.5 * t.size / length
@@ -106,32 +116,29 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.
         phase = 2 * np.pi * np.outer(t - t[0], frequencies[frequencies < fastest])
         waves = orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
         u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
-        left = u[:, s > ABSORBED]
-        power = 0.5 * np.sum((left.T @ scores) ** 2)
-        lines.append(
-            SpectralLine(
-                float(scipy.special.gammaincc(0.5 * left.shape[1], power)) if left.size else 1.0, words
-            )
-        )
-    lines.append(_highest(scores, cycles, across))
+        remaining = u[:, s > ABSORBED]
+        power = 0.5 * np.sum((remaining.T @ scores) ** 2)
+        chance = float(scipy.special.gammaincc(0.5 * remaining.shape[1], power)) if remaining.size else 1.0
+        lines.append(SpectralLine(chance, words))
+    lines.append(_largest_peak(scores, cycles, across))
     best = min(lines, key=lambda line: line.chance)
     return SpectralLine(min(1.0, len(lines) * best.chance), best.words)
 
 
-def strongest(t: np.ndarray, residual: np.ndarray, period: float) -> str:
-    """Return where residuals (n,), not whitened, have most power, in the words of a `SpectralLine`."""
+def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
+    """Return the description of the largest peak in the spectrum of residuals (n,), as in `SpectralLine.words`."""
     _, cycles, across = _extent(t, period)
-    return _highest(residual, cycles, across).words
+    return _largest_peak(residual, cycles, across).words
 
 
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
-    """Return a record's length in s, its cycles, and how many frequencies on either side count with one."""
+    """Return the duration of a record (s), its number of cycles, and the half width of a band in frequency steps."""
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
     return length, length / period, int(np.clip(length / period / 3, 0, ACROSS))
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis, (n, r), of the span of columns (n, k), each scaled to the same length."""
+    """Return an orthonormal basis, (n, r), of the span of columns (n, k), which are first scaled to unit length."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
     if columns.shape[1] == 0:
@@ -140,9 +147,9 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     return u[:, s > 1e-6 * s[0]]
 
 
-def _highest(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
-    """Return the highest of all ordinates; gaps that smear a line over several only make it harder to see."""
-    block = -(-scores.size // MOST)
+def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
+    """Return the largest ordinate of the periodogram. (Gaps broaden a peak, which then is only less significant.)"""
+    block = -(-scores.size // MOST_SAMPLES)
     many = scores.size // block
     blocks = scores[: many * block].reshape(many, block).sum(axis=1) / np.sqrt(block)
     power = np.abs(np.fft.rfft(blocks - blocks.mean()))[1:] ** 2 / many
@@ -160,19 +167,19 @@ def _highest(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
 
 @dataclass(frozen=True)
 class Form:
-    """A force that no candidate has.
+    """A form of force that the model lacks.
 
     Attributes
     ----------
     words : str
-        For the report.
+        Description for the report.
     force : callable
-        Of displacement and velocity in units of their largest values, and of time in units of the record's length from
-        −½ to ½, all of shape (n,).
+        Function of displacement and velocity, in units of their largest values, and of time from −½ to ½ of the record,
+        (n,) each.
     damps : bool
         Whether it is a damping force.
     signed : bool
-        Whether it may have either sign.
+        Whether its coefficient may have either sign.
     """
 
     words: str
@@ -197,16 +204,16 @@ FORMS = (
 
 @dataclass(frozen=True)
 class StrongestForm:
-    """The force that would reduce the residuals most.
+    """The form of force that would reduce the residuals most.
 
     Attributes
     ----------
     chance : float
-        Of such a reduction by noise, for all forces that were tried.
+        p value of the reduction, corrected for the number of forms.
     words : str
-        Of its form.
+        Description of the form.
     rivals : tuple of AddedForm
-        One for each form of damping that the model lacks.
+        The log Bayes factor of each form of damping that the model lacks.
     """
 
     chance: float = 1.0
@@ -220,20 +227,25 @@ def other_form(
     absorbed: np.ndarray,
     whiten: Callable[[np.ndarray], np.ndarray],
 ) -> StrongestForm:
-    """Find the form of force that the whitened residuals show most.
+    """Find the form of force that the model lacks and the whitened residuals show most.
 
-    Under exact friction (ε = 0) the motion is not smooth in its start, and nothing is tested.
+    Nothing is tested under exact friction (ε = 0), where the motion is not a smooth function of its start.
 
     Parameters
     ----------
     mode : Mode
-        Of the model.
+        Mode of the model.
     scores : ndarray, shape (n,)
         The whitened residuals.
     absorbed : ndarray, shape (n, k)
         Orthonormal basis of the fitted directions.
     whiten : callable
-        Maps a change of the residuals, (n,), to that of the scores.
+        Map from a change of the residuals, (n,), to the change of the whitened residuals.
+
+    Returns
+    -------
+    StrongestForm
+        The form with the smallest p value.
     """
     likelihood = mode.likelihood
     osc = likelihood.target.oscillator
@@ -246,16 +258,16 @@ def other_form(
     law = [float(p[name]) for name in osc.law.parameters]
     forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
     largest = float(np.max(np.abs(forces)))
-    for form, moved in zip(FORMS, responses(likelihood, motion, p), strict=True):
-        direction = whiten(moved)
+    for form, response in zip(FORMS, responses(likelihood, motion, p), strict=True):
+        direction = whiten(response)
         size = np.linalg.norm(direction)
         direction = direction - absorbed @ (absorbed.T @ direction)
-        left = np.linalg.norm(direction)
-        score, log_bayes = 0.0, 0.0  # an ignored direction leaves the odds as they were
-        if np.isfinite(left) and left > NEW * size > 0:
-            score = float(direction @ scores / left)
+        remaining = np.linalg.norm(direction)
+        score, log_bayes = 0.0, 0.0  # for a direction that is left out
+        if np.isfinite(remaining) and remaining > NEW * size > 0:
+            score = float(direction @ scores / remaining)
             chances.append((float(scipy.special.erfc(abs(score) / np.sqrt(2))), form.words))
-            length = SIZE * largest * left / size * np.sqrt(likelihood.information(moved, mode.z))
+            length = SIZE * largest * remaining / size * np.sqrt(likelihood.information(response, mode.z))
             log_bayes = log_bayes_factor(score, float(length), form.signed)
         if form.damps:
             rivals.append(AddedForm(form.words, log_bayes))
@@ -264,11 +276,12 @@ def other_form(
 
 
 def log_bayes_factor(score: float, length: float, signed: bool) -> float:
-    """Return the log Bayes factor, in nats, of a force whose direction has this score and length.
+    """Return the log Bayes factor (nats) of an additional force.
 
-    The length is that at one sd of the prior of the force's size. A size of s sds reduces the residuals by
-    score·length·s − (length·s)²/2 nats. The exponential of this is averaged over a normal s, or over a half-normal one
-    where the size cannot be negative. The fitted parameters follow the force, also below zero.
+    score: projection of the whitened residuals on the unit vector of the force's direction. length: length of the
+    direction for a force of one prior standard deviation. signed: whether the force may have either sign. A force of s
+    prior sds changes the log likelihood by score·length·s − (length·s)²/2; the exponential of this is averaged over a
+    normal s, or a half-normal s if the force cannot be negative.
     """
     shrunk = length * length / (1.0 + length * length)
     log = 0.5 * (shrunk * score * score - np.log1p(length * length))
@@ -276,16 +289,21 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
 
 
 def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
-    """Return the effect of a small force of each form on the recorded quantity along a motion, (forms, n).
+    """Return the response of the recorded quantity to a small force of each form along a motion, (forms, n).
 
     Parameters
     ----------
     likelihood : Likelihood
-        Whose motion it is.
+        Likelihood of the record.
     motion : Motion
-        With its slopes.
+        The motion, with its derivatives by the start.
     p : mapping of str to float
-        Every parameter of the motion.
+        All parameters of the motion.
+
+    Returns
+    -------
+    ndarray, shape (forms, n)
+        The responses.
     """
     from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 
@@ -296,30 +314,31 @@ def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) ->
     starts = motion.slopes.columns[[names.index("theta0"), names.index("omega0")]]
     grid = (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS) / PARTS).ravel()
     grid = np.append(grid, nodes[-1])
-    sought = signal.t - signal.t[0]
+    times = signal.t - signal.t[0]
     x, v = (at_times(nodes, motion.states, grid, order) for order in (0, 1))
     try:
         rest = osc.equilibrium(p, p["theta0"])
-    except ValueError:  # the law has no equilibrium there
+    except ValueError:  # the law has no equilibrium
         rest = float(np.mean(motion.states[:, 0]))
-    # Position and velocity of the motion's derivatives by its angle and by its velocity at the start.
+    # Derivatives of position and velocity by the angle and by the velocity at the start.
     by_angle, by_velocity = np.stack(
         [slopes_at_times(nodes, slopes, starts, grid, order) for order in (0, 1)], axis=1
     ).T
     wronskian = by_angle[0] * by_velocity[1] - by_angle[1] * by_velocity[0]
     unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
-    place = QUANTITIES.index(signal.quantity)
-    first, second = slopes_at_times(nodes, slopes, starts, sought, place).T
+    order = QUANTITIES.index(signal.quantity)
+    first, second = slopes_at_times(nodes, slopes, starts, times, order).T
     effects = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
         with np.errstate(
             divide="ignore", invalid="ignore"
-        ):  # no direction where friction has ended the motion
-            through = np.stack([by_angle[0], by_velocity[0]]) * force / wronskian
-        steps = np.cumsum(0.5 * (through[:, 1:] + through[:, :-1]) * np.diff(grid), axis=1)
+        ):  # the Wronskian is zero where friction has ended the motion
+            integrand = np.stack([by_angle[0], by_velocity[0]]) * force / wronskian
+        steps = np.cumsum(0.5 * (integrand[:, 1:] + integrand[:, :-1]) * np.diff(grid), axis=1)
         summed = np.concatenate([np.zeros((2, 1)), steps], axis=1)
-        along_angle, along_velocity = (np.interp(sought, grid, s) for s in summed)
-        moved = second * along_angle - first * along_velocity
-        effects.append(moved + np.interp(sought, grid, force) if place == 2 else moved)
+        along_angle, along_velocity = (np.interp(times, grid, s) for s in summed)
+        # Variation of parameters: y = u₂ ∫u₁f/W − u₁ ∫u₂f/W.
+        response = second * along_angle - first * along_velocity
+        effects.append(response + np.interp(times, grid, force) if order == 2 else response)
     return np.array(effects)

@@ -1,4 +1,4 @@
-"""The search for the highest mode: where climbs start, and which modes they reach."""
+"""The search for the highest mode from several starts, and the modes that the searches reach."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
-"""Two ends within this many posterior sds are one mode."""
+"""Distance of two ends, in posterior sds, up to which they count as the same mode (conventional)."""
 COARSEST = 1.0
-"""Largest error of a motion in a search, in standard errors of the mean of all samples."""
-MOST_LEFT = 1.5
-"""Largest residual of a mode, in standard deviations of the record. A motion out of step leaves √2; more is left where
-slow noise replaces a shift of the zero."""
-IN_STEP = 0.3
-"""Largest residual of a motion that keeps step with the record, in the same unit; a little more than the noise is
-allowed too."""
-FEWEST = 8
-"""Smallest number of samples in a window."""
+"""Largest error of a motion in a search, in standard errors of the mean of all samples (conventional)."""
+MOST_RESIDUAL = 1.5
+"""Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
+the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
+IN_PHASE = 0.3
+"""Largest root mean square residual of a motion in phase with the record, in the same unit; 1.5 times the noise is
+always
+allowed."""
+LEAST_SAMPLES = 8
+"""Fewest samples in a window."""
 SAME_START = 1e-4
-"""Starts within this many scores of each other are one start."""
+"""Largest difference of scores up to which two starts count as the same."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
-    """Draw starts from the prior: parameter values in natural units."""
+    """Draw starts from the prior. Return parameter values in natural units by seed."""
     draws = target.prior_draws(count, np.random.default_rng(seed))
     return {
         Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
@@ -40,14 +41,15 @@ def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[st
 
 
 def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
-    """Group the climbs of a search by the modes that they reached.
+    """Group the searches of a mode by the maxima that they reached.
 
     Returns
     -------
     modes : list of (LocalSearch, float)
-        The climb to each mode, the highest first, and its share of the posterior's mass by Laplace's approximation.
+        The best search of each maximum, the highest first, and the maximum's fraction of the posterior probability by
+        Laplace's approximation.
     where : list of int or None
-        Index of the mode that each climb reached, None where it reached none.
+        Index of the maximum that each search reached; None if it reached none.
     """
     reached = [i for i, c in enumerate(mode.searches) if c.converged and np.isfinite(c.end)]
     tops: list[int] = []
@@ -61,26 +63,26 @@ def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None
         else:
             where[i] = len(tops)
             tops.append(i)
-    heights = np.array([mode.searches[i].end + mode.searches[i].volume for i in tops])
-    # An end without curvature has no volume, and no share.
-    heights = np.where(np.isfinite(heights), heights, -np.inf)
-    mass = np.exp(heights - max(heights.max(initial=-np.inf), -1e300))
-    shares = mass / max(mass.sum(), 1e-300)
-    return [(mode.searches[i], float(share)) for i, share in zip(tops, shares, strict=True)], where
+    log_masses = np.array([mode.searches[i].end + mode.searches[i].volume for i in tops])
+    # A maximum without curvature has no volume and gets no probability.
+    log_masses = np.where(np.isfinite(log_masses), log_masses, -np.inf)
+    mass = np.exp(log_masses - max(log_masses.max(initial=-np.inf), -1e300))
+    fractions = mass / max(mass.sum(), 1e-300)
+    return [(mode.searches[i], float(f)) for i, f in zip(tops, fractions, strict=True)], where
 
 
 class _Start(NamedTuple):
-    """A start of a climb.
+    """A start of a search.
 
-    Its seeds; its scores, (d,), with the noise of the residuals there; the likelihood near it; the log posterior; and
-    the root mean square of the residuals.
+    seeds: its seeds. z (d,): its scores; those of the noise follow from the residuals there. likelihood: the likelihood
+    near it. value: log posterior. rms: root mean square residual.
     """
 
     seeds: list[Seed]
     z: np.ndarray
     likelihood: Likelihood
     value: float
-    left: float
+    rms: float
 
 
 def find_mode(
@@ -91,89 +93,95 @@ def find_mode(
     period: float | None = None,
     thrifty: bool = False,
 ) -> Mode:
-    """Find the highest mode that climbs from the seeds reach.
+    """Find the highest mode that searches from the seeds reach.
 
     Parameters
     ----------
     target : Target
-        Whose posterior it is.
+        The target, whose posterior is maximised.
     seeds : mapping of Seed to mapping of str to float
         Parameter values of each seed, in natural units.
     noise_level : float
-        The record's roughness, which sets how finely motions are first solved.
+        The record's noise, which determines the first accuracy of motions.
     period : float, optional
-        Period of the oscillation in s. With it, where no seed leads to a motion that keeps step with the record, the
-        search goes on over a window that grows from two cycles.
+        Period of the oscillation in s. If it is given, and no seed leads to a motion in phase with the record, further
+        searches use a window that grows from two cycles.
     thrifty : bool
-        Whether to stop at the first motion that keeps step. Seeds are then tried in this order: those that keep step
-        already, the others over growing windows, the others as they are.
+        Whether to stop at the first motion in phase with the record. Seeds are then tried in this order: those whose
+        motion is in phase already, the others with growing windows, the others with the whole record.
+
+    Returns
+    -------
+    Mode
+        The highest mode, with all searches.
 
     Raises
     ------
     Refusal
-        Where no seed reaches a finite posterior with a curvature, or where the noise model replaces the motion in all
-        that do.
+        If no seed leads to a finite posterior with a positive definite information, or if at all modes the noise model
+        explains the oscillation instead of the motion.
     """
-    # A first guess; `settle` measures the effect of the solution's error on the likelihood.
+    # A first tolerance; `settle` then measures the effect of the error on the likelihood.
     tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
-    in_step = max(IN_STEP * size, 1.5 * noise_level)
+    largest_in_phase = max(IN_PHASE * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
     starts: list[_Start] = []
-    displaced = keeps_step = False
+    replaced_by_noise = in_phase = False
 
-    def planned() -> Iterator[_Start]:
-        """Plan each start when it is asked for; refined estimates that agree are one start."""
+    def distinct_starts() -> Iterator[_Start]:
+        """Yield the starts of all seeds; seeds with equal values have one start."""
         distinct: list[tuple[list[Seed], np.ndarray]] = []
         for seed, values in seeds.items():
             z = target.scores(values)
-            same = next((own for own, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
+            same = next((group for group, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
             if same is None:
                 distinct.append(([seed], z))
             else:
                 same.append(seed)
         for same, z in distinct:
-            starts.append(_begun(target, same, z, tolerance))
+            starts.append(_start(target, same, z, tolerance))
             yield starts[-1]
 
     def stages() -> Iterator[Iterable[_Start]]:
+        """Yield groups of starts; a group is searched only if no earlier one led to a motion in phase."""
         if thrifty:
-            yield (start for start in planned() if start.left < in_step)
+            yield (start for start in distinct_starts() if start.rms < largest_in_phase)
         else:
-            yield planned()
-        yield _grown(target, starts, tolerance, period)
+            yield distinct_starts()
+        yield _grow_windows(target, starts, tolerance, period)
         if thrifty:
-            yield (start for start in starts if not start.left < in_step)
+            yield (start for start in starts if not start.rms < largest_in_phase)
 
     for stage in stages():
-        if keeps_step:  # and nothing of the next stage is computed
+        if in_phase:
             break
-        for (seed, *same), z0, likelihood, height, _ in stage:
-            top = maximise_posterior(likelihood, z0, retract=target.followed)
+        for (seed, *same), z0, likelihood, value, _ in stage:
+            top = maximise_posterior(likelihood, z0, retract=target.follow_step)
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
             cost = top.evaluations
             searches.append(
-                LocalSearch(seed, tuple(same), height, top.value, cost, z0, top.x, volume, top.converged)
+                LocalSearch(seed, tuple(same), value, top.value, cost, z0, top.x, volume, top.converged)
             )
             if not np.isfinite(top.value):
                 continue
-            left = _rms(likelihood.residual(top.x))
-            if left > MOST_LEFT * size:
-                displaced = True
+            rms = _rms(likelihood.residual(top.x))
+            if rms > MOST_RESIDUAL * size:
+                replaced_by_noise = True
                 continue
             ends.append((top.value, top.x))
-            keeps_step = keeps_step or left < in_step
-            if thrifty and keeps_step:
+            in_phase = in_phase or rms < largest_in_phase
+            if thrifty and in_phase:
                 break
-    if not ends and displaced:
+    if not ends and replaced_by_noise:
         raise Refusal(
             Status.PRUNED.because(
-                "the noise model replaces the motion: the most probable motion is farther from the record than the "
-                "record's mean is"
+                "the noise model explains the oscillation instead of the motion: the most probable motion is farther "
+                "from the record than the record's mean"
             )
         )
-    failure = Refusal("no starting point leads to a motion with a finite likelihood")
+    failure = Refusal("no start of the search leads to a motion with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):
         try:
             return settle(target, z, tolerance, tuple(searches))
@@ -182,8 +190,8 @@ def find_mode(
     raise failure
 
 
-def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
-    """Return a start at scores z, (d,), its noise parameters estimated from the residuals there."""
+def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
+    """Return the start at scores z, (d,), with noise parameters estimated from the residuals there."""
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
     if np.all(np.isfinite(r)):
@@ -194,12 +202,13 @@ def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
     return _Start(seeds, z, likelihood, one_scale.log_noise(r, z) + float(one_scale.log_prior(z)), _rms(r))
 
 
-def _grown(
+def _grow_windows(
     target: Target, starts: Sequence[_Start], tolerance: float, period: float | None
 ) -> Iterator[_Start]:
-    """Take each start along a window that grows from two cycles to the whole record.
+    """Improve each start by searches in a window that grows from two cycles to the whole record.
 
-    A motion whose frequency is slightly off loses step over many cycles, and no climb leads back from there.
+    A motion with a slightly wrong frequency loses the phase over many cycles, and a search in the whole record cannot
+    recover it.
     """
     if period is None:
         return
@@ -210,18 +219,18 @@ def _grown(
         while window < t[-1]:
             count = int(np.searchsorted(t, window))
             window *= 2
-            if count < FEWEST:  # a gap
+            if count < LEAST_SAMPLES:  # there is a gap
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:count], y=y[:count]))
-            first = _begun(part, start.seeds, z, tolerance)
-            top = maximise_posterior(first.likelihood, first.z, retract=part.followed, close=ROUGHLY)
+            first = _start(part, start.seeds, z, tolerance)
+            top = maximise_posterior(first.likelihood, first.z, retract=part.follow_step, close=ROUGHLY)
             z = top.x
             if not np.isfinite(top.value):
                 break
         else:
             if not any(np.max(np.abs(z - other)) < SAME_START for other in grown):
                 grown.append(z)
-                yield _begun(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
+                yield _start(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
 
 
 def _rms(r: np.ndarray) -> float:

@@ -1,7 +1,7 @@
-"""What an evidence depends on.
+"""The sensitivity of the evidence.
 
-Its change with the width of the damping's priors, with the first half of the record alone, and without one coefficient
-(Savage and Dickey's ratio, from the posterior of the larger model).
+It is computed with wider and narrower priors of the damping, for the first half of the record only, and without one
+coefficient (by the Savage–Dickey ratio, from the posterior of the larger model).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.checks import DRAWS, Ahead
+from bayesdamp.inference.checks import DRAWS, Prediction
 from bayesdamp.inference.diagnostics import effective_mean
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
@@ -29,35 +29,37 @@ from bayesdamp.priors import (
 from bayesdamp.types import OK, Evidence, NestedRatio, Refusal
 
 FACTORS = np.geomspace(0.1, 10.0, 9)
-"""Factors on the prior's scale: two decades."""
-ENOUGH = 400.0
-"""Effective draws below which importance sampling under the prior itself replaces reweighting."""
-FARTHEST = 5.0
-"""Log Bayes factor beyond which draws do not determine the density at zero."""
+"""Factors of the scale of the priors: two decades."""
+LEAST_EFFECTIVE = 400.0
+"""Effective number of reweighted draws below which new draws are made under the other prior (conventional)."""
+MOST_NATS = 5.0
+"""Size of a log Bayes factor above which draws do not determine the density at zero (conventional)."""
 DEGREE = 3
-"""Of the polynomial that is the log density near zero."""
+"""Degree of the polynomial that approximates the log density near zero."""
 LOWER = 0.5
-"""Share of the draws, the smallest, whose density the curve is fitted to: the other flank is irrelevant at zero."""
+"""Fraction of the draws, the smallest ones, to which the polynomial is fitted."""
 FAR_FROM_ZERO = 0.5
-"""If the smallest draw exceeds this, in medians, the density at zero is not determined."""
+"""If the smallest draw is larger than this fraction of the median, the density at zero is not determined."""
 NODES = 400
+"""Number of quadrature nodes for the normalisation."""
 STEPS = 100
+"""Greatest number of Newton steps."""
 
 
 @dataclass(frozen=True)
 class Widths:
-    """Log evidence against the factor on the prior's scale, in arrays of shape (m,).
+    """Log evidence for several factors of the scale of the priors, in arrays of shape (m,).
 
     Attributes
     ----------
     varied : tuple of str
-        Coefficients whose priors changed.
+        Coefficients whose priors are scaled.
     factors, log_evidence, stderr : ndarray
         The factors, and the log evidence with its standard error in nats.
     effective : ndarray
         Effective number of the reweighted draws.
     anew : ndarray of bool
-        Where importance sampling under that prior replaced reweighting.
+        Where new importance draws were made instead of reweighting.
     trusted : ndarray of bool
         Where the diagnostics are good.
     """
@@ -71,11 +73,8 @@ class Widths:
     trusted: np.ndarray
 
 
-def widened(prior: Prior, factor: float) -> Prior | None:
-    """Return the prior with its scale times the factor and the same support.
-
-    The result is None where the prior has no such scale, or where its scale is unknown and averaged over.
-    """
+def scale_prior(prior: Prior, factor: float) -> Prior | None:
+    """Return a prior with its scale multiplied by a factor; None if it has no scale or an unknown one."""
     if isinstance(prior, HalfNormal):
         return HalfNormal(scale=prior.scale * factor)
     if isinstance(prior, LogNormal):
@@ -88,58 +87,61 @@ def against_width(
     coefficients: Sequence[str],
     y: np.ndarray,
     log_weights: np.ndarray,
-    near: Callable[[Mapping[str, Prior]], Mode],
+    fit_under: Callable[[Mapping[str, Prior]], Mode],
     seed: int,
 ) -> Widths:
-    """Compute the evidence under narrower and wider priors of the damping coefficients, all at once.
+    """Compute the evidence with all priors of damping coefficients scaled by each of `FACTORS`.
 
-    The likelihoods of importance draws do not depend on the prior: each width needs prior densities alone.
+    The importance draws are reweighted by the ratio of the prior densities, which needs no new likelihoods.
 
     Parameters
     ----------
     priors : mapping of str to Prior
-        Of all inferred parameters.
+        Priors of all inferred parameters.
     coefficients : sequence of str
-        Of the damping.
+        Names of the damping coefficients.
     y : ndarray, shape (n, d)
         Importance draws of the reflected scores, in the order of the priors.
     log_weights : ndarray, shape (n,)
         Their log weights under the given priors.
-    near : callable
-        Returns the mode under other priors. Raises Refusal where there is none.
+    fit_under : callable
+        Function that returns the mode under other priors, or raises Refusal.
     seed : int
-        Of the draws under other priors.
+        Seed of new draws.
+
+    Returns
+    -------
+    Widths
+        The log evidence by factor.
     """
-    varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
+    varied = tuple(n for n in coefficients if scale_prior(priors[n], 2.0) is not None)
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in varied}
 
-    def weighed(factor: float, seed: int) -> tuple[float, float, float, bool, bool]:
-        others = {n: p for n in varied if (p := widened(priors[n], factor)) is not None}
+    def evidence_at(factor: float, seed: int) -> tuple[float, float, float, bool, bool]:
+        """Return a row of `Widths` for one factor."""
+        others = {n: p for n in varied if (p := scale_prior(priors[n], factor)) is not None}
         weights = log_weights.copy()
         for name, other in others.items():
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
         log_evidence = float(scipy.special.logsumexp(weights) - np.log(weights.size))
         w = np.exp(weights - log_evidence)
         size = effective_size(weights)
-        if size >= ENOUGH and pareto_k(weights) < K_LIMIT:
+        if size >= LEAST_EFFECTIVE and pareto_k(weights) < K_LIMIT:
             return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
         try:
-            mode = near({**priors, **others})
+            mode = fit_under({**priors, **others})
             evidence = Importance().evidence("", mode.likelihood.target, mode, seed)
         except Refusal:
             return np.nan, np.nan, size, True, False
         return evidence.log_evidence, evidence.stderr, size, True, evidence.outcome == OK
 
-    rows = [weighed(factor, seed + i) for i, factor in enumerate(FACTORS if varied else (1.0,))]
+    rows = [evidence_at(factor, seed + i) for i, factor in enumerate(FACTORS if varied else (1.0,))]
     rows *= 1 if varied else FACTORS.size
     return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
-    """Return the mode under other priors of the same parameters, where laws hold exactly.
-
-    Raises Refusal where there is none.
-    """
+    """Return the mode under other priors of the same parameters, under exact laws. Raises Refusal if there is none."""
     target = mode.likelihood.target
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in priors.items()])
@@ -147,7 +149,7 @@ def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
 
 
 def first_half(mode: Mode) -> Mode:
-    """Return the mode on the first half of the samples, where laws hold exactly. Raises Refusal where there is none."""
+    """Return the mode for the first half of the samples, under exact laws. Raises Refusal if there is none."""
     target = mode.likelihood.target
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
@@ -156,26 +158,30 @@ def first_half(mode: Mode) -> Mode:
 
 
 def predict(
-    model: str, half: Mode, carry: Callable[[np.ndarray], Ahead], seed: int
-) -> tuple[Evidence, Ahead]:
-    """Compute the evidence on the first half of a record by importance sampling, and predict the second half.
+    model: str, half: Mode, carry: Callable[[np.ndarray], Prediction], seed: int
+) -> tuple[Evidence, Prediction]:
+    """Compute the evidence of the first half of a record by importance sampling, and predict the second half.
 
     Parameters
     ----------
     model : str
         Name of the model.
     half : Mode
-        Of the density on the first half.
+        Mode of the posterior for the first half.
     carry : callable
-        Maps draws of the scores, (m, d), to the prediction of the second half. Raises Refusal where no draw has a
-        finite motion there.
+        Function that predicts the second half from draws of the scores, (m, d), or raises Refusal.
     seed : int
-        Of the draws.
+        Seed of the draws.
+
+    Returns
+    -------
+    Evidence, Prediction
+        The evidence of the first half, and the prediction of the second half.
 
     Raises
     ------
     Refusal
-        Where the first half has no posterior, or no draw a finite motion over the second.
+        If no draw has a finite motion in the second half.
     """
     evidence = Importance().evidence(model, half.likelihood.target, half, seed)
     rows = resample(evidence.arrays["log_weights"], DRAWS, np.random.default_rng(seed))
@@ -185,7 +191,7 @@ def predict(
 def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:
     """Return the log density of the second half given the first, and its standard error.
 
-    It is a difference of log evidences, and nan where one of them is not trusted.
+    It is the difference of two log evidences; nan if one of them is unreliable.
     """
     if not whole.outcome == half.outcome == OK:
         return float("nan"), float("nan")
@@ -198,28 +204,27 @@ def savage_dickey(
     scores: Mapping[str, np.ndarray],
     scales: ArrayLike = SHARED_SIGMAS,
 ) -> NestedRatio:
-    """Return the log Bayes factor of the model without a coefficient to the one with it.
+    """Return the log Bayes factor of the model without a coefficient against the model with it.
 
-    It is the log of the ratio of posterior to prior density of the coefficient at zero, on the reflected axis. Where
-    the coefficient shares an unknown scale with others, the prior of these given that it is zero differs from their
-    prior in the smaller model. The posterior is then weighted by the ratio of the two, which depends on the others' sum
-    of squares.
+    It is the log of the ratio of posterior to prior density of the coefficient at zero (Savage and Dickey). If the
+    coefficient has a common prior scale with others, their prior given that it is zero differs from their prior in the
+    smaller model. The draws are then weighted by the ratio of both, which depends on the sum of squares of the others.
 
     Parameters
     ----------
     priors : mapping of str to Prior
-        Of the parameters of the larger model.
+        Priors of the parameters of the larger model.
     name : str
-        The coefficient. Its prior must be a half-normal with a given or a shared scale.
+        The coefficient. Its prior must be half-normal, with a given or a common scale.
     scores : mapping of str to ndarray
-        Posterior draws of the parameters' scores, shape (chain, draw) each.
+        Posterior draws of the scores of the parameters, (chain, draw) each.
     scales : array_like, shape (s,)
-        Scales in scores that coefficients may share.
+        Values of the common prior scale, in scores.
 
     Returns
     -------
     NestedRatio
-        It applies within 5 nats: farther out no draw is near zero.
+        The log Bayes factor. It does not apply beyond 5 nats, because no draw is near zero then.
 
     References
     ----------
@@ -240,7 +245,7 @@ def savage_dickey(
     size = effective_mean(draws)
     log_density, error = density_at_zero(draws.ravel(), size, weights.ravel() / weights.mean())
     ratio = log_density + top + float(np.log(weights.mean()))
-    if not (abs(ratio) < FARTHEST and error < 1.0):
+    if not (abs(ratio) < MOST_NATS and error < 1.0):
         return NestedRatio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
     return NestedRatio(ratio, error)
 
@@ -248,19 +253,19 @@ def savage_dickey(
 def density_at_zero(
     x: np.ndarray, effective: float, weights: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Estimate the log density at 0 of draws.
+    """Estimate the log density of non-negative draws at zero.
 
-    The density is the exponential of a cubic on [0, median], fitted by maximum likelihood. A truncated normal has this
-    form, and nothing is smoothed across zero.
+    The log density on [0, median] is a cubic polynomial, fitted by maximum likelihood. (That of a truncated normal
+    distribution is a polynomial too.)
 
     Parameters
     ----------
     x : ndarray, shape (n,)
-        Draws, not negative.
+        The draws.
     effective : float
         Their effective number.
     weights : ndarray, shape (n,), optional
-        With mean 1; equal by default.
+        Weights of the draws with mean 1; equal by default.
 
     Returns
     -------
@@ -275,16 +280,17 @@ def density_at_zero(
         effective *= float(np.sum(weights) ** 2 / np.sum(weights**2) / weights.size)
     if u.min() > FAR_FROM_ZERO:
         return float("nan"), float("inf")
-    nodes, cells = np.polynomial.legendre.leggauss(NODES)
-    nodes, cells = 0.5 * (nodes + 1.0), 0.5 * cells
+    nodes, node_weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, node_weights = 0.5 * (nodes + 1.0), 0.5 * node_weights
     basis = np.stack([nodes**k for k in range(1, DEGREE + 1)])
     wanted = np.array([np.average(u**k, weights=w) for k in range(1, DEGREE + 1)])
     c = np.zeros(DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        height = c @ basis
-        most = height.max()
-        mass = cells * np.exp(height - most)
+        """Return log ∫ exp(c·basis), and mean and covariance of the basis under this density."""
+        log_f = c @ basis
+        most = log_f.max()
+        mass = node_weights * np.exp(log_f - most)
         total = mass.sum()
         mean = basis @ mass / total
         return most + np.log(total), mean, (basis * mass / total) @ basis.T - np.outer(mean, mean)
@@ -295,7 +301,7 @@ def density_at_zero(
         gain, size = float((wanted - mean) @ step), 1.0
         if gain < 1e-12:
             break
-        # The log likelihood is concave: halve the step until it rises.
+        # The log likelihood is concave: halve the step until it increases.
         before = wanted @ c - log_total
         while True:
             trial = moments(c + size * step)
@@ -304,9 +310,10 @@ def density_at_zero(
             size *= 0.5
         c = c + size * step
         log_total, mean, covariance = trial
-    # log f(0) = log share − log_total − log top; its gradient by c is −mean, c's covariance the inverse of the basis'.
-    share = float(w.sum()) / x.size
-    size = share * effective
-    variance = mean @ np.linalg.solve(covariance, mean) / size + (1 - share) / size
+    # log f(0) = log fraction − log_total − log top. Its gradient by c is −mean; the covariance of c is the inverse of
+    # that of the basis, divided by the number of draws.
+    fraction = float(w.sum()) / x.size
+    size = fraction * effective
+    variance = mean @ np.linalg.solve(covariance, mean) / size + (1 - fraction) / size
     error = float(np.sqrt(variance)) if variance > 0 else float("inf")
-    return float(np.log(share) - log_total - np.log(top)), error
+    return float(np.log(fraction) - log_total - np.log(top)), error

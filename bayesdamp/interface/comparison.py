@@ -20,7 +20,7 @@ from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store import DAMPING_CURVES, CellResult
+from bayesdamp.store import DAMPING_CURVES, TaskResult
 from bayesdamp.store.files import save_bytes
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, unit_named
@@ -182,7 +182,7 @@ class Comparison(Result):
         from bayesdamp.report.results.run import RunFolder
 
         cells = [
-            CellResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
+            TaskResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
             for a in self.answers
         ]
         about = {

@@ -502,5 +502,5 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     if law is not None and sampler == TEMPERED:
         drawn = sample_motions(law, settings.chains, settings.draws, settings.seed)
     else:
-        drawn = SAMPLERS.get(sampler).summarised(*fit.engine, settings)
+        drawn = SAMPLERS.get(sampler).sample_and_summarise(*fit.engine, settings)
     return (drawn, NO_DRAWS[0]) if law is None else law.complete(drawn, settings.seed)

@@ -18,7 +18,7 @@ from bayesdamp.calls import CheckedMethods
 from bayesdamp.formatting import Table
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import BROKEN, packed, save_bytes, unpacked
+from bayesdamp.store.files import BROKEN, pack, save_bytes, unpack
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Result(Shown):
         """
         arrays = dict[str, np.ndarray]()
         head = {"kind": type(self).__name__, "version": __version__, "value": split(self, arrays)}
-        return save_bytes(path, packed(META, head, arrays, zipfile.ZIP_DEFLATED))
+        return save_bytes(path, pack(META, head, arrays, zipfile.ZIP_DEFLATED))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -105,7 +105,7 @@ def _read(path: str | Path, cls: type[Any] | None) -> Any:
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a file that save() wrote")
     try:
-        head, arrays = unpacked(path, META)
+        head, arrays = unpack(path, META)
         kind, version = head["kind"], head["version"]
     except BROKEN:
         raise InputError(

@@ -1,1 +1,1 @@
-"""The pipeline of a study: a graph of independent, named cells, and the one room that knows all the others."""
+"""Run a study: compute its tasks, store their results and write tables and report. `run` explains tasks and jobs."""

@@ -1,4 +1,4 @@
-"""The tasks that answer for one record: candidates weighed under laws that hold approximately, and the verdict."""
+"""Compute the answer on one record: the evidence of every damping model, the verdict and its numbers."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord, signal_key
-from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
+from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
-from bayesdamp.store import CellResult, Store
+from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
-ANSWERED, SAMPLED = "answer", "sampled"
-"""Kinds of the two tasks: the answer, and the same with the likeliest candidates' motions sampled."""
+ANSWER, SAMPLED_ANSWER = "answer", "sampled"
+"""Kinds of the two tasks: the answer by linear models, and the same with the most probable candidates sampled."""
 _WEIGHINGS: dict[str, dict[str, ModelComparison]] = {}
-"""The weighing behind an answer, by the answer's key: that of the last record alone."""
+"""The fitted candidates of the last answer only, by the answer's key: the sampled answer starts from them."""
 
 
 def asks_for_answers(study: Study) -> bool:
-    """Return whether a study asks which damping its records have."""
+    """Return whether a study compares damping models, that is, names samplers or evidence methods."""
     return bool(study.posterior.samplers or study.evidence.methods)
 
 
 def is_approximate(study: Study, spec: SignalSpec) -> bool:
-    """Return whether laws hold approximately in a record's answer: by default in that of a measured one."""
+    """Return whether the answer on a record allows deviations from the laws; by default only for a measured record."""
     deviation = study.posterior.deviation
     return deviation == "law" or (deviation == "auto" and isinstance(spec.source, Recording))
 
 
 def likelihood_of(study: Study) -> str:
-    """Return the deviation of what a study samples, "law" or "none". Under "auto" its answer alone may deviate."""
+    """Return the deviation that samplers use, "law" or "none". Under "auto" only the answer allows deviations."""
     return "law" if study.posterior.deviation == "law" else "none"
 
 
 def stated_priors(study: Study) -> dict[str, Prior]:
-    """Return the priors of damping terms that a study states, by parameter."""
+    """Return the priors that a study states for damping terms, by parameter."""
     return {
         TERMS.get(t).parameter if t in TERMS.names() else t: p
         for t, p in study.models.prior.items()
@@ -59,10 +59,10 @@ def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
     return tuple(dict.fromkeys(t for model in study.dampings(spec) for t in parse_model(model)))
 
 
-def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWERED) -> str:
-    """Return the key of the verdict on a record, `answer/SIGNAL/REPEAT` or `sampled/SIGNAL/REPEAT`.
+def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWER) -> str:
+    """Return the key of the task `answer/SIGNAL/REPEAT` or `sampled/SIGNAL/REPEAT`.
 
-    It depends on the record, the study's question, and the source of terms, laws and noise models.
+    It depends on the record, the settings of the comparison, and the source of damping terms, laws and noise models.
     """
 
     def compute() -> str:
@@ -83,14 +83,12 @@ def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: 
     return store.key(f"{kind}/{spec.name}/{repeat}", (study, spec), compute)
 
 
-def compute_answer(
-    study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWERED
-) -> Product:
-    """Return the verdict with the numbers behind it. Raises Refusal where nothing was weighed."""
-    cell = store.read(f"signal/{spec.name}/{repeat}")
-    if cell.outcome != OK:
-        raise Refusal(following(cell.name, cell.outcome))
-    record = StudyRecord(study, spec, cell)
+def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWER) -> Product:
+    """Compute the answer on a record. Raises Refusal if no candidate can be compared."""
+    result = store.read(f"signal/{spec.name}/{repeat}")
+    if result.outcome != OK:
+        raise Refusal(following(result.name, result.outcome))
+    record = StudyRecord(study, spec, result)
     if not record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
@@ -103,14 +101,14 @@ def compute_answer(
         is_given = "epsilon" in spec.under(law).known
         return {k: v for k, v in system.known.items() if is_given or k != "epsilon"}
 
-    # The sampled answer goes on from the weighing of the first one.
+    # The sampled answer starts from the fits of the first answer.
     first = answer_key(study, spec, repeat, store)
     if first not in _WEIGHINGS:
         _WEIGHINGS.clear()
     priors: dict[str, Prior] = stated_priors(study)
     for law in spec.restoring:
         priors |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
-    result = answer(
+    computed = answer(
         record.signal,
         deviation="law" if is_approximate(study, spec) else "none",
         damping=study.dampings(spec),
@@ -120,90 +118,91 @@ def compute_answer(
         reference=record.content.scales,
         sensor=study.posterior.sensor,
         measured=isinstance(spec.source, Recording),
-        seed=cell_seed(study, f"{kind}/{spec.name}/{repeat}"),
+        seed=task_seed(study, f"{kind}/{spec.name}/{repeat}"),
         notes=record.content.anomalies,
-        sample=kind == SAMPLED,
+        sample=kind == SAMPLED_ANSWER,
         comparisons=_WEIGHINGS.setdefault(first, {}),
         repeated=bool(spec.specimen),
         noise=study.posterior.noise,
     )
-    outcome = result.verdict.sentence if result.verdict.grade is Grade.NOT_WEIGHED else OK
-    return Product(result.content, {**result.arrays, **result.further}, outcome)
+    outcome = computed.verdict.sentence if computed.verdict.grade is Grade.NOT_WEIGHED else OK
+    return Product(computed.content, {**computed.arrays, **computed.further}, outcome)
 
 
-def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
-    """Return the latest answer on a record: with its motions sampled, else the first one; None where it has none."""
-    for kind in (SAMPLED, ANSWERED):
-        cell = store.find(f"{kind}/{signal}/{repeat}")
-        if cell is not None and cell.outcome == OK:
-            return cell
+def answer_result(store: Store, signal: str, repeat: int) -> TaskResult | None:
+    """Return the result of a record's sampled answer, else of its first answer; None if it has neither."""
+    for kind in (SAMPLED_ANSWER, ANSWER):
+        result = store.find(f"{kind}/{signal}/{repeat}")
+        if result is not None and result.outcome == OK:
+            return result
     return None
 
 
 def answer_of(store: Store, signal: str, repeat: int) -> Answer | None:
-    """Return the latest stored answer on a record; None where it has none."""
-    cell = answer_cell(store, signal, repeat)
-    return None if cell is None else Answer(AnswerContent.of(cell), cell.arrays)
+    """Return the stored answer on a record, the sampled one if there is one; None if it has no answer."""
+    result = answer_result(store, signal, repeat)
+    return None if result is None else Answer(AnswerContent.of(result), result.arrays)
 
 
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
-    """Return the stored verdict on a record; None where it has none."""
+    """Return the stored verdict on a record; None if it has no answer."""
     stored = answer_of(store, signal, repeat)
     return None if stored is None else stored.verdict
 
 
-def answered_of(store: Store, signal: str, repeat: int) -> RecordAnswer | None:
-    """Return the part of a record's answer that a verdict on several records uses; None where nothing was weighed."""
+def specimen_input(store: Store, signal: str, repeat: int) -> RecordAnswer | None:
+    """Return the part of a record's answer that the joint fit of a specimen uses; None if no candidate was compared."""
     stored = answer_of(store, signal, repeat)
     return None if stored is None or not stored.content.candidates else stored.of_specimen()
 
 
-def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> FitState:
-    """Return the end of the search for a candidate with deviations. Raises Refusal where the answer has none."""
-    cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
-    content = AnswerContent.maybe(cell)
+def stored_fit(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> FitState:
+    """Return the fit of a candidate with deviations from the stored answer. Raises Refusal if the answer has none."""
+    result = store.read(f"{ANSWER}/{signal}/{repeat}")
+    content = AnswerContent.maybe(result)
     if content is None:
-        raise Refusal(following(cell.name, cell.outcome))
-    own = set(damping.split("+"))
+        raise Refusal(following(result.name, result.outcome))
+    terms = set(damping.split("+"))
     for law in content.laws:
-        if set(law.damping.split("+")) == own and law.restoring == restoring:
-            return join(FitState, law.found, cell.arrays, law_prefix(law.damping, law.restoring))
+        if set(law.damping.split("+")) == terms and law.restoring == restoring:
+            return join(FitState, law.found, result.arrays, law_prefix(law.damping, law.restoring))
     refused = (
-        r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
+        r.outcome
+        for r in content.candidates
+        if set(r.damping.split("+")) == terms and r.restoring == restoring
     )
     raise Refusal(next(refused, ESCAPED))
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) -> set[tuple[str, str]] | None:
-    """Return the candidates, (damping, restoring), that sampling may confirm or correct.
+    """Return the candidates, (damping, restoring), that are worth sampling.
 
-    These are the candidates within so many nats of the best where laws hold as sampling takes them to, and the best
-    under approximate laws.
+    These are the candidates whose log evidence is near the largest, and always the best one with deviations.
 
     Parameters
     ----------
     store
-        The run's.
+        Store of the run.
     signal, repeat
-        The record.
+        Name and repeat of the record.
     nats
-        Greatest distance in log evidence.
+        Greatest distance from the largest log evidence.
     law
-        Whether sampling takes laws to hold approximately.
+        Whether to take the evidence with deviations from the laws, if there is one, instead of that under exact laws.
 
     Returns
     -------
     set or None
-        None where the answer weighed nothing.
+        None if the answer compared no candidate.
     """
-    content = AnswerContent.maybe(store.find(f"{ANSWERED}/{signal}/{repeat}"))
-    weighed = [r for r in content.candidates if r.outcome == OK] if content else []
-    if not weighed:
+    content = AnswerContent.maybe(store.find(f"{ANSWER}/{signal}/{repeat}"))
+    usable = [r for r in content.candidates if r.outcome == OK] if content else []
+    if not usable:
         return None
-    approximate = [(r.log_evidence, r) for r in weighed if r.log_evidence is not None]
-    heights = approximate if law and approximate else [(r.exact, r) for r in weighed]
-    top = max(height for height, _ in heights)
-    chosen = {(r.damping, r.restoring) for height, r in heights if top - height < nats}
+    approximate = [(r.log_evidence, r) for r in usable if r.log_evidence is not None]
+    logs = approximate if law and approximate else [(r.exact, r) for r in usable]
+    top = max(log for log, _ in logs)
+    chosen = {(r.damping, r.restoring) for log, r in logs if top - log < nats}
     if approximate:
         _, first = max(approximate, key=lambda pair: pair[0])
         chosen.add((first.damping, first.restoring))

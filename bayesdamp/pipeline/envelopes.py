@@ -1,4 +1,4 @@
-"""Envelopes as records of a study: read from their files and answered."""
+"""Read the envelopes of a study and compute the answers on them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256
 from bayesdamp.types import InputError, Refusal
 
-KEPT = 2000
-"""Records that stay in memory, some 100 kB each."""
+CACHED = 2000
+"""Number of envelopes that are cached in memory; each takes about 100 kB."""
 
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, EnvelopeWindow | None]:
-    """Return an envelope under a name, and the window that was asked for. Raises InputError."""
+    """Read an envelope, name it, and return it with the window that the study states, if any. Raises InputError."""
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
     try:
@@ -32,9 +32,9 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
     return replace(record, name=name), window
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED)
 def _read(source: Recording, changed: int) -> EnvelopeRecord:
-    """Return the envelope in a file, from memory until the file changes: a run checks its files before it begins."""
+    """Read the envelope in a file; cached while its time of change `changed` is the same (a run reads files twice)."""
     del changed
     return read_envelope(
         source.path,
@@ -51,7 +51,7 @@ def _sums(study: Study, spec: SignalSpec) -> Sums:
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:
-    """Read an envelope and check that its damping sums can be weighed on it. Raises InputError."""
+    """Read an envelope and check that its damping sums can be compared on it. Raises InputError."""
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)
     sums, _ = weighable(_sums(study, spec))
@@ -60,9 +60,10 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
 
 
 def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
-    """Return the key of the verdict on an envelope, `answer/SIGNAL/0`.
+    """Return the key of the task `answer/SIGNAL/0` of an envelope.
 
-    It depends on the file's content, the signal's table, the study's question, and the source of terms and readers.
+    It depends on the content of the file, the settings of signal and study, and the source of damping terms and
+    readers.
     """
     source = spec.source
     assert isinstance(source, Recording)
@@ -70,15 +71,15 @@ def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
     def compute() -> str:
         sums = _sums(study, spec)
         settings = {k: v for k, v in split(source).items() if k not in ("file", "path")}
-        own = [*map(TERMS.source, further_terms(sums)), *sources_below("bayesdamp.records")]
+        sources = [*map(TERMS.source, further_terms(sums)), *sources_below("bayesdamp.records")]
         parts = (spec.name, settings, sha256(source.path), sums, study.seed, bool(spec.specimen))
-        return task_key("envelope", *parts, own)
+        return task_key("envelope", *parts, sources)
 
     return store.key(f"answer/{spec.name}/0", (study, spec), compute)
 
 
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:
-    """Return the verdict on an envelope with the numbers behind it."""
+    """Compute the answer on an envelope."""
     assert isinstance(spec.source, Recording)
     record, window = read_recording(spec.source, spec.name)
     result = answer_envelope(record, window, _sums(study, spec), study.seed, bool(spec.specimen))

@@ -1,4 +1,4 @@
-"""The jobs of a study: the cells that each computes, their order, and the candidates that are left out on the way."""
+"""List the jobs of a study with their tasks, order them in stages, and choose which candidates are left out."""
 
 from __future__ import annotations
 
@@ -13,41 +13,44 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence._method import NESTED_CHECK
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import (
-    ANSWERED,
-    SAMPLED,
+    ANSWER,
+    SAMPLED_ANSWER,
     answer_key,
     asks_for_answers,
     compute_answer,
     likelihood_of,
     shortlist,
 )
-from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.cells import cells_of, compute
-from bayesdamp.pipeline.candidates.weighing import compute_average, has_average
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
+from bayesdamp.pipeline.candidates.evidence import compute_average, has_average
+from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest, task_key
 from bayesdamp.plugins import use
-from bayesdamp.store import CellResult, Store
-from bayesdamp.store.cells import Place
+from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import EvidenceContent
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
-FAR = 5.0
-"""Nats behind the best, beyond which the sensitivity of a candidate that is not sampled is not computed."""
+FAR_BEHIND = 5.0
+"""Distance to the best log evidence (nats) from which a candidate is not likely: its posterior odds are below 1:148."""
 FAR_AT_ONCE = Status.PRUNED.because("far behind in the first weighing")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
 
 
-class Contest:
-    """The candidates on one record, some of which a study leaves out on its way."""
+class CandidateSelection:
+    """Choose which candidates of one record are evaluated further, sampled, and tested for sensitivity.
+
+    Methods that return outcomes map each candidate to the reason why it is left out; an empty string means it is kept.
+    """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
         self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.names, self.limit = study.compare(spec), study.models.prune
 
-    def first_outcomes(self) -> dict[str, str]:
-        """Return why the answer's weighing leaves a candidate out, or an empty sentence, by candidate."""
+    def outcomes_after_answer(self) -> dict[str, str]:
+        """Return the outcome of each candidate after the answer: candidates with much smaller evidence are left out."""
         short = None
         if self.limit is not None:
             law = likelihood_of(self.study) == "law"
@@ -59,8 +62,8 @@ class Contest:
             outcomes[name] = FAR_AT_ONCE if is_out else ""
         return outcomes
 
-    def laplace_outcomes(self) -> dict[str, str]:
-        """Return why a candidate is not weighed beyond Laplace's evidence, or an empty sentence, by candidate."""
+    def outcomes_after_laplace(self) -> dict[str, str]:
+        """Return the outcome of each candidate after Laplace's evidence, by the limit `prune` of the study."""
         logs = {name: self._log_evidence(name, "laplace") for name in self.names}
         best = max((value for value in logs.values() if math.isfinite(value)), default=math.nan)
         outcomes = {}
@@ -73,61 +76,61 @@ class Contest:
                 outcomes[name] = Status.PRUNED.because(limit)
         return outcomes
 
-    def best_of(self) -> tuple[str, ...]:
-        """Return the candidates whose posterior is sampled, the best first; all where the study sets no number.
+    def choose_for_sampling(self) -> tuple[str, ...]:
+        """Return the candidates whose posterior is sampled, the best first; all if the study sets no number.
 
-        Besides the best these are candidates not far behind whose evidence is not to be trusted: bridge sampling and
-        the referee start from draws.
+        To the best ones we add candidates that are not far behind and whose evidence is unreliable: bridge sampling
+        and nested sampling, which check it, start from draws.
         """
         count = self.study.posterior.best
         if count is None:
             return self.names
-        heights = self._heights()
-        order, top = tuple(heights), max(heights.values(), default=math.nan)
+        log_evidences = self._log_evidences()
+        order, top = tuple(log_evidences), max(log_evidences.values(), default=math.nan)
         methods = [method for method in self.study.evidence.methods if method != "laplace"]
         trusted = (Status.OK, Status.NOT_SAMPLED, Status.PRUNED)
         doubtful = (
             n
             for n in order[count:]
-            if top - heights[n] < FAR
+            if top - log_evidences[n] < FAR_BEHIND
             and any(status_of(self._outcome(n, method)) not in trusted for method in methods)
         )
         return (*order[:count], *doubtful)
 
-    def likely(self) -> tuple[str, ...]:
-        """Return the candidates whose sensitivity is computed: the sampled ones, and all that are not far behind."""
-        heights = self._heights()
-        top = max(heights.values(), default=math.nan)
-        near = (n for n, height in heights.items() if top - height < FAR)
-        return tuple(dict.fromkeys([*self.best_of(), *near]))
+    def choose_for_sensitivity(self) -> tuple[str, ...]:
+        """Return the candidates whose sensitivity is computed: the sampled ones and all that are not far behind."""
+        log_evidences = self._log_evidences()
+        top = max(log_evidences.values(), default=math.nan)
+        near = (n for n, value in log_evidences.items() if top - value < FAR_BEHIND)
+        return tuple(dict.fromkeys([*self.choose_for_sampling(), *near]))
 
-    def _heights(self) -> dict[str, float]:
-        """Return the log evidence of the candidates that are left, the best first."""
+    def _log_evidences(self) -> dict[str, float]:
+        """Return the log evidence of the candidates that are still in the comparison, the best first."""
         order = [m for m in self.study.evidence.methods if m != "laplace"] + ["laplace"]
-        heights = {}
-        for name, why in self.laplace_outcomes().items():
+        log_evidences = {}
+        for name, why in self.outcomes_after_laplace().items():
             if not why:
                 values = (self._log_evidence(name, method) for method in order)
-                heights[name] = next((v for v in values if math.isfinite(v)), -math.inf)
-        return dict(sorted(heights.items(), key=lambda item: -item[1]))
+                log_evidences[name] = next((v for v in values if math.isfinite(v)), -math.inf)
+        return dict(sorted(log_evidences.items(), key=lambda item: -item[1]))
 
-    def _cell(self, name: str, method: str) -> CellResult | None:
+    def _find(self, name: str, method: str) -> TaskResult | None:
         return self.store.find(f"evidence/{self.spec.name}/{self.repeat}/{name}/{method}")
 
     def _outcome(self, name: str, method: str) -> str:
-        cell = self._cell(name, method)
-        return OK if cell is None else cell.outcome
+        result = self._find(name, method)
+        return OK if result is None else result.outcome
 
     def _log_evidence(self, name: str, method: str) -> float:
-        content = EvidenceContent.maybe(self._cell(name, method))
+        content = EvidenceContent.maybe(self._find(name, method))
         return content.evidence.log_evidence if content and content.evidence else math.nan
 
 
 class Depth(StrEnum):
-    """How far a run goes.
+    """The last step of a run.
 
-    ANSWER: to the answer from linear models. SAMPLED: to its motions sampled. WHOLE: to everything that the study asks
-    of samplers and evidence.
+    ANSWER: the answer by linear models. SAMPLED: the answer with the posterior sampled. WHOLE: all samplers and
+    evidence methods that the study asks for.
     """
 
     ANSWER = "answer"
@@ -137,12 +140,14 @@ class Depth(StrEnum):
 
 @dataclass(frozen=True)
 class Job:
-    """The tasks that one worker does in a row.
+    """Tasks that one process computes one after another.
 
-    model: the candidate, in a job of a branch; else None. part: of a record "read", "answer" or "sampled"; of a branch
-    "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence), "sample" or "depend" (the sensitivity),
-    None for all of it; else "average" over models, "specimen" of several records (signal is then its name), or
-    "population" of all specimens.
+    signal: name of the signal; of the specimen if part is "specimen".
+    repeat: number of the repeat of a simulated signal, from 0.
+    model: the candidate; None if the job concerns the whole record or several records.
+    part: which tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
+    Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these. For
+    several models: "average". For several records: "specimen". For all specimens: "population".
     """
 
     signal: str
@@ -151,39 +156,36 @@ class Job:
     part: str | None = None
 
 
-def cells(study: Study) -> list[str]:
-    """Return the names of a study's cells, in an order in which they could run. Nothing is computed."""
+def task_names(study: Study) -> list[str]:
+    """Return the names of all tasks of a study, in an order in which they could be computed. Nothing is computed."""
     use(study.plugins)
     store = Store(Path("."))
-    return [name for job in jobs_of(study) for name in work_of(study, store, job)]
+    return [name for job in jobs_of(study) for name in tasks_of(study, store, job)]
 
 
 def is_within(job: Job, depth: Depth) -> bool:
-    """Return whether a run of this depth does a job."""
-    return depth is Depth.WHOLE or job.part in ("read", ANSWERED, depth)
+    """Return whether a run of this depth includes a job."""
+    return depth is Depth.WHOLE or job.part in ("read", ANSWER, depth)
 
 
 def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
-    """Return how many jobs of a run could run at once.
+    """Return how many jobs of a run can use a process of their own at the same time.
 
-    These are candidates, or records, each of which is answered by threads of one process.
+    In a whole run these are candidates; otherwise records, because one process answers a record with several threads.
     """
     records = len({(job.signal, job.repeat) for job in jobs})
     return max(records, sum(job.model is not None for job in jobs)) if depth is Depth.WHOLE else records
 
 
 def jobs_of(study: Study) -> list[Job]:
-    """Return every job of a study, records first."""
-    # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
+    """Return all jobs of a study; the jobs that read records come first."""
+    # Repeat by repeat over all signals: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    parts = ("read", *((ANSWERED, SAMPLED) if asks_for_answers(study) else ()))
-    # The one task of an envelope reads it too.
+    parts = ("read", *((ANSWER, SAMPLED_ANSWER) if asks_for_answers(study) else ()))
+    # An envelope is read by its answer task.
     jobs = [
-        Job(s.name, r, part=part)
-        for part in parts
-        for s, r in records
-        if part == ANSWERED or not s.is_envelope
+        Job(s.name, r, part=part) for part in parts for s, r in records if part == ANSWER or not s.is_envelope
     ]
     jobs += [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
     jobs += [Job(s.name, 0, part="average") for s in study.signals if has_average(study, s)]
@@ -193,8 +195,8 @@ def jobs_of(study: Study) -> list[Job]:
     return jobs
 
 
-def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
-    """Return the cells of a job: by name, the key and the function that computes it."""
+def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
+    """Return the tasks of a job: by name, the key of the task and the function that computes it."""
     if job.part == "population":
         keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
         return {
@@ -206,48 +208,48 @@ def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]
     spec = next(s for s in study.signals if s.name == job.signal)
     record = f"{spec.name}/{job.repeat}"
     if job.part == "average":
-        branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
+        keys = [task_keys(StudyCandidate(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         name = f"averaged/{record}"
-        return {name: (task_key("averaged", branches), partial(compute_average, study, spec, store, name))}
+        return {name: (task_key("averaged", keys), partial(compute_average, study, spec, store, name))}
     if job.model is not None:
-        branch = Branch(study, spec, job.repeat, job.model, store)
+        candidate = StudyCandidate(study, spec, job.repeat, job.model, store)
         return {
-            name: (key, partial(compute, branch, name))
-            for name, key in cells_of(branch).items()
+            name: (key, partial(compute, candidate, name))
+            for name, key in task_keys(candidate).items()
             if job.part is None or job.part == _part_of(name)
         }
     if spec.is_envelope:
         from bayesdamp.pipeline.envelopes import compute_envelope, envelope_key  # imports slowly
 
         key, make = envelope_key(study, spec, store), partial(compute_envelope, study, spec)
-        return {f"{ANSWERED}/{record}": (key, make)}
+        return {f"{ANSWER}/{record}": (key, make)}
     if job.part == "read":
         key, make = (
             signal_key(study, spec, job.repeat, store),
             partial(compute_signal, study, spec, job.repeat),
         )
         return {f"signal/{record}": (key, make)}
-    kind = SAMPLED if job.part == SAMPLED else ANSWERED
+    kind = SAMPLED_ANSWER if job.part == SAMPLED_ANSWER else ANSWER
     key = answer_key(study, spec, job.repeat, store, kind)
     return {f"{kind}/{record}": (key, partial(compute_answer, study, spec, job.repeat, store, kind))}
 
 
 def _part_of(name: str) -> str:
-    """Return the part of a branch's jobs that a cell belongs to."""
-    place = Place.of(name)
-    kind, method = place.kind, place.method
+    """Return which part of a candidate's job a task belongs to."""
+    parts = TaskName.of(name)
+    kind, method = parts.kind, parts.method
     if kind == "sensitivity" and method != "savage_dickey":
-        return "depend"
+        return "sensitivity"
     if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
         return "sample"
-    return "weigh" if kind == "evidence" and method != "laplace" else "look"
+    return "evidence" if kind == "evidence" and method != "laplace" else "fit"
 
 
 def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:
-    """Iterate over the stages of a run: jobs that may run at once. A stage may depend on the results before it."""
+    """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages."""
     jobs = jobs_of(study)
-    # Records first: every other task reads its record from the store.
-    for part in ("read", ANSWERED, SAMPLED):
+    # Every other task reads its record from the store.
+    for part in ("read", ANSWER, SAMPLED_ANSWER):
         yield [job for job in jobs if job.part == part and is_within(job, depth)]
     if depth is not Depth.WHOLE:
         return
@@ -260,36 +262,42 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 
 
 def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
-    """Iterate over the stages of the branches in a study that leaves candidates out on its way."""
-    contests = [
-        Contest(study, s, r, store)
+    """Iterate over the stages of candidates in a study that leaves out candidates with small evidence."""
+    selections = [
+        CandidateSelection(study, s, r, store)
         for s, r in study.records
         if not s.is_envelope and store.read(f"signal/{s.name}/{r}").outcome == OK
     ]
 
     def leave_out(job: Job, why: str, only: Callable[[str], bool]) -> None:
-        """Store a sentence in place of a job's cells whose names are chosen by `only`."""
-        for name, (key, _) in work_of(study, store, job).items():
+        """Store the reason `why` as the result of those tasks of a job whose names satisfy `only`."""
+        for name, (key, _) in tasks_of(study, store, job).items():
             if only(name) and not store.has(name, aside := digest(why, key)):
-                store.write(CellResult(name, aside, outcome=why))
+                store.write(TaskResult(name, aside, outcome=why))
 
-    for judge, part in ((Contest.first_outcomes, "look"), (Contest.laplace_outcomes, "weigh")):
+    for outcomes_of, part in (
+        (CandidateSelection.outcomes_after_answer, "fit"),
+        (CandidateSelection.outcomes_after_laplace, "evidence"),
+    ):
         stage = []
-        for contest in contests:
-            for name, why in judge(contest).items():
-                job = Job(contest.spec.name, contest.repeat, name, part=part)
+        for selection in selections:
+            for name, why in outcomes_of(selection).items():
+                job = Job(selection.spec.name, selection.repeat, name, part=part)
                 if why:
-                    leave_out(job, why, lambda cell: Place.of(cell).kind == "evidence")
+                    leave_out(job, why, lambda task: TaskName.of(task).kind == "evidence")
                 else:
                     stage.append(job)
         yield stage
     stage = []
-    for part, choose in (("sample", Contest.best_of), ("depend", Contest.likely)):
-        for contest in contests:
-            chosen = choose(contest)
-            stage += [Job(contest.spec.name, contest.repeat, name, part=part) for name in chosen]
+    for part, choose in (
+        ("sample", CandidateSelection.choose_for_sampling),
+        ("sensitivity", CandidateSelection.choose_for_sensitivity),
+    ):
+        for selection in selections:
+            chosen = choose(selection)
+            stage += [Job(selection.spec.name, selection.repeat, name, part=part) for name in chosen]
             stored = set(store.names())
-            for name in set(contest.names) - set(chosen):
-                job = Job(contest.spec.name, contest.repeat, name, part=part)
+            for name in set(selection.names) - set(chosen):
+                job = Job(selection.spec.name, selection.repeat, name, part=part)
                 leave_out(job, NOT_SAMPLED, stored.__contains__)
     yield stage

@@ -1,4 +1,4 @@
-"""The progress of a run: each step in a user's words, and how far it is."""
+"""Show the progress of a run: a description of each stage, and a bar that counts its jobs."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 READING = "reading"
 DOING = {
     None: "estimating, fitting, sampling",
-    "look": "estimating and fitting",
-    "weigh": "weighing more closely",
+    "fit": "estimating and fitting",
+    "evidence": "computing the evidence of",
     "sample": "sampling",
-    "depend": "trying other priors and half the record with",
+    "sensitivity": "trying other priors and half the record with",
 }
-"""Words for the parts of a job on damping models."""
+"""What a job on damping models does, by its part."""
 
 
-def words_of(study: Study, jobs: list[Job]) -> str:
-    """Return a stage of a study in words."""
+def describe_stage(study: Study, jobs: list[Job]) -> str:
+    """Return a description of a stage for the user, such as "sampling 3 damping models on 1 record"."""
     job = jobs[0]
     records = _counted(len({(j.signal, j.repeat) for j in jobs}), "record")
     if job.part == "read":
@@ -54,7 +54,7 @@ def _counted(number: int, what: str) -> str:
 
 
 class Progress:
-    """The steps of a run, shown as a bar on a terminal, elsewhere as a line a step."""
+    """Show the steps of a run: as a bar on a terminal, otherwise as one line for each step."""
 
     def __init__(self, bar: Bar) -> None:
         self._bar, self._task = bar, bar.add_task("", total=None)
@@ -66,21 +66,21 @@ class Progress:
             self._bar.console.print(words, soft_wrap=True, highlight=False, markup=False)
 
     def advance(self) -> None:
-        """Show that one job of the step is done."""
+        """Count one job of the current step as done."""
         self._bar.update(self._task, advance=1)
 
 
 def progress_bar(console: Console, *columns: ProgressColumn) -> Bar:
-    """Return a bar for the steps of a run, or for several things that go on at once.
+    """Return a progress bar for one or several activities.
 
     Parameters
     ----------
     console
-        Where it is shown; not at all where this is not a terminal.
+        Console that shows the bar; nothing is shown if it is not a terminal.
     columns
-        Behind the others.
+        Further columns, at the end.
     """
-    # Not for workers, which show nothing.
+    # Imported here because workers, which show nothing, do not need it.
     from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bar, TextColumn, TimeElapsedColumn
 
     return Bar(
@@ -97,7 +97,7 @@ def progress_bar(console: Console, *columns: ProgressColumn) -> Bar:
 
 @contextmanager
 def progress_on(console: Console) -> Iterator[Progress]:
-    """Show the progress of a run while the context lasts; nothing on a quiet console."""
+    """Show the progress of a run while the context is open; show nothing on a quiet console."""
     from rich.progress import TimeRemainingColumn
 
     with progress_bar(console, TimeRemainingColumn()) as bar:

@@ -1,4 +1,4 @@
-"""The task of one record (read or simulated, cleaned, with its features), and the stored record for other tasks."""
+"""Read or simulate, clean and describe the records of a study, and load stored records for other tasks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
+from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.cleaning.clean import clean, decimate
 from bayesdamp.records.findings import question
@@ -26,7 +26,7 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrap
-from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.store import Store, TaskResult, sha256
 from bayesdamp.store.contents import FeaturesSeen, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
 from bayesdamp.units import UNITS
@@ -35,14 +35,15 @@ from bayesdamp.verdict.words import describe_motion
 
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
-KEPT = 8
-"""Records that stay in memory."""
+"""Raw samples of a measured record that are stored for its plot, at least, if it has as many."""
+CACHED = 8
+"""Number of records that are cached in memory."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
 
-def recorded(source: Recording) -> RawRecord:
-    """Read the record of a study, thinned where it has far more samples than it needs. Raises InputError."""
+def read_thinned(source: Recording) -> RawRecord:
+    """Read a measured record, and decimate it if it has far more samples than needed. Raises InputError."""
     raw = read_record(
         source.path,
         time=source.time,
@@ -59,9 +60,9 @@ def recorded(source: Recording) -> RawRecord:
 
 
 def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
-    """Return the record and its free decay, under a name. Raises InputError with the file as the study names it.
+    """Return the raw record and its free decay, named `name`. Raises InputError, which names the file.
 
-    The last few records are kept until their files change: a run reads its inputs once before it begins.
+    The last few records are cached until their files change, because a run reads them once more before it begins.
     """
     stamp: tuple[int, ...] = ()
     with suppress(OSError):
@@ -73,18 +74,19 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED)
 def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
     del stamp
-    raw = recorded(source)
+    raw = read_thinned(source)
     options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
     return raw, clean(raw, name=name, **options)
 
 
 def signal_key(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str:
-    """Return the key of a record's task, `signal/NAME/REPEAT`.
+    """Return the key of the task `signal/NAME/REPEAT`.
 
-    It depends on the signal's table, the repeat, the file's content, and the source of what simulates or reads it.
+    It depends on the signal's settings, the repeat, the content of the file, and the source of the modules that
+    simulate or read the record.
     """
     source = spec.source
 
@@ -102,15 +104,15 @@ def signal_key(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str
 
 
 def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
-    """Return the record, cleaned, with its features. Raises InputError where a measured one shows no oscillation."""
+    """Return the cleaned record and its features. Raises InputError if a measured record shows no oscillation."""
     source, name, arrays = spec.source, f"signal/{spec.name}/{repeat}", {}
     if isinstance(source, Simulation):
-        rng = np.random.default_rng(cell_seed(study, name))
+        rng = np.random.default_rng(task_seed(study, name))
         signal = simulate_source(source, spec.system.restoring, source.truth, spec.name, rng)
     else:
         raw, signal = read_free_decay(source, spec.name)
         if source.least_noise > 0:
-            signal = _add_noise(signal, source.least_noise, cell_seed(study, f"noise/{name}"))
+            signal = _add_noise(signal, source.least_noise, task_seed(study, f"noise/{name}"))
         times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
         every = max(1, raw.y.size // RAW_POINTS)
         if times is not None:
@@ -122,21 +124,21 @@ def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
         quantity=signal.quantity,
         step=signal.step,
         provenance=signal.provenance.to_dict(),
-        bound=_bound(spec, signal) if repeat == 0 else {},  # repeats share that of the first
+        bound=_bound(spec, signal) if repeat == 0 else {},  # the same for all repeats
     )
     arrays |= {"t": signal.t, "y": signal.y}
     try:
         content, outcome = _describe(spec, signal, content), OK
-        law_free(signal)  # refuses a record of too few cycles
+        law_free(signal)  # raises Refusal if the record has too few cycles
     except Refusal as refusal:
         if isinstance(source, Recording):
             raise InputError(f"signal {spec.name}: {refusal}") from None
-        outcome = str(refusal)  # of one simulated record in a series; the others go on
+        outcome = str(refusal)  # a simulated record: the others of its series are still evaluated
     return Product(content, arrays, outcome)
 
 
 def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
-    """Add noise of this share of the amplitude to a record that has none, with a note; return others unchanged."""
+    """Add white noise, a fraction `share` of the amplitude, to a record without noise; return any other unchanged."""
     try:
         measured = features(signal)
     except Refusal:
@@ -147,18 +149,18 @@ def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
     y = signal.y + share * size * np.random.default_rng(seed).standard_normal(signal.y.size)
     warning = (
         f"the record has no noise from sample to sample (it was filtered, smoothed or simulated), and without noise "
-        f"nothing can be weighed. Noise of {100 * share:g} % of its amplitude was added, and the results are for the "
-        "record with this noise. Give a record with its noise, or fit this one with a study's estimators, which need "
-        "none."
+        f"damping models cannot be compared. Noise of {100 * share:g} % of its amplitude was added, and the results "
+        "are for the record with this noise. Give the unfiltered record, or use only a study's estimators, which need "
+        "no noise."
     )
     before = signal.provenance
     return replace(signal, y=y, provenance=replace(before, warnings=(*before.warnings, warning)))
 
 
 def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> RecordContent:
-    """Add features, the reference of the priors, ε where it was not given, and whether there is noise.
+    """Add to `content` the record's features, the reference of the priors, a value of ε if none is given, and remarks.
 
-    Raises Refusal where the record shows no oscillation.
+    Raises Refusal if the record shows no oscillation.
     """
     measured = features(signal)
     reference = reference_of(spec.system, measured)
@@ -184,7 +186,7 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
 
 
 def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
-    """Return the Cramér–Rao bound of a simulated record with white noise, sd by parameter; else nothing."""
+    """Return the Cramér–Rao bound (standard deviation by parameter) of a simulated record with white noise, else {}."""
     source = spec.source
     if not isinstance(source, Simulation) or source.noise != "gaussian":
         return {}
@@ -197,39 +199,39 @@ def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
     return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
 
 
-def signal_of(record: CellResult) -> Signal:
-    """Return the signal that a record's task stored."""
+def signal_of(record: TaskResult) -> Signal:
+    """Return the signal that is stored in the result of a task `signal/...`."""
     m = RecordContent.of(record)
     t, y = record.arrays["t"], record.arrays["y"]
     return Signal(t, y, m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance))
 
 
 class StudyRecord:
-    """A record and what is known of its system."""
+    """A stored record with its features and what is known of its system."""
 
-    def __init__(self, study: Study, spec: SignalSpec, cell: CellResult) -> None:
-        self.study, self.spec, self.cell = study, spec, cell
+    def __init__(self, study: Study, spec: SignalSpec, result: TaskResult) -> None:
+        self.study, self.spec, self.result = study, spec, result
 
     @cached_property
     def signal(self) -> Signal:
-        """The signal, cached for the last few records together with the quantities that are derived of it."""
-        name = self.cell.name, self.cell.key
-        signal = _SIGNALS.setdefault(name, signal_of(self.cell))
-        while len(_SIGNALS) > KEPT:
+        """The signal. The last few are cached, because their features are stored with the object."""
+        name = self.result.name, self.result.key
+        signal = _SIGNALS.setdefault(name, signal_of(self.result))
+        while len(_SIGNALS) > CACHED:
             del _SIGNALS[next(iter(_SIGNALS))]
         return signal
 
     @cached_property
     def content(self) -> RecordContent:
-        """The values of its cell, without the samples."""
-        return RecordContent.of(self.cell)
+        """The values of its stored result, without the samples."""
+        return RecordContent.of(self.result)
 
     @property
     def features(self) -> Features:
-        """Features of the signal."""
+        """The features of its signal."""
         return features(self.signal)
 
     def system(self, law: str) -> System:
-        """Return the system under a law; a friction's ε (rad/s) that was not given follows from the record."""
+        """Return the system under a restoring law; the width ε of friction follows from the record if not given."""
         system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
         return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})

@@ -1,4 +1,4 @@
-"""The results of a study's run: its tables, and each candidate on each record."""
+"""Run a study from Python, and read the results of a run: its tables, and each candidate on each record."""
 
 from __future__ import annotations
 
@@ -22,26 +22,30 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
-from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.store.cells import Place
+from bayesdamp.store import TABLES, Store, TaskResult, read_table
 from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST = 20
-"""Candidates that a run prints."""
+PRINTED = 20
+"""Greatest number of candidates that a printed `Run` lists."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidate(Shown):
-    """The results of a run for one model on one record.
+    """The results of a run for one damping model on one record.
 
-    record, repeat: the signal's name and its repeat, from 0. values, sd, log_posterior: of the mode, the first two in
-    natural units, the last per score; empty and nan where there is no mode. estimates: both stages by estimator.
-    posteriors: by sampler. evidence: by method. outcome: "ok", or a sentence that says why there is no mode.
+    record: name of the signal. repeat: number of the repeat, from 0.
+    damping, restoring: the damping sum and the restoring law.
+    values, sd: the inferred parameters at the posterior mode, and their standard deviations; empty without a mode.
+    log_posterior: log posterior density at the mode, in the coordinates of the search (standard normal scores); nan
+    without a mode.
+    estimates: the estimates of both stages, by estimator. posteriors: by sampler. evidence: by method.
+    outcome: "ok", or the reason why there is no mode.
     """
 
     record: str
@@ -71,9 +75,9 @@ class Candidate(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Shown):
-    """A study's run, read from its folder.
+    """The run of a study, read from its folder.
 
-    folder: with tables, cells, figures and report.html. name: the study's. candidates: in the tables' order. outcome:
+    folder: folder of the run, with tables, results of tasks, figures and report.html. name: name of the study. outcome:
     "ok", or the names of the tasks that failed.
     """
 
@@ -103,17 +107,17 @@ class Run(Shown):
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """The results for each model on each record."""
+        """The results for each model on each record, in the order of task names."""
         store = Store(self.folder)
-        cells: dict[tuple[str, int, str], list[CellResult]] = {}
+        results: dict[tuple[str, int, str], list[TaskResult]] = {}
         for name in store.names():
-            place = Place.of(name)
-            if place.kind in ("mode", "estimate", "posterior", "evidence") and place.repeat is not None:
-                key = place.record, place.repeat, place.candidate
-                cells.setdefault(key, []).append(store.read(name))
+            parts = TaskName.of(name)
+            if parts.kind in ("mode", "estimate", "posterior", "evidence") and parts.repeat is not None:
+                key = parts.record, parts.repeat, parts.candidate
+                results.setdefault(key, []).append(store.read(name))
         signals = (read_description(self.folder).get("study") or {}).get("signals") or []
         laws = {s["name"]: (s.get("system") or {}).get("restoring") or "" for s in signals}
-        return tuple(_candidate(self.folder, key, own, laws.get(key[0], "")) for key, own in cells.items())
+        return tuple(_candidate(self.folder, key, own, laws.get(key[0], "")) for key, own in results.items())
 
     def candidate(
         self, record: str, damping: str, restoring: str | None = None, repeat: int = 0
@@ -123,18 +127,18 @@ class Run(Shown):
         Parameters
         ----------
         record
-            The signal's name.
+            Name of the signal.
         damping
-            The damping sum.
+            The damping sum, such as "viscous+coulomb".
         restoring
-            The restoring law; by default any.
+            The restoring law; by default the first one with results.
         repeat
-            Of the record, from 0.
+            Number of the repeat, from 0.
 
         Raises
         ------
         InputError
-            There are none; with the nearest name.
+            The run has no such record or model. The message names the nearest one.
         """
         for what, name, valid in (
             ("record", record, {c.record for c in self.candidates}),
@@ -152,11 +156,11 @@ class Run(Shown):
 
     @property
     def report(self) -> Path:
-        """The report, one HTML file."""
+        """Path of the report, an HTML file."""
         return self.folder / "report.html"
 
     def save(self, path: str | Path) -> Path:
-        """Copy its folder to a new one, and return the path. Raises InputError where there is something already."""
+        """Copy the folder of the run to a new path, and return it. Raises InputError if the path exists."""
         path = Path(path)
         try:
             shutil.copytree(self.folder, path, ignore=shutil.ignore_patterns(".lock", ".*.tmp"))
@@ -167,7 +171,7 @@ class Run(Shown):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read the run in a folder. Raises InputError where there is none."""
+        """Read the run in a folder. Raises InputError if the folder contains no run."""
         folder = Path(path)
         name = (read_description(folder).get("study") or {}).get("name")
         if name is None:
@@ -188,9 +192,9 @@ class Run(Shown):
                 types.candidate_name(c.damping, c.restoring),
                 ", ".join(f"{n} {v:.4g}" for n, v in c.values.items() if n in c.sd) or c.outcome,
             )
-            for c in self.candidates[:MOST]
+            for c in self.candidates[:PRINTED]
         )
-        more = len(self.candidates) - MOST
+        more = len(self.candidates) - PRINTED
         notes = (f"and {more} more",) if more > 0 else ()
         return Table(
             ("record", "model", "values"),
@@ -207,29 +211,29 @@ def run_study(
     workers: int = 1,
     fresh: bool = False,
 ) -> Run:
-    """Run the cells of a study that a folder lacks, and write its tables and report.
+    """Compute the results of a study that its folder lacks, and write its tables and report.
 
     Parameters
     ----------
     study
-        A study file, a `Study` of `load_study`, or the same tables as a dictionary, whose paths start at the working
-        directory.
+        A study file, a `Study` from `load_study`, or the content of a study file as a dictionary; paths in it are
+        relative to the working directory.
     out
-        The folder; reports/NAME by default, as for the command.
+        Folder of the run; by default reports/NAME, as for the command `study`.
     workers
-        Processes. With more than one, a script must call this under `if __name__ == "__main__"`.
+        Number of processes. With more than one, a script must call this under `if __name__ == "__main__"`.
     fresh
-        Whether to compute everything again.
+        Whether to delete the stored results and compute everything again.
 
     Returns
     -------
     Run
-        Its outcome names the cells that failed.
+        The run. Its outcome names the tasks that failed.
 
     Raises
     ------
     InputError
-        One line, where the input is wrong.
+        The study or one of its files is wrong.
     """
     from rich.console import Console
 
@@ -253,7 +257,8 @@ def run_study(
     return Run.load(folder)
 
 
-def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResult], law: str) -> Candidate:
+def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskResult], law: str) -> Candidate:
+    """Join the results of a candidate's tasks; `law` is the restoring law if the name of the candidate has none."""
     record, repeat, name = key
     damping, restoring = types.candidate_parts(name)
     mode: ModeContent | None = None
@@ -261,20 +266,20 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
     estimates: dict[str, tuple[types.Estimate, ...]] = {}
     posteriors: dict[str, types.Posterior] = {}
     evidence: dict[str, types.Evidence] = {}
-    for cell in cells:
-        kind, method = cell.place.kind, cell.place.method
+    for result in results:
+        kind, method = result.parts.kind, result.parts.method
         if kind == "mode":
-            mode, outcome = ModeContent.of(cell) if cell.outcome == OK else None, cell.outcome
+            mode, outcome = ModeContent.of(result) if result.outcome == OK else None, result.outcome
         elif kind == "estimate":
             stages = []
-            for stage in EstimateContent.of(cell).stages:
+            for stage in EstimateContent.of(result).stages:
                 prefix = f"{stage.stage}/"
-                trace = {n.removeprefix(prefix): a for n, a in cell.arrays.items() if n.startswith(prefix)}
+                trace = {n.removeprefix(prefix): a for n, a in result.arrays.items() if n.startswith(prefix)}
                 stages.append(replace(stage, estimator=method, trace=trace))
             estimates[method] = tuple(stages)
         elif kind == "posterior":
-            draws = cell.arrays.get("draws", np.empty((0, 0, 0)))
-            likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(cell)
+            draws = result.arrays.get("draws", np.empty((0, 0, 0)))
+            likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(result)
             if content.file and (folder / content.file).is_file():
                 import xarray as xr
 
@@ -286,12 +291,12 @@ def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResu
                 log_likelihood=likelihood,
                 summaries=content.summary,
                 sampler=method,
-                seconds=cell.seconds,
-                outcome=cell.outcome,
+                seconds=result.seconds,
+                outcome=result.outcome,
             )
         else:
-            content = EvidenceContent.of(cell).evidence
-            evidence[method] = content or types.Evidence(name, method, outcome=cell.outcome)
+            content = EvidenceContent.of(result).evidence
+            evidence[method] = content or types.Evidence(name, method, outcome=result.outcome)
     return Candidate(
         record=record,
         repeat=repeat,

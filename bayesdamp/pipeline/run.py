@@ -1,4 +1,12 @@
-"""Running a study: its cells on one or several processes, resumed where they were cut off."""
+"""Run a study on one or several processes, and resume an interrupted run.
+
+A task is one computation whose result is stored under a name, such as `mode/bench/0/viscous`
+(`store.results.TaskName`), with a
+key: the hash of everything that the result depends on. A task whose result is stored under the same key is not
+computed again. A job is a list of tasks that one process computes one after another, such as all tasks of one damping
+model on one record. A stage is a list of jobs that do not depend on each other; a run goes through its stages in
+order (`jobs.stages`).
+"""
 
 from __future__ import annotations
 
@@ -18,27 +26,28 @@ from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.oscillator import reference_of
-from bayesdamp.pipeline.answering import ANSWERED, SAMPLED, asks_for_answers, verdict_of
-from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, work_of
-from bayesdamp.pipeline.progress import progress_on, words_of
+from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, asks_for_answers, verdict_of
+from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, tasks_of
+from bayesdamp.pipeline.progress import describe_stage, progress_on
 from bayesdamp.pipeline.records import read_free_decay, signal_of
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
-from bayesdamp.pipeline.tasks import digest, perform
-from bayesdamp.pipeline.workers import KILLED, pool_of, restart, spread
+from bayesdamp.pipeline.tasks import compute_and_store, digest
+from bayesdamp.pipeline.workers import KILLED, open_pool, restart, run_in_pool
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
-from bayesdamp.store import CellResult, Store
-from bayesdamp.store.cells import Place
+from bayesdamp.store import Store, TaskResult
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import InputError
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-DONE, WRONG_CELLS = 0, 3
+DONE, SOME_FAILED = 0, 3
+"""Exit statuses of a run: every task has its result, or some tasks failed."""
 _ONE_AT_A_TIME = threading.Lock()
-"""A process runs one job at a time, also where a Dask worker has several threads."""
+"""A process runs one job at a time, also on a Dask worker with several threads."""
 
 
 def run_study(
@@ -49,44 +58,44 @@ def run_study(
     fresh: bool = False,
     console: Console | None = None,
     depth: Depth = Depth.WHOLE,
-    answered: Callable[[Verdict], None] | None = None,
+    on_verdict: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
     checked: bool = False,
 ) -> int:
-    """Run the cells of a study that a folder lacks, and write tables and report.
+    """Compute the results of a study that its folder lacks, and write tables and report.
 
     Parameters
     ----------
     study
-        What to run. Every record is read before anything is written, except with `checked`.
+        The study. Every record is read before anything is written, except with `checked`.
     out
-        The run's folder.
+        Folder of the run.
     workers
-        Processes on this machine, None for as many as there are cores.
+        Number of processes on this machine; None uses all cores.
     scheduler
-        Address of a Dask scheduler that is used in their place.
+        Address of a Dask scheduler, whose workers are used instead of processes on this machine.
     fresh
-        Whether to compute everything again.
+        Whether to delete the stored results and compute everything again.
     console
-        For progress and failed cells.
+        Console that shows progress and failed tasks.
     depth
-        Where to stop.
-    answered
-        Called with each record's verdict as soon as there is one, and again once its motions are sampled.
+        Last step of the run.
+    on_verdict
+        Function that is called with each record's verdict as soon as it is computed, and again after sampling.
     quiet
-        Whether to show only failed cells.
+        Whether to show failed tasks only.
     checked
-        Whether the caller has found the free decay in every record already.
+        Whether the caller has already found the free decay in every record.
 
     Returns
     -------
     int
-        The exit status, 0, or 3 with failed cells.
+        The exit status: 0, or 3 if a task failed.
 
     Raises
     ------
     InputError
-        The input is wrong.
+        The study or one of its files is wrong.
     """
     from rich.console import Console
 
@@ -101,22 +110,23 @@ def run_study(
         jobs = jobs_of(study)
         wanted = [job for job in jobs if is_within(job, depth)]
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
-        names = [name for job in wanted for name in work_of(study, store, job)]
+        names = [name for job in wanted for name in tasks_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
-        with progress_on(shown) as progress, pool_of(workers, scheduler, console.print) as pool:
+        with progress_on(shown) as progress, open_pool(workers, scheduler, console.print) as pool:
             if pool is not None and depth is Depth.WHOLE:
                 pool.submit(_prepare)
                 threading.Thread(target=_prepare, daemon=True).start()
             for stage in stages(study, store, depth):
                 if not stage:
                     continue
-                progress.begin(words_of(study, stage), stage)
+                progress.begin(describe_stage(study, stage), stage)
                 _run_jobs(study, store, stage, pool, lambda _: progress.advance())
                 if stage[0].part == "read" and not asks_for_answers(study):
-                    _report_verdicts(study, store, answered)
-                if stage[0].part in (ANSWERED, SAMPLED):  # an answer is kept whatever comes later
+                    _report_verdicts(study, store, on_verdict)
+                # Write the answer now, in case a later stage fails.
+                if stage[0].part in (ANSWER, SAMPLED_ANSWER):
                     current = Store(out, _current(study, store))
-                    _report_verdicts(study, current, answered)
+                    _report_verdicts(study, current, on_verdict)
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current(study, store)))
@@ -128,15 +138,15 @@ def run_study(
                 assert pool is not None
                 restart(pool)
                 render(out)
-        cells = ((n, store.find(n, arrays=False)) for n in names)
-        failed = [(n, c.outcome) for n, c in cells if c and status_of(c.outcome) is Status.FAILED]
+        results = ((n, store.find(n, arrays=False)) for n in names)
+        failed = [(n, r.outcome) for n, r in results if r and status_of(r.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
-        return WRONG_CELLS if failed else DONE
+        return SOME_FAILED if failed else DONE
 
 
 def read_records(study: Study) -> None:
-    """Read every file and its system once, so that faults show before anything is written. Raises InputError."""
+    """Read every file and resolve its system, so that errors appear before anything is written. Raises InputError."""
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
@@ -157,33 +167,39 @@ def read_records(study: Study) -> None:
 def _run_job(
     study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
 ) -> list[str]:
-    """Compute the cells of a job that the folder lacks, and return the names of all its cells.
+    """Compute the tasks of a job that have no result yet.
 
-    A cell that fails is stored with its fault.
+    The result of a task that fails is its error message.
 
     Parameters
     ----------
     study
-        Pickled once for all jobs where they run elsewhere (one of a thousand records takes 30 ms each time).
+        The study. For other processes it is pickled once for all jobs (a study of a thousand records takes 30 ms).
     folder
-        The run's.
+        Folder of the run.
     job
-        To do.
+        The job.
     given_up
-        Cells that are not tried again.
+        Names of tasks that are not tried again.
     code
-        Digest of the package of the command, where that is another process: its keys stand for its own code.
+        Digest of the package in the process that started the run, if that is another one. Keys contain this digest, so
+        a worker must run the same code.
+
+    Returns
+    -------
+    list[str]
+        Names of all tasks of the job.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
     study = _unpickled(study) if isinstance(study, bytes) else study
     store, names = Store(folder), []
-    # One thread for sums of linear algebra: their order, and the last digits, would depend on how many there are.
+    # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use(study.plugins)
-        for name, (key, make) in work_of(study, store, job).items():
+        for name, (key, make) in tasks_of(study, store, job).items():
             if name not in given_up and not _is_done(store, name, key):
-                perform(store, name, key, make)
+                compute_and_store(store, name, key, make)
             names.append(name)
     return names
 
@@ -192,21 +208,21 @@ _unpickled: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _is_done(store: Store, name: str, key: str) -> bool:
-    """Return whether a cell has its result; one that failed is tried again, and so is what depends on it."""
-    cell = store.find(name)  # with its arrays: a damaged one counts as absent
+    """Return whether a task has a usable result. Failed tasks, and tasks that depend on them, are computed again."""
+    result = store.find(name)  # reads the arrays too, because a result with damaged arrays counts as missing
     return (
-        cell is not None
-        and cell.key == key
-        and status_of(cell.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
+        result is not None
+        and result.key == key
+        and status_of(result.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
     )
 
 
-def _report_verdicts(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
-    """Call `answered` with the verdict on each record.
+def _report_verdicts(study: Study, store: Store, on_verdict: Callable[[Verdict], None] | None) -> None:
+    """Call `on_verdict` with the verdict on each record.
 
-    Of a study that asks for none, these are the verdicts on measured records that are not a free decay.
+    A study without samplers and evidence has verdicts only on measured records that are not a free decay.
     """
-    if answered is None:
+    if on_verdict is None:
         return
     for spec in study.signals:
         verdict = None
@@ -215,7 +231,7 @@ def _report_verdicts(study: Study, store: Store, answered: Callable[[Verdict], N
         elif isinstance(spec.source, Recording) and not spec.is_envelope:
             verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))
         if verdict is not None:
-            answered(verdict)
+            on_verdict(verdict)
 
 
 def _run_jobs(
@@ -232,42 +248,42 @@ def _run_jobs(
     folder, code = store.folder.resolve(), package_digest()
     pickled = pickle.dumps(study)
 
-    def under_way(job: Job, given_up: Collection[str]) -> str | None:
-        cells = {n: key for n, (key, _) in work_of(study, store, job).items() if n not in given_up}
-        return next((n for n, key in cells.items() if not _is_done(store, n, key)), None)
+    def next_task(job: Job, given_up: Collection[str]) -> str | None:
+        keys = {n: key for n, (key, _) in tasks_of(study, store, job).items() if n not in given_up}
+        return next((n for n, key in keys.items() if not _is_done(store, n, key)), None)
 
     def give_up(job: Job, name: str) -> None:
-        store.write(CellResult(name, work_of(study, store, job)[name][0], outcome=KILLED))
+        store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED))
 
-    spread(
+    run_in_pool(
         jobs,
         pool,
         lambda job, given_up: pool.submit(_run_job, pickled, folder, job, given_up, code),
-        under_way,
+        next_task,
         give_up,
         advance,
     )
 
 
 def _prepare() -> None:
-    """Import modules that are needed later, while the first record leaves processes idle."""
+    """Import modules that are needed later; this runs while the first record is read and processes are idle."""
     for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 
 
 def _current(study: Study, store: Store) -> dict[str, str]:
-    """Return the keys of the stored cells that answer this study, by name, without those of an earlier question."""
+    """Return the keys of the stored results by task name, without results of an earlier version of the study."""
     current = {}
-    places = [(name, Place.of(name).kind) for name in store.names()]
-    stored = [name for name, kind in places if kind not in ("signal", ANSWERED, SAMPLED)]
+    kinds = [(name, TaskName.of(name).kind) for name in store.names()]
+    stored = [name for name, kind in kinds if kind not in ("signal", ANSWER, SAMPLED_ANSWER)]
     for job in jobs_of(study):
-        # Keys of candidates cost more than all else here, and most runs have none of their cells.
-        path = f"{job.signal}/{job.repeat}/{job.model or ''}"
+        # Computing the keys of candidates is slow, and most runs store no results of candidates.
+        prefix = f"{job.signal}/{job.repeat}/{job.model or ''}"
         is_of_candidates = job.model is not None or job.part == "average"
-        if is_of_candidates and not any(path in f"{name}/" for name in stored):
+        if is_of_candidates and not any(prefix in f"{name}/" for name in stored):
             continue
-        for name, (key, _) in work_of(study, store, job).items():
-            cell = store.find(name, arrays=False)
-            if cell is not None and cell.key in (key, digest(cell.outcome, key)):
-                current[name] = cell.key
+        for name, (key, _) in tasks_of(study, store, job).items():
+            result = store.find(name, arrays=False)
+            if result is not None and result.key in (key, digest(result.outcome, key)):
+                current[name] = result.key
     return current

@@ -1,4 +1,4 @@
-"""Several records of one specimen, fitted jointly from their answers, and the population of all specimens."""
+"""Fit the records of one specimen jointly from their answers, and infer the population of all specimens."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
-    ANSWERED,
-    SAMPLED,
+    ANSWER,
+    SAMPLED_ANSWER,
     answer_key,
-    answered_of,
     is_approximate,
+    specimen_input,
     stated_priors,
 )
-from bayesdamp.pipeline.tasks import Product, cell_seed, task_key
+from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.priors import Prior, SharedHalfNormal
 from bayesdamp.store import Store
 from bayesdamp.store.contents import (
+    CoefficientPopulation,
     JointCandidate,
     JointContent,
     PopulationContent,
-    PopulationFound,
     Summary,
     WeighingContent,
 )
@@ -48,14 +48,14 @@ from bayesdamp.units import UNITS
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
 NOT_WEIGHED = Status.PRUNED.because("not weighed in the answer on any record")
 WIDE = 3.0
-"""Scale of the prior of a population's location, in units of the largest coefficient of a specimen, where the study
-states no prior of the coefficient. Much wider than the specimens' own intervals."""
+"""Prior scale of a population's location, in units of the largest coefficient of a specimen, if the study states no
+prior of the coefficient. A convention: much wider than the intervals of single specimens."""
 Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class AnsweredRecord:
-    """A record that has an answer: its label, signal and repeat, and the weighing of every damping in its answer."""
+    """A record with an answer: its label, signal and repeat, and the evidence of every damping model on it."""
 
     label: str
     signal: str
@@ -64,7 +64,7 @@ class AnsweredRecord:
 
 
 class Specimen:
-    """One specimen of a study: its records, its candidates and their weighing."""
+    """One specimen of a study: its records, its candidates, and the joint fit of its records."""
 
     def __init__(self, study: Study, name: str, specs: Sequence[SignalSpec], store: Store) -> None:
         self.study, self.name, self.specs, self.store = study, name, tuple(specs), store
@@ -74,16 +74,16 @@ class Specimen:
 
     @property
     def deviation(self) -> str:
-        """Return "law" where laws may hold approximately in every record's answer, else "none"."""
+        """Return "law" if the answers on all its records allow deviations from the laws, else "none"."""
         return "law" if all(is_approximate(self.study, spec) for spec in self.specs) else "none"
 
     @property
     def key(self) -> str:
-        """The key of its joint fit, which depends on the answers on its records, sampled or not."""
+        """The key of its task `joint/SPECIMEN`, which depends on both answers on each of its records."""
         keys = [
             answer_key(self.study, spec, repeat, self.store, kind)
             for spec, repeat in self.records
-            for kind in (ANSWERED, SAMPLED)
+            for kind in (ANSWER, SAMPLED_ANSWER)
         ]
         return task_key(
             "joint", self.name, self.candidates, {n: str(p) for n, p in self.priors.items()}, keys
@@ -91,61 +91,61 @@ class Specimen:
 
     @property
     def priors(self) -> dict[str, Prior]:
-        """The priors of damping terms that the study states, by parameter."""
+        """The priors that the study states for damping terms, by parameter."""
         return stated_priors(self.study)
 
     @property
     def seed(self) -> int:
-        """The seed of this specimen's draws: the same as for the verdict on it."""
-        return cell_seed(self.study, f"specimen/{self.name}")
+        """The seed of its draws; the verdict on the specimen uses the same one."""
+        return task_seed(self.study, f"specimen/{self.name}")
 
     @cached_property
     def answered(self) -> list[AnsweredRecord]:
         """The records that have an answer, in the study's order."""
         records = []
         for label, (spec, repeat) in zip(self.labels, self.records, strict=True):
-            answer = answered_of(self.store, spec.name, repeat)
+            answer = specimen_input(self.store, spec.name, repeat)
             if answer is not None:
                 records.append(AnsweredRecord(label, spec.name, repeat, answer.comparison))
         return records
 
     @property
     def reference(self) -> Reference:
-        """The reference of its priors: the geometric mean over its records."""
+        """The reference of its priors: the geometric mean of the references of its records."""
         return common_reference([r.weighed for r in self.answered])
 
     @cached_property
     def weighed(self) -> SpecimenComparison:
-        """Every damping and law on all records that have an answer. Raises Refusal where none has one."""
+        """The joint fit of all candidates to the records with an answer. Raises Refusal if no record has an answer."""
         if not self.answered:
             raise Refusal("no record has an answer")
         return compare_runs([r.weighed for r in self.answered], self.priors, seed=self.seed)
 
     def model_of(self, candidate: str) -> Model | None:
-        """Return a candidate as the answers name it; None where no record weighed it."""
+        """Return a candidate by its name in the answers, (damping, restoring); None if no answer compared it."""
         damping, law = candidate_parts(candidate)
         terms, law = set(parse_model(damping)), law or self.specs[0].restoring[0]
         models = self.weighed.log_evidence
         return next((m for m in models if set(m[0].split("+")) == terms and m[1] == law), None)
 
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
-        """Return the units of parameters, as tables have them."""
+        """Return the units of parameters under a candidate's restoring law, as in the tables."""
         law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
         source = self.specs[0].source
         return {n: parameter_unit(n, law, UNITS[source.unit].base, source.quantity) for n in names}
 
 
 def summarise_draws(draws: Repeats) -> dict[str, Summary]:
-    """Return the summary of each damping parameter of the specimen, from draws of equal weight."""
+    """Return the summary of each damping parameter of a specimen from its draws."""
     weights = np.full(len(draws.draws), 1.0 / len(draws.draws))
     return {n: summarise(draws.draws[:, i], weights) for i, n in enumerate(draws.names)}
 
 
 def compute_joint(specimen: Specimen) -> Product:
-    """Return the joint fit (`joint/SPECIMEN`) and its draws. Raises Refusal where fewer than two records have one."""
+    """Fit the records of a specimen jointly (`joint/SPECIMEN`). Raises Refusal if fewer than two have an answer."""
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two of its records have an answer")
-    rows, arrays = weigh_candidates(specimen)
+    rows, arrays = compare_candidates(specimen)
     weighed = specimen.weighed
     if not weighed.repeats:
         raise Refusal("no damping model was weighed on all records")
@@ -159,8 +159,8 @@ def compute_joint(specimen: Specimen) -> Product:
             single = compare_runs([run], specimen.priors, seed=specimen.seed)
             summary = summarise_draws(single.repeats[model])
             alone[record.label] = WeighingContent(OK, single.log_evidence[model], summary, units)
-        same = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
-        no_spread = same.log_evidence[model] - weighed.log_evidence[model]
+        without_spread = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
+        no_spread = without_spread.log_evidence[model] - weighed.log_evidence[model]
     content = JointContent(
         records=tuple(r.label for r in specimen.answered),
         members=tuple((r.signal, r.repeat) for r in specimen.answered),
@@ -176,8 +176,8 @@ def compute_joint(specimen: Specimen) -> Product:
     return Product(content, arrays)
 
 
-def weigh_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
-    """Return each candidate of a study on a specimen's records, and draws as `JointContent` explains them."""
+def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
+    """Return the evidence and summaries of each candidate on a specimen, and the draws, named as in `JointContent`."""
     rows: dict[str, JointCandidate] = {}
     arrays: Arrays = {}
     weighed = specimen.weighed
@@ -209,7 +209,7 @@ def weigh_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arr
 
 
 def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[str, np.ndarray]:
-    """Return the draws of a candidate's coefficients, by name."""
+    """Return the draws of a candidate's coefficients by name, from the arrays of a joint fit."""
     start, end = f"{candidate}/", "/log_prior"
     names = [
         n.removeprefix(start).removesuffix(end) for n in arrays if n.startswith(start) and n.endswith(end)
@@ -218,16 +218,20 @@ def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[st
 
 
 def find_likeliest(probabilities: Mapping[str, float]) -> str:
-    """Return the likeliest candidate of the likeliest damping, whose probability is summed over restoring laws."""
+    """Return the most probable candidate of the most probable damping.
+
+    The probability of a damping is summed over restoring laws.
+    """
     dampings = summed(probabilities)
     first = max(dampings, key=lambda d: dampings[d])
     return max((c for c in probabilities if candidate_parts(c)[0] == first), key=lambda c: probabilities[c])
 
 
 def compute_population(study: Study, store: Store) -> Product:
-    """Return the population over all specimens (`population/specimens`), under one candidate for all.
+    """Infer the population of each coefficient over all specimens (`population/specimens`).
 
-    Raises Refusal where there is none.
+    All specimens have the same candidate, the one with the largest total evidence. Raises Refusal if no candidate was
+    fitted to every specimen.
     """
     specimens = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
     assumed = sorted({s.deviation for s in specimens})
@@ -252,7 +256,7 @@ def compute_population(study: Study, store: Store) -> Product:
     best = max(candidates, key=lambda c: sums[c])
     names = list(coefficients_of(draws[specimens[0].name], best))
     damping = "+".join(parse_model(candidate_parts(best)[0]))
-    populations: dict[str, PopulationFound] = {}
+    populations: dict[str, CoefficientPopulation] = {}
     for name in names:
         samples = []
         for label, arrays in draws.items():
@@ -260,7 +264,7 @@ def compute_population(study: Study, store: Store) -> Product:
             samples.append(Sample(label, values, np.zeros(values.size), log_prior))
         priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
         scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
-        populations[name] = PopulationFound(scale, **vars(population(samples, scale)))
+        populations[name] = CoefficientPopulation(scale, **vars(population(samples, scale)))
     content = PopulationContent(
         deviation=assumed[0],
         best=best,
@@ -280,8 +284,8 @@ def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:
     Parameters
     ----------
     priors
-        Of the coefficient, one for each specimen. A stated one has a scale; of several the geometric mean is taken. The
-        default one has none: then the scale is `WIDE` times the largest mean.
+        Priors of the coefficient, one for each specimen. If the study states priors, the result is the geometric mean
+        of their scales. The default prior has no fixed scale; then the result is `WIDE` times the largest mean.
     means
         Posterior means of the coefficient, one for each specimen.
     """
@@ -291,15 +295,15 @@ def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:
 
 
 def candidates_of(specimen: Specimen) -> tuple[Mapping[str, JointCandidate], Arrays]:
-    """Return each candidate on a specimen and its draws: from the joint fit, or from its only record.
+    """Return the candidates of a specimen and their draws: from the joint fit, or from its only record.
 
-    Both are empty where it has no fit.
+    Both are empty if the specimen has no fit.
     """
     if len(specimen.records) > 1:
-        cell = specimen.store.read(f"joint/{specimen.name}")
-        content = JointContent.maybe(cell)
-        return (content.candidates, dict(cell.arrays)) if content else ({}, {})
+        result = specimen.store.read(f"joint/{specimen.name}")
+        content = JointContent.maybe(result)
+        return (content.candidates, dict(result.arrays)) if content else ({}, {})
     try:
-        return weigh_candidates(specimen)
+        return compare_candidates(specimen)
     except Refusal:
         return {}, {}

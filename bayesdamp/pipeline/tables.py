@@ -1,4 +1,4 @@
-"""The tables of a run, its verdicts and its run.json, from its cells."""
+"""Write the tables, the verdicts and the run.json of a run from its stored results."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
-    ANSWERED,
-    SAMPLED,
-    answer_cell,
+    ANSWER,
+    SAMPLED_ANSWER,
     answer_of,
-    answered_of,
+    answer_result,
     is_approximate,
     likelihood_of,
+    specimen_input,
     stated_priors,
 )
-from bayesdamp.pipeline.candidates.weighing import evidence_by_method, probabilities
+from bayesdamp.pipeline.candidates.evidence import evidence_by_method, probabilities
 from bayesdamp.pipeline.specimens import Specimen, coefficients_of
-from bayesdamp.pipeline.tasks import cell_seed
+from bayesdamp.pipeline.tasks import task_seed
 from bayesdamp.store import (
     DAMPING_CURVES,
     SPECIMEN_TABLES,
     TABLES,
-    CellResult,
     Store,
+    TaskResult,
     provenance,
     write_json,
     write_table,
@@ -62,14 +62,14 @@ from bayesdamp.verdict.units import in_unit, picture_in_unit
 Row = dict[str, Any]
 
 SMC = "smc"
-"""The sampler and the evidence of sampled motions, under laws that hold approximately where they may."""
+"""Name, in the tables, of the sampler of the answer (sequential Monte Carlo) and of its evidence."""
 SUMMARY = ("mean", "sd", "median", "q2.5", "q97.5")
 
 
 def write_tables(study: Study, store: Store) -> None:
-    """Write all tables of a run and its run.json; rows in the order of signals, repeats and models.
+    """Write all tables of a run and its run.json, with rows in the order of signals, repeats and models.
 
-    store: in which only the cells of this study are visible.
+    store: a store that shows only the results of this study.
     """
     makers = (_estimates, _posteriors, _evidence, _fits)
     for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
@@ -81,13 +81,13 @@ def write_tables(study: Study, store: Store) -> None:
 
 
 def write_verdicts(study: Study, store: Store) -> None:
-    """Write verdict.json, verdicts.csv and damping_curves.csv, where a record has a verdict.
+    """Write verdict.json, verdicts.csv and damping_curves.csv, if any record has a verdict.
 
-    They have an object, a line and a curve for each record with a verdict. verdict.json is in rad, m or the sensor's
-    unit; lines have the unit of the record's file, which they state.
+    verdict.json has an object for each verdict, in rad, m or the sensor's unit. verdicts.csv has a row for each
+    verdict, and damping_curves.csv the law-free damping curve of each record, both in the unit of the record's file.
     """
     verdicts: list[tuple[Verdict, Unit]] = []
-    curves: list[Row] = []  # without a law, a row for each amplitude
+    curves: list[Row] = []  # the law-free damping, a row for each amplitude
     for spec, repeat in study.records:
         answer, unit = answer_of(store, spec.name, repeat), unit_named(spec.source.unit)
         if answer is None:
@@ -111,7 +111,7 @@ def write_verdicts(study: Study, store: Store) -> None:
 
 
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """Return the verdict on a specimen; None where fewer than two of its records have an answer."""
+    """Return the verdict on a specimen; None if fewer than two of its records have an answer."""
     if sum(spec.repeats for spec in specs) < 2:
         return None
     if specs[0].is_envelope:
@@ -119,16 +119,20 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
 
         envelopes = (answer_of(store, spec.name, 0) for spec in specs)
         return specimen_of_envelopes(name, [a for a in envelopes if a is not None])
-    every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
+    every = (specimen_input(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
     answered = [a for a in every if a is not None]
     if len(answered) < 2:
         return None
-    seed = cell_seed(study, f"specimen/{name}")
+    seed = task_seed(study, f"specimen/{name}")
     return specimen(name, answered, stated_priors(study), study.posterior.sensor, seed)
 
 
-def _branches(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, Row, SampledPosterior | None]]:
-    """Iterate over signal, `SIGNAL/REPEAT/CANDIDATE`, the columns that name it, and the candidate's sampled motions."""
+def _candidates(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, Row, SampledPosterior | None]]:
+    """Iterate over all candidates on all records.
+
+    Yields the signal, the path `SIGNAL/REPEAT/CANDIDATE`, the columns that name the candidate, and its posterior from
+    the sampled answer (None without one).
+    """
     for spec, repeat in study.records:
         sampled = _sampled(store, spec, repeat)
         for name in study.compare(spec):
@@ -146,9 +150,10 @@ def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
 
 
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
-    """Return the true value of a simulated record's parameter; that of a damping term which it lacks is 0.
+    """Return the true value of a parameter of a simulated record.
 
-    The parameters of another restoring law have none.
+    The true coefficient of a damping term that was not simulated is 0. NaN for a measured record, and for the
+    parameters of a restoring law that was not simulated.
     """
     if not isinstance(spec.source, Simulation):
         return math.nan
@@ -160,31 +165,31 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
 
 
 def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
-    """Return the sampled motions of a record's candidates, by their names."""
-    cell = store.find(f"{SAMPLED}/{spec.name}/{repeat}", arrays=False)
-    if cell is None or cell.outcome != OK:
+    """Return the posteriors in a record's sampled answer, by the name of the candidate."""
+    result = store.find(f"{SAMPLED_ANSWER}/{spec.name}/{repeat}", arrays=False)
+    if result is None or result.outcome != OK:
         return {}
     many = len(spec.restoring) > 1
     return {
         candidate_name(p.damping, p.restoring) if many else p.damping: p
-        for p in AnswerContent.of(cell).posteriors
+        for p in AnswerContent.of(result).posteriors
     }
 
 
 def _deviation(study: Study, spec: SignalSpec) -> str:
-    """Return the likelihood of a record's answer: "law" or "none"."""
+    """Return the deviation in the likelihood of a record's answer: "law" or "none"."""
     return "law" if is_approximate(study, spec) else "none"
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
-    for spec, path, head, _ in _branches(study, store):
+    for spec, path, head, _ in _candidates(study, store):
         for method in study.estimators.use:
-            cell = store.find(f"estimate/{path}/{method}", arrays=False)
-            if cell is None:
+            result = store.find(f"estimate/{path}/{method}", arrays=False)
+            if result is None:
                 continue
-            if cell.outcome != OK:
-                yield {**head, "estimator": method, "outcome": cell.outcome}
-            for stage in EstimateContent.of(cell).stages:
+            if result.outcome != OK:
+                yield {**head, "estimator": method, "outcome": result.outcome}
+            for stage in EstimateContent.of(result).stages:
                 common = {**head, "estimator": method, "stage": stage.stage, "outcome": stage.outcome}
                 common |= {"evaluations": stage.evaluations, "seconds": stage.seconds}
                 if not stage.values:
@@ -203,21 +208,21 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
-    for spec, path, head, motions in _branches(study, store):
+    for spec, path, head, smc in _candidates(study, store):
         for sampler in study.posterior.samplers:
-            cell = store.find(f"posterior/{path}/{sampler}", arrays=False)
-            if cell is None:
+            result = store.find(f"posterior/{path}/{sampler}", arrays=False)
+            if result is None:
                 continue
-            common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
+            common = {**head, "sampler": sampler, "seconds": result.seconds, "outcome": result.outcome}
             common["deviation"] = likelihood_of(study)
-            content = PosteriorContent.of(cell)
+            content = PosteriorContent.of(result)
             if not content.summary:
                 yield common
             common["divergences"] = content.posterior.divergences
             for name, s in content.summary.items():
                 yield {**common, "parameter": name, "unit": content.units[name], **s}
         common = {**head, "sampler": SMC, "deviation": _deviation(study, spec), "outcome": OK}
-        for name, s in (motions.parameters if motions else {}).items():
+        for name, s in (smc.parameters if smc else {}).items():
             yield {**common, "parameter": name, "unit": _unit(spec, name, head["restoring"]), **s}
 
 
@@ -234,18 +239,18 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             pruned = [m for m, e in by_model.items() if status_of(e.outcome) is Status.PRUNED]
             finite = [e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)]
             best = max(finite, default=math.nan)
-            # Models have a share once every model of the comparison has its evidence or is far behind. A model that no
-            # method could weigh has none, and the others keep theirs.
+            # Probabilities need the evidence of every compared model, except those that were left out because they are
+            # far behind, and those without evidence by any method: the latter get no probability.
             is_complete = len(finite) + len(pruned) + len(lost) == len(models)
             shares = {**probabilities(by_model), **dict.fromkeys(pruned, 0.0)} if is_complete else {}
             for model, evidence in by_model.items():
                 row = _evidence_row(evidence, likelihood_of(study), best, shares.get(model, math.nan))
                 yield {**_head(spec, repeat, model), "method": method, **row}
         sampled = _sampled(store, spec, repeat)
-        best = max((motions.log_evidence for motions in sampled.values()), default=math.nan)
-        for model, motions in sampled.items():
-            diagnostic = f"temperatures: {motions.temperatures}, acceptance {motions.acceptance:.2f}"
-            evidence = Evidence(model, SMC, motions.log_evidence, motions.stderr, diagnostic)
+        best = max((smc.log_evidence for smc in sampled.values()), default=math.nan)
+        for model, smc in sampled.items():
+            diagnostic = f"temperatures: {smc.temperatures}, acceptance {smc.acceptance:.2f}"
+            evidence = Evidence(model, SMC, smc.log_evidence, smc.stderr, diagnostic)
             row = _evidence_row(evidence, _deviation(study, spec), best, math.nan)
             yield {**_head(spec, repeat, model), "method": SMC, **row}
 
@@ -263,24 +268,24 @@ def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: 
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
-    for spec, path, head, motions in _branches(study, store):
-        cell = store.find(f"mode/{path}", arrays=False)
-        if cell is None and motions is None:
+    for spec, path, head, smc in _candidates(study, store):
+        result = store.find(f"mode/{path}", arrays=False)
+        if result is None and smc is None:
             continue
         row = dict(head)
-        if motions is not None:
+        if smc is not None:
             names = ("deviation_low", "deviation", "deviation_high")
-            row |= dict(zip(names, motions.deviation, strict=True))
-            row["unexplained_pct"] = 100 * motions.unexplained
-        if cell is not None and cell.outcome == OK:
+            row |= dict(zip(names, smc.deviation, strict=True))
+            row["unexplained_pct"] = 100 * smc.unexplained
+        if result is not None and result.outcome == OK:
             factor = 1.0 / UNITS[spec.source.unit].factor
-            mode = ModeContent.of(cell)
+            mode = ModeContent.of(result)
             row["rms"] = mode.rms * factor
             row["rms_unit"] = quantity_unit(spec.source.unit, spec.source.quantity)
             for name in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict"):
                 row[name] = getattr(mode, name)
-        elif cell is not None:
-            row["verdict"] = cell.outcome
+        elif result is not None:
+            row["verdict"] = result.outcome
         yield row
 
 
@@ -294,24 +299,26 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
     for label, specs in study.specimens.items():
         own = Specimen(study, label, specs, store)
         head = {"specimen": label, "records": len(own.records)}
-        cell = store.find(f"joint/{label}")
-        joint = JointContent.maybe(cell)
+        result = store.find(f"joint/{label}")
+        joint = JointContent.maybe(result)
         if joint is not None:
             for candidate, row in joint.candidates.items():
                 common = {**head, **_specimen_model(own, candidate)}
-                yield from _weighed_rows({**common, "shared": "damping", "probability": row.probability}, row)
+                yield from _parameter_rows(
+                    {**common, "shared": "damping", "probability": row.probability}, row
+                )
                 if candidate == joint.best:
                     for record, alone in joint.alone.items():
-                        yield from _weighed_rows({**common, "record": record}, alone)
-        elif cell is not None:
-            yield {**head, "outcome": cell.outcome}
+                        yield from _parameter_rows({**common, "record": record}, alone)
+        elif result is not None:
+            yield {**head, "outcome": result.outcome}
         elif population is not None and label in population.specimens:
             row = population.specimens[label]
             common = {**head, **_specimen_model(own, population.best), "record": own.labels[0]}
-            yield from _weighed_rows({**common, "probability": row.probability}, row)
+            yield from _parameter_rows({**common, "probability": row.probability}, row)
 
 
-def _weighed_rows(head: Row, row: WeighingContent) -> Iterator[Row]:
+def _parameter_rows(head: Row, row: WeighingContent) -> Iterator[Row]:
     common = {**head, "outcome": row.outcome}
     if row.log_evidence is not None:
         common["log_evidence"] = row.log_evidence
@@ -327,29 +334,29 @@ def _numbers(summary: Summary) -> Row:
 
 def _populations(study: Study, store: Store) -> Iterator[Row]:
     for label, specs in study.specimens.items():
-        cell = store.find(f"joint/{label}")
-        joint = JointContent.maybe(cell)
-        if cell is not None and joint is not None:
+        result = store.find(f"joint/{label}")
+        joint = JointContent.maybe(result)
+        if result is not None and joint is not None:
             own, row = Specimen(study, label, specs, store), joint.candidates[joint.best]
             head = {**_specimen_model(own, joint.best), "over": f"repeats of {label}", "outcome": OK}
-            for name, draws in coefficients_of(cell.arrays, joint.best).items():
-                between = draws * cell.arrays[f"{joint.best}/spread"]
+            for name, draws in coefficients_of(result.arrays, joint.best).items():
+                between = draws * result.arrays[f"{joint.best}/spread"]
                 spread = summarise(between, np.full(draws.size, 1 / draws.size))
                 common = {**head, "parameter": name, "unit": row.units[name]}
                 yield {**common, "what": "mean", **_numbers(row.summary[name])}
                 yield {**common, "what": "spread", **_numbers(spread)}
                 for record, alone in joint.alone.items():
                     yield {**common, "what": "own value", "of": record, **_numbers(alone.summary[name])}
-    cell = store.find("population/specimens")
-    if cell is None:
+    result = store.find("population/specimens")
+    if result is None:
         return
-    content = PopulationContent.maybe(cell)
+    content = PopulationContent.maybe(result)
     if content is None:
-        yield {"over": "specimens", "outcome": cell.outcome}
+        yield {"over": "specimens", "outcome": result.outcome}
         return
     first, specs = next(iter(study.specimens.items()))
     head = {**_specimen_model(Specimen(study, first, specs, store), content.best), "over": "specimens"}
-    head["outcome"] = cell.outcome
+    head["outcome"] = result.outcome
     for name, coefficient in content.populations.items():
         common = {**head, "parameter": name, "unit": content.units[name], "prior_scale": coefficient.scale}
         yield {**common, "what": "mean", **_numbers(coefficient.mean)}
@@ -360,27 +367,27 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
 
 
 def run_info(study: Study, store: Store) -> Row:
-    """Return the content of a run's run.json, from its cells."""
+    """Return the content of the run.json of a run."""
     files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
     about: dict[str, Row] = {}
     priors, budget = {}, {}
     assumed: dict[str, None] = {}
     for spec in study.signals:
         if spec.is_envelope:
-            answered = store.find(f"{ANSWERED}/{spec.name}/0", arrays=False)
+            answered = store.find(f"{ANSWER}/{spec.name}/0", arrays=False)
             content = AnswerContent.maybe(answered)
             if answered and content and content.envelope:
                 unit, outcome = content.envelope.unit, answered.outcome
                 about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": outcome}
                 assumed |= dict.fromkeys(content.envelope.assumed)
             continue
-        cell = store.find(f"signal/{spec.name}/0", arrays=False)
-        if cell is None:
+        result = store.find(f"signal/{spec.name}/0", arrays=False)
+        if result is None:
             continue
-        # Where the first repeat shows no oscillation, another one may.
-        oscillating = _first_oscillating(store, spec) or cell
-        answer = AnswerContent.maybe(store.find(f"{ANSWERED}/{spec.name}/0", arrays=False))
-        content = RecordContent.of(cell)
+        # If the first repeat shows no oscillation, another one may.
+        oscillating = _first_oscillating(store, spec) or result
+        answer = AnswerContent.maybe(store.find(f"{ANSWER}/{spec.name}/0", arrays=False))
+        content = RecordContent.of(result)
         about[spec.name] = {
             **content.provenance,
             "unit": spec.source.unit,
@@ -396,18 +403,18 @@ def run_info(study: Study, store: Store) -> Row:
             known = RecordContent.of(oscillating)
             about[spec.name] |= {"epsilon_note": known.epsilon_note, "reference": known.scales}
             about[spec.name]["features"] = known.features
-        cells = {m: store.find(f"mode/{spec.name}/0/{m}", arrays=False) for m in study.compare(spec)}
-        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
+        results = {m: store.find(f"mode/{spec.name}/0/{m}", arrays=False) for m in study.compare(spec)}
+        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in results.items() if c}
         priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
         budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
-        if not modes:  # only the answer weighed candidates
-            answered = answer_cell(store, spec.name, 0)
+        if not modes:  # only the answer fitted candidates
+            answered = answer_result(store, spec.name, 0)
             many = len(spec.restoring) > 1
             priors[spec.name] = {
                 candidate_name(c.damping, c.restoring) if many else c.damping: dict(c.priors)
                 for c in (AnswerContent.of(answered).priors if answered else ())
             }
-    # The damping terms that the study compares or simulates.
+    # Damping terms that the study compares or simulates.
     names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
     names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
     terms = {name: TERMS.get(name) for name in damping_order() if name in names}
@@ -436,17 +443,17 @@ def run_info(study: Study, store: Store) -> Row:
     }
 
 
-def _first_oscillating(store: Store, spec: SignalSpec) -> CellResult | None:
-    """Return the first repeat of a signal that shows an oscillation."""
-    cells = (store.find(f"signal/{spec.name}/{repeat}", arrays=False) for repeat in range(spec.repeats))
-    return next((cell for cell in cells if cell and cell.outcome == OK), None)
+def _first_oscillating(store: Store, spec: SignalSpec) -> TaskResult | None:
+    """Return the result of the first repeat of a signal that shows an oscillation; None if no repeat does."""
+    results = (store.find(f"signal/{spec.name}/{repeat}", arrays=False) for repeat in range(spec.repeats))
+    return next((result for result in results if result and result.outcome == OK), None)
 
 
 def _equilibrium(spec: SignalSpec, store: Store) -> Row:
-    """Return the derived equilibrium and natural frequency, where the whole restoring law is known."""
-    cell = _first_oscillating(store, spec)
+    """Return equilibrium and natural frequency of a signal; {} if its restoring law has unknown parameters."""
+    result = _first_oscillating(store, spec)
     oscillator = Oscillator(("viscous",), spec.system.restoring)
-    shape = RecordContent.of(cell).features if cell is not None else None
+    shape = RecordContent.of(result).features if result is not None else None
     if shape is None or not all(n in spec.system.known for n in oscillator.law.parameters):
         return {}
     return {

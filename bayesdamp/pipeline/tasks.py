@@ -1,4 +1,4 @@
-"""The tasks of a study: their keys, their results, and how these are stored."""
+"""Compute the keys and seeds of tasks, and store the result of a task."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status
 from bayesdamp.sources import code_digest, reached
-from bayesdamp.store import CellResult, Store
+from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import Content
-from bayesdamp.store.files import no_room
+from bayesdamp.store.files import is_disk_full
 from bayesdamp.types import OK, InputError, Refusal
 
-_BRANCH = (
-    "bayesdamp.pipeline.candidates.branch", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",
+_CANDIDATE = (
+    "bayesdamp.pipeline.candidates.candidate", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",
     "bayesdamp.interface.fit",
 )  # fmt: skip
 CODE: dict[str, tuple[str, ...]] = {
@@ -34,23 +34,23 @@ CODE: dict[str, tuple[str, ...]] = {
         "bayesdamp.report.figures.answer", "bayesdamp.verdict.envelope",
     ),
     "sampled": ("bayesdamp.pipeline.answering", "bayesdamp.physics.kernel.march"),
-    "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records", "bayesdamp.estimators"),
-    "mode": (*_BRANCH, "bayesdamp.pipeline.candidates.modes"),
-    "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
-    "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),
-    "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity"),
-    "averaged": ("bayesdamp.pipeline.candidates.weighing",),
+    "estimate": ("bayesdamp.pipeline.candidates.tasks", "bayesdamp.pipeline.records", "bayesdamp.estimators"),
+    "mode": (*_CANDIDATE, "bayesdamp.pipeline.candidates.modes"),
+    "posterior": (*_CANDIDATE, "bayesdamp.pipeline.candidates.posteriors"),
+    "evidence": (*_CANDIDATE, "bayesdamp.pipeline.candidates.evidence"),
+    "sensitivity": (*_CANDIDATE, "bayesdamp.pipeline.candidates.sensitivity"),
+    "averaged": ("bayesdamp.pipeline.candidates.evidence",),
     "joint": ("bayesdamp.pipeline.specimens",),
     "population": ("bayesdamp.pipeline.specimens",),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
-"""The modules that compute each kind of task. The source of plug-ins, which are found by name, is added to the parts of
-the key."""
+"""Modules that compute each kind of task; their source, with all that they import, is part of the task's key. Plug-ins
+are not imported but looked up by name: their source is added to the key separately."""
 
 
 @dataclass(frozen=True)
 class Product:
-    """The result of a task. seconds: of the computation; by default those of the whole task."""
+    """The result of a computation. seconds: its duration; by default the duration of the whole task."""
 
     content: Content | None = None
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -59,6 +59,7 @@ class Product:
 
 
 Make = Callable[[], Product]
+"""A function that computes the result of a task."""
 
 
 def digest(*parts: object) -> str:
@@ -67,47 +68,47 @@ def digest(*parts: object) -> str:
 
 
 def task_key(kind: str, *parts: object) -> str:
-    """Return a key for all that a task's result depends on: the parts, and the code that computes it."""
+    """Return the key of a task: the hash of `parts`, which are its inputs, and of the code that computes it."""
     return digest(kind, code_digest(*CODE[kind]), *parts)
 
 
 def uses_library(method: str) -> bool:
-    """Return whether an estimator regresses on all damping terms that ship, whichever it is to estimate."""
+    """Return whether an estimator regresses on all damping terms of the package, not only on those it estimates."""
     return "bayesdamp.estimators.regression.library" in reached([f"bayesdamp.estimators.methods.{method}"])
 
 
-def cell_seed(study: Study, name: str) -> int:
-    """Return the seed of one cell: a function of the study's seed and the cell's name."""
+def task_seed(study: Study, name: str) -> int:
+    """Return the seed of a task, which follows from the study's seed and the task's name."""
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
 
 
-def perform(store: Store, name: str, key: str, make: Make) -> None:
+def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
     """Compute a task and store its result.
 
-    Where the task raises Refusal, its sentence is stored as the outcome; where it fails, the fault. Raises InputError,
-    and OSError where the disk is full.
+    If the computation raises Refusal or fails, the stored outcome is its message. Raises InputError, and OSError if the
+    disk is full.
     """
     began = time.perf_counter()
 
     def write(product: Product) -> None:
         meta = {} if product.content is None else product.content.meta()
         seconds = time.perf_counter() - began if product.seconds is None else product.seconds
-        store.write(CellResult(name, key, meta, product.arrays, product.outcome, seconds))
+        store.write(TaskResult(name, key, meta, product.arrays, product.outcome, seconds))
 
     try:
         write(make())
     except Refusal as refusal:
         write(Product(outcome=str(refusal)))
     except Exception as fault:
-        write(Product(outcome=failure(fault)))
+        write(Product(outcome=outcome_of_failure(fault)))
 
 
-def failure(fault: Exception) -> str:
-    """Return the outcome that is stored where the program fails in a task.
+def outcome_of_failure(fault: Exception) -> str:
+    """Return the outcome of a task that failed with an unexpected exception.
 
-    Raises the fault again where the input or the disk is wrong, and under BAYESDAMP_DEBUG.
+    Raises the exception again if the input or the disk caused it, or if BAYESDAMP_DEBUG is set.
     """
-    if isinstance(fault, InputError) or no_room(fault) or os.environ.get("BAYESDAMP_DEBUG"):
+    if isinstance(fault, InputError) or is_disk_full(fault) or os.environ.get("BAYESDAMP_DEBUG"):
         raise fault
     lines = str(fault).strip().splitlines()
     return Status.FAILED.because(f"{type(fault).__name__}: {lines[0] if lines else ''}")

@@ -1,6 +1,6 @@
-"""Processes that share the work of a run, on this machine or of a Dask scheduler.
+"""Run jobs in several processes, on this machine or by a Dask scheduler.
 
-A process that is killed costs the task that killed it, and no more.
+If a task kills its process (for example for lack of memory), only this task is lost.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from bayesdamp.types import InputError
 
 Job = TypeVar("Job")
 TRIES = 2
-"""How often a task is tried whose process is killed."""
+"""Number of times that a task is tried if its process is killed (conventional)."""
 KILLED = "failed: the process that computed it was killed, twice (by hand, or for want of memory)"
 
 
 @contextmanager
 def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
-    """Use the workers of a Dask scheduler.
+    """Connect to a Dask scheduler and use its workers.
 
     Parameters
     ----------
     scheduler
-        Its address.
+        Address of the scheduler.
     say
-        Called with a message where the scheduler has no workers yet.
+        Function that shows a message if the scheduler has no workers yet.
 
     Raises
     ------
     InputError
-        No scheduler answers, or it is gone before the end.
+        No scheduler answers, or the connection is lost.
     """
     try:
         from distributed import Client
@@ -43,10 +43,10 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
         raise InputError(
             "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the end of a scheduler is reported below
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost connection is reported below
     try:
         client = Client(scheduler, timeout=10)
-    except Exception as error:  # for an address that it does not know, whatever its parts raise
+    except Exception as error:  # a wrong address can raise any exception
         raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
     if not client.scheduler_info().get("workers"):
         wait_for = "waiting for one. Ctrl-C stops this, and the same command resumes"
@@ -60,18 +60,19 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
             lost = "the scheduler or all its workers are gone; the same command resumes"
             raise InputError(f"--scheduler {scheduler}: {lost}") from None
         finally:
-            # Running tasks are given up, without waiting: there may be no worker left to do them.
+            # Do not wait for running tasks: there may be no worker left to complete them.
             with suppress(Exception):
                 pool.shutdown(wait=False)
 
 
 @contextmanager
-def pool_of(
+def open_pool(
     workers: int, scheduler: str | None, say: Callable[[str], None] = lambda _: None
 ) -> Iterator[Executor | None]:
-    """Use spawned processes on this machine, or those of a Dask scheduler; None stands for this process.
+    """Open a pool of new processes on this machine or of a Dask scheduler's workers.
 
-    say: called with a message where a scheduler has no workers. Raises InputError where there is no scheduler.
+    For one worker without a scheduler the pool is None: the jobs run in this process. say: shows a message if the
+    scheduler has no workers. Raises InputError if no scheduler answers.
     """
     if workers == 1 and scheduler is None:
         yield None
@@ -80,40 +81,43 @@ def pool_of(
         yield pool
 
 
-def spread(
+def run_in_pool(
     jobs: Sequence[Job],
     pool: Executor,
     submit: Callable[[Job, Collection[str]], Future[list[str]]],
-    under_way: Callable[[Job, Collection[str]], str | None],
+    next_task: Callable[[Job, Collection[str]], str | None],
     give_up: Callable[[Job, str], None],
     done: Callable[[list[str]], None],
 ) -> None:
-    """Run all jobs and call `done` with the names of each one's tasks.
+    """Run all jobs in a pool, and find the tasks that kill their process.
+
+    When a process is killed, the whole pool breaks, and any job that was running may be the cause. These jobs are then
+    run one at a time.
 
     Parameters
     ----------
     jobs
-        Of several tasks each.
+        The jobs, each with several tasks.
     pool
-        Where `submit` runs a job. A pool with a `width` gets no more jobs at a time than it has processes, so that
-        there are few suspects when it breaks; these are then run one by one.
+        The pool. If it has a `width` (number of processes), no more jobs than that are submitted at a time, so that few
+        jobs have to be run alone when it breaks.
     submit
-        Starts a job, without the tasks named.
-    under_way
-        Returns the first task of a job that has no result, without the tasks named.
+        Function that submits a job without the tasks of the given names.
+    next_task
+        Function that returns the first task of a job that has no result, except the tasks of the given names.
     give_up
-        Stores that a task's process was killed.
+        Function that stores, as the result of a task, that its process was killed.
     done
-        Called once for each job.
+        Function that is called with the names of a job's tasks when the job ends.
     """
     waiting, running = deque(jobs), dict[Future[list[str]], Job]()
     width = getattr(pool, "width", len(waiting))
-    suspects: list[Job] = []
+    unclear: list[Job] = []
 
     def run_alone(job: Job) -> list[str]:
-        """Run a suspect with the pool to itself: a process that is killed now is killed by this job."""
+        """Run a job alone in the pool, to find the tasks that kill their process. Return the names of its tasks."""
         given_up: list[str] = []
-        tries = {under_way(job, ()): 1}
+        tries = {next_task(job, ()): 1}
         while True:
             try:
                 return submit(job, tuple(given_up)).result()
@@ -121,7 +125,7 @@ def spread(
                 if not _is_kill(fault):
                     raise
             restart(pool)
-            name = under_way(job, given_up)
+            name = next_task(job, given_up)
             if name is None:
                 return given_up
             tries[name] = tries.get(name, 0) + 1
@@ -131,12 +135,12 @@ def spread(
 
     try:
         while waiting or running:
-            while waiting and len(running) < width and not suspects:
+            while waiting and len(running) < width and not unclear:
                 job = waiting.popleft()
                 try:
                     running[submit(job, ())] = job
                 except BrokenExecutor:
-                    suspects.append(job)
+                    unclear.append(job)
             ended = wait(running, return_when=FIRST_COMPLETED).done if running else ()
             for future in ended:
                 job = running.pop(future)
@@ -145,12 +149,12 @@ def spread(
                 except Exception as fault:
                     if not _is_kill(fault):
                         raise
-                    suspects.append(job)
-            if suspects and not running:
+                    unclear.append(job)
+            if unclear and not running:
                 restart(pool)
-                for job in suspects:
+                for job in unclear:
                     done(run_alone(job))
-                suspects.clear()
+                unclear.clear()
     except BaseException:
         for future in running:
             future.cancel()
@@ -158,12 +162,12 @@ def spread(
 
 
 def restart(pool: Executor) -> None:
-    """Start new processes, where the pool is of this machine and was broken."""
+    """Start new processes in a broken pool of this machine; do nothing for a Dask scheduler."""
     start_again = getattr(pool, "restart", None)
     if start_again is not None:
         start_again()
 
 
 def _is_kill(fault: Exception) -> bool:
-    """Return whether the process of a task was killed, here or on a Dask worker."""
+    """Return whether an exception means that the process was killed, on this machine or on a Dask worker."""
     return isinstance(fault, BrokenExecutor) or type(fault).__name__ == "KilledWorker"

@@ -12,8 +12,8 @@ from bayesdamp.plugins import extended
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, TEMPLATES, fill
 from bayesdamp.store import write_bytes
-from bayesdamp.store.cells import claim, remove_listed
 from bayesdamp.store.contents import OtherVersionError
+from bayesdamp.store.results import claim, remove_listed
 from bayesdamp.types import InputError
 
 DRAWN = ".drawn"

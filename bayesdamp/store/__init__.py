@@ -1,14 +1,14 @@
-"""The folder of a run: one atomic file a cell, the tables, provenance, and a lock."""
+"""Read and write the folder of a run: results of tasks, tables, provenance, and the lock."""
 
-from bayesdamp.store.cells import CellResult, Store
 from bayesdamp.store.files import write_bytes, write_json
 from bayesdamp.store.origin import provenance, sha256
+from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.store.tables import (
     CALIBRATION_TABLES,
     DAMPING_CURVES,
     SPECIMEN_TABLES,
     TABLES,
-    TEXT_OF,
+    TEXT_COLUMNS,
     read_table,
     write_table,
 )
@@ -18,9 +18,9 @@ __all__ = [
     "DAMPING_CURVES",
     "SPECIMEN_TABLES",
     "TABLES",
-    "TEXT_OF",
-    "CellResult",
+    "TEXT_COLUMNS",
     "Store",
+    "TaskResult",
     "provenance",
     "read_table",
     "sha256",

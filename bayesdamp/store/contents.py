@@ -1,4 +1,4 @@
-"""The stored results of a run's tasks: one class for each kind of task."""
+"""The content of stored results: one class for each kind of task."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from bayesdamp.serial import join, split
-from bayesdamp.store.cells import CellResult
+from bayesdamp.store.results import TaskResult
 from bayesdamp.types import (
     OK,
     Estimate,
@@ -28,35 +28,35 @@ from bayesdamp.types import (
 
 
 class OtherVersionError(InputError, ValueError):
-    """The stored result has another form than this version stores."""
+    """The stored result was written by another version of the package, with another content."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """The values of one kind of cell, without its arrays. Subclasses are frozen dataclasses that JSON can hold."""
+    """The values in a stored result, without its arrays. Subclasses are frozen dataclasses that JSON can represent."""
 
     @classmethod
-    def of(cls, cell: CellResult) -> Self:
-        """Read the content of a cell. Raises OtherVersionError where it has another form."""
-        return cls.of_meta(cell.meta)
+    def of(cls, result: TaskResult) -> Self:
+        """Read the content of a result. Raises OtherVersionError if it was stored by another version."""
+        return cls.of_meta(result.meta)
 
     @classmethod
-    def maybe(cls, cell: CellResult | None) -> Self | None:
-        """Read the content of a cell; None where the cell is missing, or only says why it has no result."""
-        return cls.of_meta(cell.meta) if cell is not None and cell.meta else None
+    def maybe(cls, result: TaskResult | None) -> Self | None:
+        """Read the content of a result; None if there is no result or it has only an outcome."""
+        return cls.of_meta(result.meta) if result is not None and result.meta else None
 
     @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
-        """Read what `meta` returned, from a file. Raises OtherVersionError."""
+        """Read the content from its JSON form, as `meta` returns it. Raises OtherVersionError."""
         try:
-            own = {f.name for f in fields(cls)}
-            return join(cls, {name: value for name, value in meta.items() if name in own})
+            known = {f.name for f in fields(cls)}
+            return join(cls, {name: value for name, value in meta.items() if name in known})
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             what = "was stored by another version of bayesdamp; compute it again with this one"
             raise OtherVersionError(f"{what} ({error})") from None
 
     def meta(self) -> dict[str, Any]:
-        """Return the content as a cell stores it."""
+        """Return the content in its JSON form."""
         return split(self)
 
 
@@ -64,9 +64,10 @@ class Content:
 class RecordContent(Content):
     """A record (`signal/NAME/REPEAT`).
 
-    provenance: what was done to it. step: recording step, 0 where none shows. bound: the Cramér–Rao bound of a
-    simulated record, sd by parameter. The other fields need an oscillation: features; anomalies, in words; reference of
-    the priors; known: values of the system, with friction's ε (rad/s) filled in and a note on it; noisy: whether the
+    provenance: source of the record, and how it was cleaned. step: recording step; 0 without one. bound: Cramér–Rao
+    bound of a simulated record, standard deviation by parameter. The other fields exist only if the record oscillates.
+    features: its features. anomalies: remarks. reference: amplitude and frequency with which priors scale. known: known
+    parameters of the system, with ε (rad/s) of friction. epsilon_note: a sentence if ε was assumed. noisy: whether the
     record has noise, without which there is no likelihood.
     """
 
@@ -85,7 +86,7 @@ class RecordContent(Content):
 
     @property
     def scales(self) -> Reference:
-        """Return the reference of the priors. Raises ValueError where the record shows no oscillation."""
+        """The reference of the priors. Raises ValueError if the record does not oscillate."""
         if self.reference is None:
             raise ValueError(f"{self.name} shows no oscillation")
         return self.reference
@@ -93,9 +94,9 @@ class RecordContent(Content):
 
 @dataclass(frozen=True)
 class EstimateContent(Content):
-    """One estimator on one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), in the order of its stages.
+    """The estimates of one estimator for one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), by stage.
 
-    Their curves are the cell's arrays, STAGE/NAME.
+    The arrays of the result are the curves of the stages, STAGE/NAME.
     """
 
     stages: tuple[Estimate, ...] = ()
@@ -108,9 +109,9 @@ NAN = float("nan")
 class Climb:
     """A search for the mode from one seed.
 
-    same: other seeds that start at the same point. start, end: log posterior there. evaluations: of the likelihood.
-    volume: log volume at the end. distance: of the start from the mode, in sds. mode: number of the maximum where it
-    ended, 0 for the highest, None for none.
+    same: other seeds with the same start. start, end: log posterior at start and end. evaluations: number of
+    likelihoods. volume: log volume of the posterior at the end. distance: of the start from the mode, in sds. mode:
+    number of the maximum that was reached, 0 for the highest; None if none was.
     """
 
     seed: Seed
@@ -126,7 +127,7 @@ class Climb:
 
 @dataclass(frozen=True)
 class RefusedSeed:
-    """A seed without values to start from, with the outcome of its method."""
+    """A seed without values, with the outcome of its estimator."""
 
     seed: Seed
     outcome: str
@@ -134,7 +135,7 @@ class RefusedSeed:
 
 @dataclass(frozen=True)
 class MaximumContent:
-    """A maximum of the posterior: its height (nats), its share of the posterior, its parameters."""
+    """A maximum of the posterior. share: fraction of the posterior probability. values: the parameters there."""
 
     log_posterior: float
     share: float
@@ -143,12 +144,12 @@ class MaximumContent:
 
 @dataclass(frozen=True)
 class ModeContent(FitCheck, Content):
-    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`).
+    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
 
-    values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: the searches and the
-    maxima that they found; touching_zero: coefficients within a standard deviation of zero. refused: seeds without
-    values. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it; its arrays are `stored/...`.
-    The checks of its fit are those of `FitCheck`.
+    values, sd: inferred parameters and their standard deviations. known: the other parameters. priors: descriptions.
+    climbs, modes: the searches, and the maxima that they reached. touching_zero: coefficients within a standard
+    deviation of zero. refused: seeds without values. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial`
+    splits it, with arrays `stored/...`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -165,17 +166,18 @@ class ModeContent(FitCheck, Content):
 
 
 NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
-"""Draws and log likelihoods of a posterior that has none."""
+"""Empty arrays of draws and log likelihoods."""
 
 
 @dataclass(frozen=True)
 class PosteriorContent(Content):
-    """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
+    """The draws of one sampler (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
-    posterior: without its arrays; the cell has `draws`, (chain, draw, parameter). summary, units: of the parameters and
-    of derived quantities, at the reference amplitude (unit of displacement). without: derived quantities that have no
-    summary, with the number of draws that have no such motion. file: the whole posterior, in the run's folder. ratios:
-    where laws may hold approximately, the damping ratio at the verdict's amplitudes.
+    posterior: without its arrays; the result has `draws`, (chain, draw, parameter). summary, units: of parameters and
+    derived quantities. reference_amplitude: amplitude of the derived quantities, in the unit of displacement. without:
+    derived quantities without a summary, with the number of draws for which they are not defined. file: path of the
+    whole posterior in the run's folder. ratios: with deviations from the laws, damping ratios at the verdict's
+    amplitudes.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -189,10 +191,11 @@ class PosteriorContent(Content):
 
 @dataclass(frozen=True)
 class AverageContent(Content):
-    """The damping against amplitude averaged over the models (`averaged/NAME/0`).
+    """The damping against amplitude, averaged over models (`averaged/NAME/0`).
 
-    probabilities: of the models, by the evidence `method`. covered: total probability of the models in the average.
-    weighed: models without a posterior, which are averaged by the weighted draws of their evidence.
+    probabilities: of the models, from the evidence by `method`. covered: total probability of the models in the
+    average.
+    weighed: models without a sampled posterior, for which weighted importance draws are used.
     """
 
     probabilities: Mapping[str, float]
@@ -203,9 +206,9 @@ class AverageContent(Content):
 
 @dataclass(frozen=True)
 class EvidenceContent(Content):
-    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), whose arrays are the cell's.
+    """The evidence by one method (`evidence/NAME/REPEAT/CANDIDATE/METHOD`).
 
-    None where the referee was not called, because the other methods agree.
+    It is None if the referee was not needed, because the other methods agree.
     """
 
     evidence: Evidence | None = None
@@ -213,16 +216,16 @@ class EvidenceContent(Content):
 
 @dataclass(frozen=True)
 class WidthsContent(Content):
-    """Evidence under other prior widths (`sensitivity/.../widths`); varied: parameters whose priors were scaled."""
+    """Evidence with other prior widths (`sensitivity/.../widths`). varied: parameters whose priors were scaled."""
 
     varied: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class HalfContent(Forecast, Content):
-    """The evidence of a record's first half alone, and its forecast of the second half (`sensitivity/.../half`).
+    """The evidence of the first half of a record, and its forecast of the second half (`sensitivity/.../half`).
 
-    start: of the second half, in s.
+    start: time at which the second half starts, in s.
     """
 
     start: float
@@ -232,7 +235,7 @@ class HalfContent(Forecast, Content):
 
 @dataclass(frozen=True)
 class UnderNoise:
-    """Log evidence by Laplace's approximation (nats) under a noise model; −∞ where it has no fit."""
+    """Log evidence (nats) under a noise model by Laplace's approximation; −∞ if there is no fit."""
 
     log_evidence: float
     outcome: str = OK
@@ -240,7 +243,7 @@ class UnderNoise:
 
 @dataclass(frozen=True)
 class NoisesContent(Content):
-    """Evidence under each noise model of the study (`sensitivity/.../noises`), and which model was chosen."""
+    """Evidence under each noise model of the study (`sensitivity/.../noises`). chosen: the noise model that is used."""
 
     chosen: str
     evidence: Mapping[str, UnderNoise]
@@ -248,18 +251,19 @@ class NoisesContent(Content):
 
 @dataclass(frozen=True)
 class RatiosContent(Content):
-    """Nested ratios (`sensitivity/.../savage_dickey`), by the smaller model's name."""
+    """Bayes factors against one term less (`sensitivity/.../savage_dickey`), by the name of the smaller model."""
 
     against: Mapping[str, NestedRatio]
 
 
 @dataclass(frozen=True)
 class WeighedCandidate:
-    """A damping sum under a restoring law, as the answer weighed it.
+    """The result of an answer for one candidate: a damping sum under a restoring law.
 
-    log_evidence: in nats under approximate laws, None where laws hold exactly; log_evidence_exact: under exact laws.
-    rms: of the plain fit, in the record's unit. place: for a form of damping that the study does not compare, the sum
-    that it becomes in a limit, if there is one. parameters: the inferred ones of the damping.
+    log_evidence: in nats, with deviations from the laws; None under exact laws only. log_evidence_exact: under exact
+    laws. rms: root mean square residual of the fit under exact laws, in the record's unit. place: for a form of damping
+    that the study does not compare, the compared sum that is its limiting case, if any. parameters: names of the
+    inferred damping parameters.
     """
 
     damping: str
@@ -273,16 +277,16 @@ class WeighedCandidate:
 
     @property
     def exact(self) -> float:
-        """Return the log evidence under exact laws; −∞ where it was not weighed."""
+        """The log evidence under exact laws; −∞ if it was not computed."""
         return float("-inf") if self.log_evidence_exact is None else self.log_evidence_exact
 
 
 @dataclass(frozen=True)
 class SampledPosterior:
-    """A candidate with its motions sampled.
+    """The posterior of a candidate in a sampled answer.
 
-    parameters: summaries by name. deviation: of the damping law, (2.5 %, median, 97.5 %). unexplained: share of the
-    amplitude. log_evidence: in nats.
+    parameters: summaries by name. deviation: size of the deviation from the damping law, (2.5 %, median, 97.5 %).
+    unexplained: root mean square misfit beyond the noise, as a fraction of the amplitude. log_evidence: in nats.
     """
 
     damping: str
@@ -298,7 +302,7 @@ class SampledPosterior:
 
 @dataclass(frozen=True)
 class CandidatePriors:
-    """Priors of a candidate in words, by parameter."""
+    """Descriptions of the priors of a candidate, by parameter."""
 
     damping: str
     restoring: str
@@ -307,7 +311,7 @@ class CandidatePriors:
 
 @dataclass(frozen=True)
 class WeighedNoise:
-    """A noise model on the residuals of the fit of all terms: log evidence in nats, and its parameters."""
+    """A noise model fitted to the residuals of the sum of all terms: log evidence in nats, and parameters."""
 
     name: str
     log_evidence: float
@@ -315,8 +319,8 @@ class WeighedNoise:
 
 
 @dataclass(frozen=True)
-class FoundLaw:
-    """The end of the search for a candidate with deviations.
+class StoredFit:
+    """The fit of a candidate with deviations.
 
     found: an `inference.deviation.single.FitState`, as `bayesdamp.serial` splits it; its arrays are
     `found/DAMPING@RESTORING/...`.
@@ -331,8 +335,8 @@ class FoundLaw:
 class EnvelopeContent:
     """The answer on an envelope, without its verdict.
 
-    unit: of the readings. samples: how many were used. likelihoods: numbers of the likelihood of the rates by damping
-    sum, whose arrays are `likelihood/DAMPING/...`. assumed: a sentence for each assumption.
+    unit: of the readings. samples: number of readings that were used. likelihoods: values of the likelihood of the
+    rates by damping sum; its arrays are `likelihood/DAMPING/...`. assumed: a sentence for each assumption.
     """
 
     unit: str
@@ -345,12 +349,12 @@ class EnvelopeContent:
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
-    verdict: as `Verdict.to_dict` returns it. rivals: other forms of damping that were weighed. fits: parameters of the
-    fit of all terms, by restoring law. posteriors: of the candidates that were sampled; laws: of those that were
-    weighed with deviations. noise: the noise model of the answer; noises: all that were weighed. terms: all damping
-    terms that were weighed. epsilon: the width (rad/s or m/s) within which friction changes its sign, where it was not
-    known; frictions: the widths that were tried, with the coefficients of all terms. envelope: of an envelope, which
-    has only this and the verdict.
+    verdict: as `Verdict.to_dict` returns it. candidates: the compared damping sums; rivals: other forms of damping.
+    fits: parameters of the fit of the sum of all terms, by restoring law. priors: descriptions. posteriors: of the
+    sampled candidates. laws: fits of the candidates with deviations. noise: the noise model of the answer. noises: all
+    fitted noise models. terms: all damping terms. epsilon: width (rad/s or m/s) within which friction changes its sign,
+    if it was not known. frictions: the widths that were tried, with the coefficients of all terms. envelope: for an
+    envelope, which has only this and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -358,7 +362,7 @@ class AnswerContent(Content):
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()
-    laws: tuple[FoundLaw, ...] = ()
+    laws: tuple[StoredFit, ...] = ()
     rivals: tuple[WeighedCandidate, ...] = ()
     noise: str = ""
     noises: tuple[WeighedNoise, ...] = ()
@@ -369,19 +373,19 @@ class AnswerContent(Content):
 
 
 CLEAR = 3.0
-"""Log Bayes factor in nats from which a statement is made: odds of twenty."""
+"""Log Bayes factor (nats) from which a statement is made: odds of 20 (conventional)."""
 APART = 0.05
-"""Lower end of the spread's 95 % interval above which the records differ (half the scale of its prior)."""
+"""Lower limit of the spread's 95 % interval above which the records differ: half the scale of its prior."""
 Summary = Mapping[str, float]
 """mean, sd, median, q2.5 and q97.5 of a parameter."""
 
 
 @dataclass(frozen=True)
 class WeighingContent:
-    """A candidate's log evidence with the summaries of its damping parameters, and their units.
+    """The log evidence of a candidate on one or several records, with summaries and units of its damping parameters.
 
-    log_evidence: nats, relative to the best evidence that each record has by itself; None where it was not weighed, for
-    the reason in the outcome.
+    log_evidence: in nats, relative to the sum of the best log evidences of the single records; None if it was not
+    computed, for the reason in the outcome.
     """
 
     outcome: str = OK
@@ -392,17 +396,17 @@ class WeighingContent:
 
 @dataclass(frozen=True)
 class JointCandidate(WeighingContent):
-    """A candidate on all records of a specimen, with its posterior probability."""
+    """A candidate in the joint fit of a specimen's records, with its posterior probability."""
 
     probability: float = 0.0
 
 
 @dataclass(frozen=True)
-class PopulationFound:
+class CoefficientPopulation:
     """Mean and spread of a coefficient over a population of specimens.
 
-    scale: of the half-normal prior of the population's location. shrunk: each specimen's own value given all;
-    effective: its effective draws then.
+    scale: scale of the half-normal prior of the population's location. shrunk: coefficient of each specimen, given all
+    specimens. effective: effective number of its draws.
     """
 
     scale: float
@@ -417,14 +421,16 @@ class PopulationFound:
 class JointContent(Content):
     """The joint fit of a specimen's records (`joint/SPECIMEN`), on which its verdict is based.
 
-    The cell's arrays are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), the log density of
-    their priors (`CANDIDATE/NAME/log_prior`) and the spread (`CANDIDATE/spread`).
+    The arrays of the result are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), of the log
+    density of their priors (`CANDIDATE/NAME/log_prior`) and of the spread (`CANDIDATE/spread`).
 
-    records: labels; members: signal and repeat of each; reference: of the priors; deviation: "law" where laws hold
-    approximately in every record's answer, else "none". best: the likeliest candidate; others: probabilities of forms
-    of damping that the study does not compare. spread: how much the damping differs from record to record (standard
-    deviation of its logarithm), over all models. no_spread: log Bayes factor of one damping for all records against an
-    inferred spread, under the best candidate; NaN where that has no summary. alone: each record by itself under it.
+    records: labels. members: signal and repeat of each record. reference: amplitude and frequency with which priors
+    scale.
+    deviation: "law" if the answers on all records allow deviations, else "none". best: the most probable candidate.
+    others: probabilities of forms of damping that the study does not compare. spread: standard deviation of the
+    logarithm of the damping between records, over all models. no_spread: log Bayes factor of equal damping in all
+    records against an inferred spread, for the best candidate; NaN if it has no summary. alone: results of each record
+    alone, for the best candidate.
     """
 
     records: tuple[str, ...]
@@ -440,21 +446,23 @@ class JointContent(Content):
 
     @property
     def differ(self) -> bool:
-        """Return whether the records have dampings of different size."""
+        """Whether the damping differs between the records."""
         return self.spread["q2.5"] > APART or self.no_spread < -CLEAR
 
     @property
     def agree(self) -> bool:
-        """Return whether the evidence is clearly for one size in all records."""
+        """Whether the evidence clearly favours equal damping in all records."""
         return not self.differ and self.no_spread >= CLEAR
 
 
 @dataclass(frozen=True)
 class PopulationContent(Content):
-    """The population over specimens (`population/specimens`), under the candidate that is best for all.
+    """The population of specimens (`population/specimens`), for the candidate with the largest total evidence.
 
-    log_evidence: of each candidate over all specimens. behind: nats by which another candidate is ahead, by specimen.
-    specimens: each one's own coefficients. units, populations: by coefficient. deviation: as in `JointContent`.
+    best: this candidate. log_evidence: total log evidence of each candidate. behind: difference of the best candidate's
+    log evidence on a specimen from the largest one there (nats), by specimen. specimens: results of each specimen.
+    units,
+    populations: by coefficient. deviation: as in `JointContent`.
     """
 
     best: str
@@ -462,16 +470,13 @@ class PopulationContent(Content):
     behind: Mapping[str, float]
     specimens: Mapping[str, JointCandidate]
     units: Mapping[str, str]
-    populations: Mapping[str, PopulationFound]
+    populations: Mapping[str, CoefficientPopulation]
     deviation: str = "none"
 
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """A chunk of records that were drawn and fitted, or refused: the outcome of each, and whether it counts.
-
-    first: number of the first record.
-    """
+    """The records of one calibration task. accepted: whether each is usable. first: number of the first record."""
 
     outcomes: tuple[str, ...] = ()
     accepted: tuple[bool, ...] = ()
@@ -480,9 +485,10 @@ class ChunkContent(Content):
 
 @dataclass(frozen=True)
 class RanksContent(ChunkContent):
-    """A chunk of one model's ranks (`ranks/MODEL/FIRST`).
+    """Ranks of true parameters for the records of one task (`ranks/MODEL/FIRST`).
 
-    names: of what is ranked. sampler_outcomes: of each sampler, by record. seconds: by sampler and under "record".
+    names: names of the ranked quantities. sampler_outcomes: outcomes of each sampler, by record. seconds: by sampler,
+    and "record" for simulation and fit.
     """
 
     model: str = ""
@@ -493,7 +499,7 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """A chunk of model recovery (`recovery/FIRST`, `single/FIRST`): models, outcomes of their evidence by record."""
+    """Model recovery for the records of a task (`recovery/FIRST`, `single/FIRST`), with outcomes of all evidence."""
 
     models: tuple[str, ...] = ()
     evidence_outcomes: tuple[tuple[str, ...], ...] = ()

@@ -1,4 +1,4 @@
-"""Files that are written in one step, as bytes, JSON or archives: what fails leaves nothing behind."""
+"""Write files of bytes, JSON or arrays in one step: a failed write leaves no partial file."""
 
 from __future__ import annotations
 
@@ -24,29 +24,30 @@ from bayesdamp.serial import split
 from bayesdamp.types import InputError
 
 SCHEMA = 1
-"""Version of the tables, written in run.json: it goes up when a column is renamed, removed, or means something else."""
+"""Version of the tables, stated in run.json. It increases when a column is renamed, removed or redefined."""
 BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
-"""Exceptions that reading an archive raises when the file is damaged, cut off, or was not written here."""
+"""Exceptions that reading an archive can raise if the file is damaged, truncated or of another program."""
 TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
+"""Names of temporary files."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a name in the same folder, under which a file is written before it is moved to its own name."""
+    """Return a temporary path in the same folder; a file is written there and then renamed to its own name."""
     return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
 
 
-def no_room(error: BaseException) -> bool:
-    """Return whether the disk accepts no more data: a fault of the machine, not of a file or a computation."""
+def is_disk_full(error: BaseException) -> bool:
+    """Return whether an error means that the disk is full or read-only, not that one file or computation failed."""
     return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
 @contextmanager
 def name_in_errors(path: Path) -> Iterator[None]:
-    """Make an OSError name this file: on a full disk it names no file, or the temporary one."""
+    """Put this path into any OSError: on a full disk the error names no file, or only the temporary one."""
     try:
         yield
     except OSError as error:
@@ -57,7 +58,7 @@ def name_in_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _write_temporary(path: Path, content: bytes) -> Iterator[Path]:
-    """Write the content under a temporary name, which the caller moves. On failure that file is removed again."""
+    """Write the content to a temporary file, which the caller renames; remove it if anything fails."""
     partial = temporary_path(path)
     try:
         with name_in_errors(path):
@@ -74,13 +75,13 @@ def _write_temporary(path: Path, content: bytes) -> Iterator[Path]:
 
 
 def create(path: Path, content: bytes) -> None:
-    """Write a new file in one step. Raises FileExistsError where there is one already; OSError."""
+    """Write a new file in one step. Raises FileExistsError if it exists, and OSError if it cannot be written."""
     with _write_temporary(path, content) as partial:
         try:
             os.link(partial, path)
         except FileExistsError:
             raise
-        except OSError:  # a disk without hard links
+        except OSError:  # a file system without hard links
             if os.path.lexists(path):
                 raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
             os.replace(partial, path)
@@ -89,7 +90,7 @@ def create(path: Path, content: bytes) -> None:
 
 
 def special_kind(path: Path) -> str | None:
-    """Return what a path is if it is not a regular file; None for a regular file, and where there is nothing."""
+    """Return "a link", "a folder" or "a device"; None if the path is a regular file or does not exist."""
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
@@ -102,16 +103,16 @@ def special_kind(path: Path) -> str | None:
 
 
 def refuse_special(path: Path) -> None:
-    """Refuse to replace anything but a regular file. Raises InputError."""
+    """Raise InputError if a path exists but is not a regular file."""
     kind = special_kind(path)
     if kind is not None:
         raise InputError(f"{path}: is {kind} and is not replaced; give a regular file or a new file's name")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file in one step, once the content is on the disk. Creates the folders above it.
+    """Write or replace a file in one step, after its content is on the disk. Missing folders are created.
 
-    Raises InputError where the name belongs to something other than a regular file.
+    Raises InputError if the path exists but is not a regular file.
     """
     path = Path(path)
     refuse_special(path)
@@ -120,7 +121,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def save_bytes(path: str | Path, content: bytes) -> Path:
-    """Write a file for a user as `write_bytes` does, and return its path. Raises InputError where that fails."""
+    """Write a file with `write_bytes` and return its path. Raises InputError if that fails."""
     path = Path(path)
     try:
         write_bytes(path, content)
@@ -130,7 +131,7 @@ def save_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def write_json(path: Path, obj: object) -> None:
-    """Write strict, indented JSON in one step; nan becomes null, infinities the words "inf" and "-inf"."""
+    """Write strict, indented JSON in one step; nan becomes null, infinities become "inf" and "-inf"."""
     text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
@@ -145,13 +146,13 @@ def _strict(value: object) -> object:
     return value
 
 
-def packed(
+def pack(
     first: str,
     head: Mapping[str, object],
     arrays: Mapping[str, np.ndarray],
     compression: int = zipfile.ZIP_STORED,
 ) -> bytes:
-    """Return an archive of arrays, whose first member (named `first`) holds the values of `head` as JSON."""
+    """Return a zip archive of arrays. Its first member, named `first`, has the values of `head` as JSON."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", compression) as archive:
         archive.writestr(first, json.dumps(split({**head, "arrays": list(arrays)})))
@@ -161,16 +162,16 @@ def packed(
     return buffer.getvalue()
 
 
-def unpacked(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the values and, unless they are not wanted, the arrays of an archive.
+def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the values and the arrays of an archive; no arrays if `arrays` is false.
 
-    Raises one of `BROKEN` for another file, or one that is cut off.
+    Raises one of `BROKEN` if the file is damaged or is not such an archive.
     """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))
         if not arrays:
             return head, {}
-        # each member is read whole: only then is its checksum compared
+        # Each member is read completely: only then is its checksum verified.
         return head, {
             label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
             for i, label in enumerate(head["arrays"])
@@ -178,10 +179,9 @@ def unpacked(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, 
 
 
 def read_description(folder: Path) -> dict[str, Any]:
-    """Return the content of the run.json in a run's folder; any key may be missing.
+    """Return the content of the run.json in the folder of a run; any key may be missing.
 
-    Raises InputError where there is no such file, where it is not JSON, and where another version of the tables wrote
-    it.
+    Raises InputError if there is no such file, if it is not JSON, or if its tables have another version.
     """
     path = folder / "run.json"
     if not path.is_file():

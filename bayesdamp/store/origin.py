@@ -1,4 +1,4 @@
-"""The environment that a run was computed in: versions, revision, machine, hashes of its inputs."""
+"""Describe the environment of a run: versions, revision, machine and hashes of the input files."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from bayesdamp.machine import cores
 
 
 def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str] = ()) -> dict[str, Any]:
-    """Return what run.json records of the program and its inputs.
+    """Return the description of program, machine and inputs for run.json.
 
     Parameters
     ----------
     inputs
-        Files whose SHA-256 is recorded, by the names that they are recorded under.
+        Input files, by the names under which their SHA-256 is stated.
     packages
-        Names of distributions; by default bayesdamp and all that it requires.
+        Names of packages whose versions are stated; by default bayesdamp and its requirements.
 
     Returns
     -------
     dict
-        versions {package: version}; revision: the commit of a checkout ("+changes" where files differ from it), else
-        the package's version; machine {system, processor, cpus, python}; and inputs {name: hash}.
+        versions: {package: version}. revision: the commit of a checkout, with "+changes" if files differ from it; else
+        the version of the package. machine: {system, processor, cpus, python}. inputs: {name: hash}.
     """
     names, versions = set(packages), dict[str, str]()
     if not names:
@@ -49,7 +49,7 @@ def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str]
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=20).stdout.strip()
 
     try:
-        # an installed copy may lie inside somebody else's checkout: then this file is not tracked there
+        # An installed copy may be inside the checkout of another project, in which this file is not tracked.
         git("ls-files", "--error-unmatch", str(file.relative_to(package)))
         revision = git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", ".") else "")
     except (OSError, subprocess.SubprocessError):

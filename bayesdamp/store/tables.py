@@ -1,4 +1,4 @@
-"""The tables of a run's folder: their columns, written and read so that numbers read back exactly."""
+"""Columns of the tables of a run; write and read tables without loss of digits."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Tables of a study that names specimens."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
-"""Columns of damping_curves.csv after the record's name and the unit of the amplitude; arrays `free/NAME` of an
-answer."""
+"""Columns of damping_curves.csv after the record's name and the unit of the amplitude; an answer stores them as arrays
+`free/NAME`."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 
@@ -57,14 +57,14 @@ _TEXT = frozenset({
 })  # fmt: skip
 _WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
 _NUMBER = {c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns} - _TEXT - _WHOLE
-TEXT_OF = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
-"""Columns that are numbers in another table."""
+TEXT_COLUMNS = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
+"""Columns of text whose name is a column of numbers in another table."""
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
-    """Write a CSV in one step. Floats read back exactly; nan, None and missing keys are empty fields.
+    """Write a CSV file in one step. Floats read back exactly; nan, None and missing keys become empty fields.
 
-    Raises ValueError on a key that is not a column.
+    Raises ValueError if a row has a key that is not a column.
     """
 
     def field(value: object) -> str:
@@ -83,8 +83,8 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, 
 def read_table(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a table that `write_table` wrote.
 
-    Columns of `TABLES` are typed: text, whole numbers (None where empty) and floats (nan where empty); any other column
-    is text. Raises InputError on a field that is not a number in a column of numbers.
+    Columns of `TABLES` and `SPECIMEN_TABLES` contain text, whole numbers (None if empty) or floats (nan if empty);
+    other columns are text. Raises InputError if a field in a column of numbers is not a number.
     """
     path = Path(path)
 
@@ -92,7 +92,7 @@ def read_table(path: Path) -> list[dict[str, Any]]:
         try:
             if column in _WHOLE:
                 return int(text) if text else None
-            if column in _NUMBER and (path.name, column) not in TEXT_OF:
+            if column in _NUMBER and (path.name, column) not in TEXT_COLUMNS:
                 return float(text) if text else math.nan
         except ValueError:
             raise InputError(f"{path.name}, line {line}, column {column}: {text!r} is not a number") from None

@@ -26,11 +26,11 @@ from bayesdamp.inference.envelope.posterior import (
 from bayesdamp.inference.envelope.sums import (
     Ranking,
     Sum,
-    by_power,
+    compare_sums,
+    fit_power_law,
     indistinguishable,
-    power_law,
-    ranked,
-    weighed,
+    power_candidates,
+    rank_sums,
 )
 from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
@@ -90,8 +90,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
         Seed of the draws.
     """
     b = decay.blocks
-    ranking = ranked(sums, weighed(b, sums))
-    power = power_law(b, ranking)
+    ranking = rank_sums(sums, compare_sums(b, sums))
+    power = fit_power_law(b, ranking)
     rng = np.random.default_rng([seed, b.t.size])
     top, bottom = b.ends
     amplitudes = np.array([top + share * (bottom - top) for share in FALLS])
@@ -116,7 +116,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     whole, plain = by_laws
     if one_power and "power" not in ranking.terms:
         # No sum describes the record: draw the rates from the single power of the amplitude too.
-        whole, plain = draw_twice([*ranking.candidates, *by_power(b)], (*ranking.terms, "power"))
+        whole, plain = draw_twice([*ranking.candidates, *power_candidates(b)], (*ranking.terms, "power"))
     best, frequency, omega = ranking.best, decay.record.frequency, b.frequency
     damping = {name: min(p, thresholds.CAP) for name, p in ranking.by_sum.items()}
     first = damping.pop(best.name)
@@ -223,7 +223,7 @@ def _coefficients_with_own(
         if name not in candidate.terms:
             continue
         place, sum_ = candidate.terms.index(name), by_name[candidate.name]
-        own[k] = sum_.own(candidate.scores, place)
+        own[k] = sum_.scores_of(candidate.scores, place)
         log_rate = sum_.unit_rate(place, own[k], scale)
         at_start = float(np.log(candidate.law.shapes(np.array([sum_.start]))[place, 0]))
         units[k] = at_start if omega is None else -log_rate

@@ -50,7 +50,7 @@ def measured() -> dict[str, dict[str, float]]:
         ours = EVIDENCES.get("importance").evidence("m", target, at, 1)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(nested, "EFFECTIVE", ours.stderr**-2)
-            patch.setattr(nested, "MOST", 10**7)
+            patch.setattr(nested, "MAX_LIKELIHOODS", 10**7)
             other = EVIDENCES.get("nested").evidence("m", target, at, 1)
         found[name] = {
             "search": search,

@@ -65,7 +65,7 @@ def test_what_cannot_be_calibrated_is_refused_in_one_line(tmp_path, capsys, old,
 
 def test_models_need_a_reference_and_company(tmp_path):
     alone = load_study(write(tmp_path, STUDY.replace('"viscous", "coulomb"', '"viscous"')))
-    with pytest.raises(InputError, match="has 1 models to tell apart"):
+    with pytest.raises(InputError, match="has 1 models to compare"):
         run_calibration(alone, tmp_path / "out", models=True)
     bare = load_study(write(tmp_path, STUDY.replace("amplitude = 0.3, frequency = 4.5, ", "")))
     with pytest.raises(InputError, match="amplitude and frequency"):
@@ -79,7 +79,7 @@ def test_the_studies_that_ship_can_be_run():
     assert calibration.models.compare == ("viscous", "coulomb", "quadratic", "viscous+coulomb")
     study = load_study(STUDIES / "model_recovery.toml")
     recovery.check(study)
-    levels = {recovery.level(study, "recovery", i) for i in range(16)}
+    levels = {recovery.design_of(study, "recovery", i) for i in range(16)}
     assert len(levels) == 8
     assert study.recovery.records >= 10 * len(levels)
     assert len(recovery.models_of(study, "recovery")) == 7
@@ -89,7 +89,7 @@ def test_the_studies_that_ship_can_be_run():
 
 
 def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
-    made = problem.generator(load_study(STUDIES / "calibration.toml"), "viscous")
+    made = problem.make_generator(load_study(STUDIES / "calibration.toml"), "viscous")
     assert made.blank.names == ("zeta", "stiffness", "theta0", "omega0", "noise_sd")
     drawn = made.draw(problem.record_rng(1, "a"), "a")
     assert drawn.target.priors is made.blank.priors
@@ -206,7 +206,7 @@ def invented(sharper: float):
             "accepted": [True] * size,
             "evidence_outcomes": [["ok"] * len(models)] * size,
         }
-        design = np.array([recovery.level(study, kind, first + i) for i in range(size)])
+        design = np.array([recovery.design_of(study, kind, first + i) for i in range(size)])
         arrays = {
             "model": np.array(truth),
             "probability": told,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.claims import CLAIMS, Claim, Judgement, judged, written
-from bayesdamp.claims.accuracy import PRINTED, verdict_of
+from bayesdamp.claims import CLAIMS, Claim, Judgement, judge_all, write_page
+from bayesdamp.claims.accuracy import PRINTED_TIMES, verdict_of
 from bayesdamp.claims.judge import Runs, initial_error
 from bayesdamp.claims.mechanisms import (
     _nonlinearity_is_the_cause,
@@ -46,7 +46,7 @@ def test_a_time_is_judged_on_both_sides():
         (float("nan"), "sindy", "cannot be judged"),
     ]
     for own, method, verdict in cases:
-        assert verdict_of(own, *PRINTED[method][1:]) == verdict
+        assert verdict_of(own, *PRINTED_TIMES[method][1:]) == verdict
 
 
 def test_an_error_far_below_the_printed_one_does_not_confirm_it():
@@ -58,7 +58,7 @@ def test_the_page_counts_and_escapes():
         Claim("a | b", "1", lambda _: Judgement("holds", "x")),
         Claim("c", "2", lambda _: Judgement("does not hold", "y")),
     ]
-    page = written(judged(claims, NONE), NONE)
+    page = write_page(judge_all(claims, NONE), NONE)
     assert "holds 1, does not hold 1." in page
     assert "a \\| b" in page
     assert "**does not hold**" in page

@@ -37,7 +37,7 @@ def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int])
     """Put a function that does as the test says in place of the pipeline's."""
     monkeypatch.setattr("bayesdamp.cli.runs.run_study", run_study)
     monkeypatch.setattr(
-        "bayesdamp.cli.commands.check.cells", lambda study: ["signal/one", "posterior/one/nuts"]
+        "bayesdamp.cli.commands.check.task_names", lambda study: ["signal/one", "posterior/one/nuts"]
     )
 
 

@@ -15,7 +15,7 @@ from bayesdamp.cli.commands.compare import first_words_on
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
-from bayesdamp.pipeline.records import recorded
+from bayesdamp.pipeline.records import read_thinned
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
 from tests.studies import study_text
@@ -88,10 +88,10 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_pat
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
-        recorded(Recording(file=path.name, path=path, angle=2, time=1))
+        read_thinned(Recording(file=path.name, path=path, angle=2, time=1))
     assert select_records([path], ReadingOptions(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
-    assert recorded(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
+    assert read_thinned(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
 def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
@@ -146,7 +146,7 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     assert [s.specimen for s in study.signals] == ["my_rig"] * 2
     for spec, size in zip(study.signals, (40, 30), strict=True):
         assert spec.source.unit == "deg"
-        np.testing.assert_allclose(recorded(spec.source).y, size * Y, atol=1e-6)
+        np.testing.assert_allclose(read_thinned(spec.source).y, size * Y, atol=1e-6)
     assert main(["check", str(out)]) == 0
     capsys.readouterr()
     before = out.read_bytes()
@@ -209,7 +209,7 @@ def test_a_study_names_run_and_channel(tmp_path) -> None:
         (tmp_path / "a.toml").write_text(STUDY + keys, encoding="utf-8")
         source = load_study(tmp_path / "a.toml").signals[0].source
         assert isinstance(source, Recording)
-        np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)
+        np.testing.assert_allclose(read_thinned(source).y, 30 * Y, atol=1e-6)
 
 
 def levels(path: Path, head: str) -> Path:

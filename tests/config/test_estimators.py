@@ -38,7 +38,7 @@ def test_wrong_variants(tmp_path: Path) -> None:
             "3\nswitch",
             "estimators.by_sign.variant_of: is 3; it must be an estimator's name",
         ),
-        ("[estimators.by_sign]", "[estimators.koopman]", "estimators.koopman: is an estimator's own name"),
+        ("[estimators.by_sign]", "[estimators.koopman]", "estimators.koopman: is the name of an estimator"),
         ('variant_of = "sindy"\n', "", "by_sign"),
     ):
         assert expected in fault(tmp_path, GOOD + VARIANT.replace(line, changed))

@@ -69,10 +69,10 @@ def test_the_files_may_have_moved_beside_it(study: Path, tmp_path: Path) -> None
 def test_another_file_is_refused(study: Path, tmp_path: Path) -> None:
     path = remembered(study, tmp_path / "out")
     study.with_name("rig.csv").write_text("0,1\n1,2\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"run\.json: rig\.csv is another file"):
+    with pytest.raises(InputError, match=r"run\.json: rig\.csv has changed since the run"):
         load_study(path)
     study.with_name("rig.csv").unlink()
-    with pytest.raises(InputError, match=r"rig\.csv is not there any more"):
+    with pytest.raises(InputError, match=r"the input file rig\.csv of the run is missing"):
         load_study(path)
 
 

@@ -101,7 +101,9 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
 
 
 def test_what_no_envelope_tells_is_refused():
-    with pytest.raises(InputError, match="viscous and structural lose the same at every amplitude"):
+    with pytest.raises(
+        InputError, match="viscous and structural dissipate the same energy at every amplitude"
+    ):
         weighable([parse_model("viscous+structural")])
     with pytest.raises(InputError, match="at most 3 terms"):
         weighable([parse_model("viscous+coulomb+quadratic+cubic")])
@@ -112,8 +114,9 @@ def test_twins_are_said_and_not_weighed_beside_each_other():
     sums, left_out = weighable([parse_model(name) for name in names])
     assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
     assert left_out == (
-        "structural is left out: it loses the same as viscous at every amplitude.",
-        "displacement+structural is left out: it loses the same as viscous+displacement at every amplitude.",
+        "structural is left out: it dissipates the same energy as viscous at every amplitude.",
+        "displacement+structural is left out: it dissipates the same energy as viscous+displacement at every "
+        "amplitude.",
     )
     alone = analyse(envelope(FORCES["structural"], 2), sums=(("structural",), ("quadratic",))).verdict
     assert alone.damping == "structural"

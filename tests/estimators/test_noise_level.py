@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.estimators.shared import WHOLE, noise_level
+from bayesdamp.estimators.shared import NOISE_SAMPLES, noise_level
 from bayesdamp.types import Signal
 
 
@@ -15,8 +15,10 @@ def noisy(samples: int, sd: np.ndarray | float) -> Signal:
     return Signal(t, wave + sd * np.random.default_rng(3).standard_normal(samples), "angle", "rad", "noisy")
 
 
-@pytest.mark.parametrize("samples", [600, 3 * WHOLE])
+@pytest.mark.parametrize("samples", [600, 3 * NOISE_SAMPLES])
 def test_white_noise(samples):
     """A median of n values is within 1.2/√n of itself: four such here."""
-    assert noise_level(noisy(samples, 0.01)) == pytest.approx(0.01, rel=5 / np.sqrt(min(samples, WHOLE)))
+    assert noise_level(noisy(samples, 0.01)) == pytest.approx(
+        0.01, rel=5 / np.sqrt(min(samples, NOISE_SAMPLES))
+    )
     assert noise_level(noisy(samples, 0.02)) != pytest.approx(0.01, rel=0.5)

@@ -38,7 +38,7 @@ def test_stated_errors_are_those_that_are_made(method: str):
 
 def test_residuals_within_half_a_period_say_little(monkeypatch: pytest.MonkeyPatch):
     """Negative control: at the resonance the noise leaves no residual; an average over neighbours is far too large."""
-    kept = "bayesdamp.estimators.methods.least_squares._propagated"
+    kept = "bayesdamp.estimators.methods.least_squares._propagate"
     period = 2 * np.pi / FREQUENCY
     monkeypatch.setattr(
         kept,

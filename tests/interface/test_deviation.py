@@ -177,7 +177,7 @@ def test_pointwise_densities_are_normal_ones() -> None:
 def test_what_exact_laws_alone_have_is_refused() -> None:
     with pytest.raises(bd.InputError, match="start has no effect"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
-    assert "kalman assumes that laws hold exactly" in bd.sample(fit(), "kalman").outcome
+    assert "kalman assumes exact laws" in bd.sample(fit(), "kalman").outcome
     with pytest.raises(bd.InputError, match="unknown evidence method"):
         bd.evidence(bd.fit(record(), bd.Model("viscous", noise="gaussian")), "linear")
     exact = bd.Fit(fit().signal, bd.Model("viscous"), outcome="no fit")

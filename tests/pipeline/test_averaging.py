@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from bayesdamp.numerics.weights import resample
+from bayesdamp.pipeline.candidates.evidence import average_curves, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
-from bayesdamp.pipeline.candidates.weighing import average_curves, probabilities
 from bayesdamp.types import Evidence
 
 

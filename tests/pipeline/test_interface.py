@@ -11,9 +11,9 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.config import Study
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.pipeline.tasks import cell_seed
+from bayesdamp.pipeline.tasks import task_seed
 from bayesdamp.store import Store, read_table
 from tests.studies import study_text, write_study
 
@@ -30,11 +30,11 @@ STUDY = study_text(
 
 
 @lru_cache
-def ran(deviation: str = "none") -> tuple[Study, Branch]:
+def ran(deviation: str = "none") -> tuple[Study, StudyCandidate]:
     folder = Path(mkdtemp())
     study = write_study(folder, STUDY.replace('deviation = "none"', f'deviation = "{deviation}"'))
     assert run_study(study, folder / "out", workers=1, quiet=True) == 0
-    return study, Branch(study, study.signals[0], 0, MODEL, Store(folder / "out"))
+    return study, StudyCandidate(study, study.signals[0], 0, MODEL, Store(folder / "out"))
 
 
 @pytest.mark.parametrize("deviation", ["none", "law"])
@@ -44,7 +44,7 @@ def test_the_evidence_and_the_draws_are_those_of_the_interface(deviation: str) -
     weighed = branch.store.read(f"evidence/{branch.path}/laplace").meta["evidence"]
     assert bd.evidence(branch.fit, "laplace").log_evidence == weighed["log_evidence"]
     name = f"posterior/{branch.path}/laplace"
-    drawn, seed = branch.store.read(name).arrays["draws"], cell_seed(study, name) % 2**31
+    drawn, seed = branch.store.read(name).arrays["draws"], task_seed(study, name) % 2**31
     rows = read_table(branch.store.folder / "posteriors.csv")
     row = next(r for r in rows if (r["sampler"], r["parameter"]) == ("laplace", "zeta"))
     assert row["deviation"] == deviation
@@ -76,7 +76,7 @@ def test_a_prior_of_a_further_parameter_reaches_the_model(tmp_path: Path) -> Non
     own = 'static_excess = { prior = "halfnormal", scale = 0.2 }'
     text = STUDY.replace(MODEL, "viscous+stribeck")
     changed = write_study(tmp_path, text.replace('coulomb = { prior = "halfnormal", scale = 0.02 }', own))
-    model = Branch(changed, changed.signals[0], 0, "viscous+stribeck", branch.store).specify("none")
+    model = StudyCandidate(changed, changed.signals[0], 0, "viscous+stribeck", branch.store).specify("none")
     assert model.priors["static_excess"] == bd.HalfNormal(0.2)
     assert "static_excess" not in branch.specify("none").priors  # control: a model without the term
 
@@ -85,7 +85,7 @@ def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
     _, branch = ran()
     text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0, cubic = 1.0")
     study = write_study(tmp_path, text.replace("coulomb", "cubic"))
-    model = Branch(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
+    model = StudyCandidate(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
     assert model.known["cubic"] == 1.0
     assert model.priors["mu_3"] == bd.HalfNormal(0.02)
     assert "cubic" not in model.priors

@@ -16,7 +16,7 @@ from bayesdamp.pipeline.specimens import (
     compute_joint,
 )
 from bayesdamp.report.sections.specimens import joint_sentence
-from bayesdamp.store import CellResult
+from bayesdamp.store import TaskResult
 from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 
@@ -74,7 +74,7 @@ def test_whether_records_agree(
     """Each row is the control of the others."""
     content = compute_joint(specimen(monkeypatch, *(weighed_run(p, sd) for p in places))).content
     assert (content.differ, content.agree) == (differ, agree)
-    sentence = joint_sentence(SimpleNamespace(fits=[]), CellResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
+    sentence = joint_sentence(SimpleNamespace(fits=[]), TaskResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
     assert said in sentence
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.search import find_mode
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store
 from bayesdamp.types import Seed
@@ -54,7 +54,7 @@ def test_each_noise_is_weighed(run):
     """As importance sampling does under each. Negative control: the two noises are not one."""
     study, store = run
     for model in ("viscous", "quadratic"):
-        branch = Branch(study, study.signals[0], 0, model, store)
+        branch = StudyCandidate(study, study.signals[0], 0, model, store)
         cell = store.read(f"sensitivity/noisy/0/{model}/noises")
         assert cell.meta["chosen"] == "gaussian"
         for noise, found in cell.meta["evidence"].items():

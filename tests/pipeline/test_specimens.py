@@ -9,7 +9,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, comparison
-from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.types import InputError
 from tests.studies import signal_text, study_text
 
@@ -43,7 +43,7 @@ def write(folder: Path, records=RECORDS) -> Path:
 
 
 def test_cells_are_listed(tmp_path):
-    names = set(cells(load_study(write(tmp_path))))
+    names = set(task_names(load_study(write(tmp_path))))
     assert {"joint/a", "joint/b", "population/specimens"} <= names
     assert "joint/c" not in names
 
@@ -96,7 +96,7 @@ def test_of_repeats_no_record_is_sampled_by_itself(tmp_path):
 
     def found(repeats: bool) -> set[str]:
         made = comparison(asked, repeats=repeats)
-        return {part for cell in cells(made) for part in cell.split("/")} & {
+        return {part for cell in task_names(made) for part in cell.split("/")} & {
             *wanted,
             "mode",
             "importance",

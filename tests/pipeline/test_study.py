@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.posteriors import weighted_curves
-from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.studies import COMPARED, WEIGHED, signal_text, study_text, write_study
@@ -86,7 +86,9 @@ def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
     sd = sampled.std(axis=0)
 
     def apart(store: Store) -> tuple[float, float]:
-        found = weighted_curves(Branch(study, spec, 0, "viscous", store), 5)["spread/equivalent_ratio"]
+        found = weighted_curves(StudyCandidate(study, spec, 0, "viscous", store), 5)[
+            "spread/equivalent_ratio"
+        ]
         shift = np.max(np.abs(np.median(found, axis=0) - np.median(sampled, axis=0)) / sd)
         return float(shift), float(np.max(np.abs(found.std(axis=0) / sd - 1)))
 
@@ -101,7 +103,7 @@ def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
     other.write(replace(cell, arrays={**cell.arrays, "log_weights": tilted}))
     assert apart(other)[0] > 1.0
     other.write(replace(cell, outcome="not to be trusted"))
-    assert weighted_curves(Branch(study, spec, 0, "viscous", other), 5) == {}
+    assert weighted_curves(StudyCandidate(study, spec, 0, "viscous", other), 5) == {}
 
 
 def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
@@ -114,7 +116,7 @@ def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
 
 
 def test_cells_are_listed_without_running(run, tmp_path):
-    listed = set(cells(write_study(tmp_path, BOTH)))
+    listed = set(task_names(write_study(tmp_path, BOTH)))
     assert listed == set(Store(run).names())
     assert not (tmp_path / "cells").exists()
 

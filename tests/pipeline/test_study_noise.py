@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
@@ -29,7 +29,7 @@ def study(folder, noise):
 
 def test_one_noise_is_chosen_and_shown(tmp_path):
     made = study(tmp_path, '["quantised", "student_t", "gaussian"]')
-    assert "answer/noisy/0" in cells(made)
+    assert "answer/noisy/0" in task_names(made)
     assert run_study(made, tmp_path / "out", workers=1) == 0
     store = Store(tmp_path / "out")
     found = store.read("answer/noisy/0")

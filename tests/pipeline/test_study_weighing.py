@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.evidence import nested
-from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from tests.pipeline.test_study import SMALL
@@ -46,9 +46,11 @@ def test_every_method_has_its_rows_and_one_counts(run):
 
 def test_where_they_agree_nobody_is_called(run, tmp_path):
     """The same cells under `auto`: the referee's cell says that it was not called, and the mean counts."""
-    assert not any("nested" in c for c in cells(write_study(tmp_path, TEXT.replace('"always"', '"never"'))))
+    assert not any(
+        "nested" in c for c in task_names(write_study(tmp_path, TEXT.replace('"always"', '"never"')))
+    )
     study = write_study(tmp_path, TEXT.replace('"always"', '"auto"'))
-    assert "evidence/noisy/0/viscous/nested" in cells(study)
+    assert "evidence/noisy/0/viscous/nested" in task_names(study)
     shutil.copytree(run, tmp_path / "out")
     assert run_study(study, tmp_path / "out", workers=1) == 0
     cell = Store(tmp_path / "out").read("evidence/noisy/0/viscous/nested")

@@ -99,9 +99,9 @@ def test_what_does_not_use_it_keeps_its_keys(tmp_path):
 
 
 def keys_of(study, folder: Path) -> dict[str, str]:
-    from bayesdamp.pipeline.jobs import jobs_of, work_of
+    from bayesdamp.pipeline.jobs import jobs_of, tasks_of
 
-    return {n: k for job in jobs_of(study) for n, (k, _) in work_of(study, Store(folder), job).items()}
+    return {n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, Store(folder), job).items()}
 
 
 WRONG = {

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
+from bayesdamp.store import TABLES, Store, TaskResult, write_json, write_table
 from bayesdamp.store.contents import FeaturesSeen, WeighedCandidate
 from bayesdamp.verdict.parts import (
     Bound,
@@ -142,7 +142,7 @@ class RunMaker:
         return self.folder
 
     def put(self, name: str, meta: dict, arrays: dict, outcome: str = "ok") -> None:
-        self.store.write(CellResult(name, "key", meta, arrays, outcome, float(self.rng.exponential(2.0))))
+        self.store.write(TaskResult(name, "key", meta, arrays, outcome, float(self.rng.exponential(2.0))))
 
     def signal(self, signal: str, repeat: int) -> tuple[np.ndarray, np.ndarray]:
         kind = self.kind(signal)
@@ -307,7 +307,7 @@ def write_answers(folder: Path) -> None:
             for name, (log, exact, rms) in CANDIDATES.items()
         ]
         meta = {"verdict": v.to_dict(), "candidates": candidates}
-        store.write(CellResult(f"answer/{v.record}/0", "key", meta, {}))
+        store.write(TaskResult(f"answer/{v.record}/0", "key", meta, {}))
     save_verdicts(folder, verdicts)
 
 

@@ -13,7 +13,7 @@ import pytest
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import RecordChecks
 from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, ranking
-from bayesdamp.store import CellResult
+from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
@@ -32,9 +32,9 @@ def verdict(damping: str = "viscous", probability: float = 0.98, **changes: Any)
     return replace(result, **{"damping_ratio": (ratio,), "coefficients": (zeta,), **changes})
 
 
-def cell(kind: str, v: Verdict) -> CellResult:
+def cell(kind: str, v: Verdict) -> TaskResult:
     v = replace(v, sentence=sentence(v))
-    return CellResult(f"{kind}/a/0", "key", AnswerContent(v.to_dict()).meta())
+    return TaskResult(f"{kind}/a/0", "key", AnswerContent(v.to_dict()).meta())
 
 
 def evidence(method: str = "importance", **probabilities: float) -> list[dict]:

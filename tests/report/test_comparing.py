@@ -16,7 +16,7 @@ from bayesdamp.report.results.estimators import (
 )
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store import TABLES, write_json, write_table
-from bayesdamp.store.cells import claim
+from bayesdamp.store.results import claim
 
 ERRORS = {"least_squares": (1.0, 0.01), "genetic": (4.0, 0.01), "topological": (90.0, 0.01)}
 """Method to its error in per cent at 1 % noise, initial and refined; at other noise in proportion."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report.render import render
-from bayesdamp.store import CellResult, Store, write_json
-from bayesdamp.store.cells import claim
+from bayesdamp.store import Store, TaskResult, write_json
+from bayesdamp.store.results import claim
 from bayesdamp.types import InputError
 from tests.report.pages import Page
 
@@ -70,7 +70,7 @@ def test_a_damaged_cell_is_missing_not_fatal(maker):
 
 def test_a_refusal_is_shown(maker):
     folder = maker.make()
-    maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
+    maker.store.write(TaskResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
     words = Page(render(folder).read_text()).words
     assert "No fit of viscous: not applicable: a record without noise" in words
     assert "1 task ended without a result" in words

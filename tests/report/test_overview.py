@@ -15,8 +15,8 @@ from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder, answers, common_amplitude, ratio_of
 from bayesdamp.report.sections.estimates import coverage_sentence
 from bayesdamp.report.terminal import print_conclusion
-from bayesdamp.store import CellResult, Store, write_json
-from bayesdamp.store.cells import claim
+from bayesdamp.store import Store, TaskResult, write_json
+from bayesdamp.store.results import claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
 from bayesdamp.verdict.types import Verdict
 
@@ -48,7 +48,7 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
         }
         candidates = [{**weighed, "rms": 0.01, "outcome": "ok"}]
         meta = {"verdict": verdict(name, size).to_dict(), "candidates": candidates}
-        store.write(CellResult(f"answer/{name}/0", "key", meta, arrays))
+        store.write(TaskResult(f"answer/{name}/0", "key", meta, arrays))
     about = {name: {"unit": "deg", "quantity": "angle", "simulated": False} for name in SIZES}
     write_json(tmp_path / "run.json", {"name": "rig", "signals": about, "models": ["viscous"]})
     together = [verdict(n, s).to_dict() for n, s in SIZES.items()] + [verdict("rig", 0.02).to_dict()]

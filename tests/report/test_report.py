@@ -15,7 +15,7 @@ from bayesdamp.report.results.run import RunFolder, models_not_pruned
 from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import write_json
-from bayesdamp.store.cells import claim
+from bayesdamp.store.results import claim
 from tests.report.pages import Page, foreign
 
 

@@ -14,7 +14,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.store import CellResult, Store
+from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import (
     AnswerContent,
     ChunkContent,
@@ -61,7 +61,7 @@ def test_through_a_file(tmp_path: Path) -> None:
         for kind in set(kinds()) - {ChunkContent}:
             with failures.of(kind.__name__):
                 content = example(kind)
-                store.write(CellResult("one/cell/0", "key", content.meta()))
+                store.write(TaskResult("one/cell/0", "key", content.meta()))
                 assert repr(kind.of(store.read("one/cell/0"))) == repr(content)
 
 
@@ -74,4 +74,4 @@ def test_something_else_is_not_taken_for_it() -> None:
 
 def test_a_cell_that_says_why_not_has_no_content() -> None:
     assert JointContent.maybe(None) is None
-    assert JointContent.maybe(CellResult("joint/a", "key", outcome="no joint fit")) is None
+    assert JointContent.maybe(TaskResult("joint/a", "key", outcome="no joint fit")) is None

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.store import CellResult, Store, write_bytes
-from bayesdamp.store.cells import MARK, SIGNED
+from bayesdamp.store import Store, TaskResult, write_bytes
 from bayesdamp.store.files import create, temporary_path
+from bayesdamp.store.results import MARK, MARK_TEXT
 from bayesdamp.types import InputError
 from tests.failures import Failures
 
-CELL = CellResult("signal/a/0", "k")
+CELL = TaskResult("signal/a/0", "k")
 
 
 def tree(folder: Path) -> dict[str, bytes | str]:
@@ -63,7 +63,7 @@ def linked_cells(folder: Path) -> None:
 OTHERS: dict[str, Callable[[Path], None]] = {
     "cells": of_another("cells/photo.npz"), "report": of_another("report.html"), "lock": of_another(".lock"),
     "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK),
-    "half a mark": of_another(MARK, SIGNED[:9]), "linked lock": a_linked_lock, "linked cells": linked_cells,
+    "half a mark": of_another(MARK, MARK_TEXT[:9]), "linked lock": a_linked_lock, "linked cells": linked_cells,
 }  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def test_only_cells_are_removed(tmp_path: Path) -> None:
     store, cells = Store(tmp_path), tmp_path / "cells"
     with store.lock():
         for name in (CELL.name, "signal/b/0", "answered/a/0"):
-            store.write(CellResult(name, "k", arrays={"x": np.zeros(9)}))
+            store.write(TaskResult(name, "k", arrays={"x": np.zeros(9)}))
         (cells / "sub").mkdir()
         np.savez(cells / "sub" / "mine.npz", a=1)
         np.savez(cells / "mine.npz", a=1)

@@ -15,8 +15,8 @@ import pytest
 
 from bayesdamp.store import (
     TABLES,
-    CellResult,
     Store,
+    TaskResult,
     files,
     origin,
     provenance,
@@ -33,7 +33,7 @@ NAME = "estimate/bench/0/viscous+coulomb/least_squares"
 AWKWARD = [0.1, 1 / 3, math.pi * 1e-300, 5e-324, 1.7976931348623157e308, -0.0, math.inf, -math.inf, math.nan]
 
 
-def result(name: str = NAME, key: str = "k1") -> CellResult:
+def result(name: str = NAME, key: str = "k1") -> TaskResult:
     arrays = {
         "draws": np.random.default_rng(1).normal(size=(2, 5, 3)),
         "values / odd name": np.array(AWKWARD),
@@ -41,15 +41,15 @@ def result(name: str = NAME, key: str = "k1") -> CellResult:
         "empty": np.zeros((0, 2)),
     }
     meta = {"floats": AWKWARD, "nested": {"a": [1, None, "é"]}, "np": np.float64(1 / 3), "whole": np.int64(7)}
-    return CellResult(name, key, meta, arrays, "ok", 1.25)
+    return TaskResult(name, key, meta, arrays, "ok", 1.25)
 
 
 def same(a: float, b: float) -> bool:
     return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
 
 
-def equal(a: CellResult, b: CellResult) -> bool:
-    def bits(r: CellResult):
+def equal(a: TaskResult, b: TaskResult) -> bool:
+    def bits(r: TaskResult):
         arrays = {k: (v.dtype.str, v.shape, v.tobytes()) for k, v in r.arrays.items()}
         meta = json.dumps(r.meta, default=lambda v: v.item())
         return r.name, r.key, r.outcome, r.seconds, meta, arrays
@@ -94,7 +94,7 @@ def test_names_and_clear(tmp_path):
 
 def test_a_name_cannot_leave_the_folder(tmp_path):
     for name in ("", "/abs", "a//b", "../up", "a/../b", "a/.hidden", "a\\b", "a/"):
-        with pytest.raises(ValueError, match="not a cell's name"):
+        with pytest.raises(ValueError, match="not the name of a task"):
             Store(tmp_path).write(result(name))
     assert list(tmp_path.rglob("*.npz")) == []
 
@@ -145,7 +145,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 WRITER = """
 import sys, numpy as np
 from pathlib import Path
-from bayesdamp.store import Store, CellResult
+from bayesdamp.store import Store, TaskResult
 store = Store(Path(sys.argv[1]))
 with store.lock():
     print("locked", flush=True)
@@ -153,7 +153,7 @@ with store.lock():
     while True:
         i += 1
         array = np.full(300_000, float(i))
-        store.write(CellResult("a/b", str(i), {"i": i}, {"x": array}))
+        store.write(TaskResult("a/b", str(i), {"i": i}, {"x": array}))
 """
 
 

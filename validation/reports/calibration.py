@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest, norm
 
-from bayesdamp.calibrate.tables import ALARM
+from bayesdamp.calibrate.tables import FALSE_ALARM
 from bayesdamp.formatting import markdown_table as table
 from validation.rows import read_rows
 
@@ -55,7 +55,7 @@ def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
     counts = {model: int(count["counted"]) for model, count in result["counts"].items()}
     fewest = min(counts.values())
     single = narrowest_passed(fewest, LEVEL, 0.05)
-    whole = narrowest_passed(fewest, LEVEL, ALARM / max(posterior["tests"], 1))
+    whole = narrowest_passed(fewest, LEVEL, FALSE_ALARM / max(posterior["tests"], 1))
     lines = []
     for model, count in counts.items():
         own = [
@@ -69,7 +69,7 @@ def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
 
 On {sum(counts.values())} records, {posterior["wrong"]} of {posterior["tests"]} checks of posteriors fail, and \
 {classical["wrong"]} of {classical["tests"]} checks of refined estimates; the probability of any false alarm is \
-{ALARM:.0%} for each of the two.
+{FALSE_ALARM:.0%} for each of the two.
 
 The parameters of each record, including its noise, are drawn from the priors of the inference \
 ({run["description"].rstrip(".")}). If the inference is correct, the ranks of the truth among the draws of NUTS and \
@@ -114,7 +114,7 @@ probabilities of the leading damping that are {100 * detectable:.0f} percentage 
 average with a probability of {POWER:g}. The mean log probability of the truth is {result["log_score"]:.3f}; the \
 stated probabilities predict {result["log_score_expected"]:.3f}, and chance gives {result["log_score_ignorant"]:.3f}.
 
-{table([*heads, f"{1 - ALARM:.0%} band for all bins together"], lines)}
+{table([*heads, f"{1 - FALSE_ALARM:.0%} band for all bins together"], lines)}
 
 {result["tried"]} records were attempted; refused: {refused}. recovery.csv has every record. `make reports` makes \
 this report again; `ARGS=--full` uses ten times as many records.

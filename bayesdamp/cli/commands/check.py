@@ -11,9 +11,9 @@ from bayesdamp.cli import options as o
 from bayesdamp.cli.runs import read_study
 from bayesdamp.config import in_keys
 from bayesdamp.formatting import Table
-from bayesdamp.pipeline.jobs import cells
+from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import read_records
-from bayesdamp.store.cells import Place
+from bayesdamp.store.results import TaskName
 
 
 def check(file: o.StudyFile, plugin: o.Plugins = None) -> int:
@@ -32,7 +32,7 @@ def check(file: o.StudyFile, plugin: o.Plugins = None) -> int:
         "noise": loaded.noises,
         "evidence": loaded.evidence.methods,
     }
-    counts = Counter(Place.of(name).kind for name in cells(loaded))
+    counts = Counter(TaskName.of(name).kind for name in task_names(loaded))
     console = Console()
     rows = [(label, ", ".join(names) or "none") for label, names in contents.items()]
     summary = Table(["", "what the study asks for"], rows)

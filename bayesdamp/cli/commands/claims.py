@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.claims import CLAIMS, judged, written
+from bayesdamp.claims import CLAIMS, judge_all, write_page
 from bayesdamp.claims.judge import Runs
 from bayesdamp.cli.files import CLAIMS_PAGE, SingleFile
 from bayesdamp.report.results.estimators import series
@@ -38,5 +38,5 @@ def claims(
         if not series(RunFolder(folder)):
             what = "has no errors along noise, sampling or length (studies/noise*.toml)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
-    page.write(written(judged(CLAIMS, runs), runs))
+    page.write(write_page(judge_all(CLAIMS, runs), runs))
     typer.echo(out)

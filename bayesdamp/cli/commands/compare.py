@@ -14,7 +14,7 @@ from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.config import Recording, Study
-from bayesdamp.config.compare import Asked, comparison
+from bayesdamp.config.compare import RecordOptions, comparison
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.plugins import read_modules, use
@@ -168,7 +168,7 @@ def compare(
 
 def _envelopes(
     paths: Sequence[Path], unit: str | None, **options: Any
-) -> tuple[list[Asked], list[InputError]]:
+) -> tuple[list[RecordOptions], list[InputError]]:
     """Convert files of envelopes to entries [[signal]] of a study, and return the errors of files that are unreadable.
 
     Parameters
@@ -188,7 +188,7 @@ def _envelopes(
 
     from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
 
-    def check(path: Path) -> Asked:
+    def check(path: Path) -> RecordOptions:
         # Not validated as a [[signal]], because its errors would name keys that the user did not write.
         source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
         read_recording(source, path.name)

@@ -16,7 +16,7 @@ from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_names
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.compare import Asked, comparison_tables
+from bayesdamp.config.compare import RecordOptions, comparison_tables
 from bayesdamp.config.load import resolve_study
 from bayesdamp.config.study import (
     EstimatorsTable,
@@ -27,7 +27,7 @@ from bayesdamp.config.study import (
     SignalTable,
     StudySection,
 )
-from bayesdamp.store.files import create, no_room
+from bayesdamp.store.files import create, is_disk_full
 from bayesdamp.types import InputError
 
 _SECTIONS: dict[str, type[StudySection]] = {
@@ -44,7 +44,7 @@ _TABLES = {
 }
 
 
-def study_text(records: Sequence[Asked], out: Path) -> str:
+def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     """Return the text of a study of these records, whose files are in the same folder as the study file `out`.
 
     Raises
@@ -153,7 +153,7 @@ def init(
     except FileExistsError:
         raise taken from None
     except OSError as error:
-        if no_room(error):
+        if is_disk_full(error):
             raise
         what = (error.strerror or str(error)).lower()
         raise InputError(

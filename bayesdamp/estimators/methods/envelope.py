@@ -1,4 +1,4 @@
-"""Matching the Hilbert envelope of a record to those of trajectories (paper, section 3.3, equation 15)."""
+"""Fit the Hilbert envelope of trajectories to that of the record (paper, section 3.3, equation 15)."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 LEAST_CYCLES = 3.0
+"""Fewest cycles of a record (conventional)."""
 TOLERANCE = 1e-7
-"""Largest error of a trajectory, as a share of the amplitude."""
+"""Largest error of a trajectory, as a fraction of the amplitude."""
 
 
 class EnvelopeOptions(Options):
     """Options of the envelope.
 
-    window: length of the Savitzky–Golay window in periods. above: the part of the record is used whose envelope
-    exceeds so many times the noise.
+    window: length of the Savitzky–Golay window in periods. above: ratio of envelope to noise below which the record is
+    not used.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -41,17 +42,17 @@ class EnvelopeOptions(Options):
 
 
 class Envelope(Estimator[EnvelopeOptions]):
-    """The damping coefficients with the least Σ (ln A_observed − ln A_simulated)².
+    """Damping coefficients that minimise Σ (ln A_observed − ln A_simulated)².
 
-    Restoring parameters that are not known are set from the record's frequency and midline, and the start
-    from the smoothed record; its amplitude is then matched along with the damping. On an uneven clock record
-    and trajectories are both read at the record's times and interpolated to an even one.
+    Unknown restoring parameters follow from the record's frequency and midline, and an unknown start from the smoothed
+    record; the amplitude of the start is then fitted together with the damping. Record and trajectories with uneven
+    times are interpolated to an even clock.
     """
 
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Refuse a friction whose slope over the position has no effect on an envelope."""
+        """Return a reason for dry_position, whose friction slope has no effect on an envelope."""
         if "dry_position" in damping:
             return (
                 "the slope of dry_position's friction takes no energy, so that an envelope does not show it"
@@ -64,23 +65,26 @@ class Envelope(Estimator[EnvelopeOptions]):
         """Fit the trajectory whose Hilbert envelope is closest to the record's."""
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
-            raise Refusal(f"{features.cycles:.1f} cycles: an envelope needs at least {LEAST_CYCLES:.0f}")
+            raise Refusal(
+                f"the record has {features.cycles:.1f} cycles; the envelope method needs at least {LEAST_CYCLES:.0f}"
+            )
         match = _EnvelopeMatch(signal, problem, options, features)
         free, guess = free_names(problem), decay_start(problem, features)
         units = 1e-5 / ratios_per_unit(problem, features)
         coefficients = np.maximum([guess[name] for name in match.osc.coefficients], units)
 
+        # An unknown start is known only roughly, so its amplitude is fitted too.
         scaled = "theta0" in free or "omega0" in free
         if len(match.names) == 1 and not scaled:
             coefficient, squares = brent(
-                lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), coefficients[0], units[0]
+                lambda c: float(np.mean(match.log_difference(np.array([c])) ** 2)), coefficients[0], units[0]
             )
             x, scale = np.array([coefficient]), 1.0
         else:
             x, scale = match.fit(coefficients, scaled)
-            squares = [float(np.mean(match.difference(x, scale) ** 2))]
-        if not np.all(np.isfinite(match.difference(x, scale))):
-            raise Refusal("the trajectory escapes from every start that was tried")
+            squares = [float(np.mean(match.log_difference(x, scale) ** 2))]
+        if not np.all(np.isfinite(match.log_difference(x, scale))):
+            raise Refusal("the trajectory is unbounded for every start that was tried")
         parameters = match.parameters(x, scale)
         values = {name: float(parameters[name]) for name in (*match.names, *free)}
         trace = {"log_mismatch": np.sqrt(squares)}
@@ -88,9 +92,9 @@ class Envelope(Estimator[EnvelopeOptions]):
 
 
 class _EnvelopeMatch:
-    """The record's log envelope, and those of trajectories, computed in the same way.
+    """The log envelopes of the record and of trajectories, computed in the same way.
 
-    names: the unknowns: damping coefficients, then further parameters, whose priors are `priors`.
+    names: the unknowns: damping coefficients, then further parameters of damping terms, whose priors are `priors`.
     """
 
     def __init__(
@@ -102,53 +106,57 @@ class _EnvelopeMatch:
         self.names = (*self.osc.coefficients, *self.priors)
         self.midline = features.rest
         self.evaluations = 0
-        self.sampled, period = signal.t, features.period
+        self.record_times, period = signal.t, features.period
         self.times = signal.t if signal.uniform else np.linspace(signal.t[0], signal.t[-1], signal.t.size)
         gap = self.times[1] - self.times[0]
-        self.width = max(5, 2 * int(options.window * period / (2 * gap)) + 1)
+        self.filter_width = max(5, 2 * int(options.window * period / (2 * gap)) + 1)
         observed = self._envelope(signal.y)
+        # The envelope is wrong within half a period of the ends and of gaps.
         inside = (self.times > self.times[0] + period / 2) & (self.times < self.times[-1] - period / 2)
         if not signal.uniform:
             for start, stop in zip(signal.t, signal.t[1:]):
-                if stop - start > max(3 * gap, 0.1 * period):  # the envelope in a gap is only a guess
+                if stop - start > max(3 * gap, 0.1 * period):  # a gap
                     inside &= (self.times < start - period / 2) | (self.times > stop + period / 2)
+        # The record is used until its envelope first comes near the noise.
         loud = observed > options.above * noise_level(signal)
         quiet = np.flatnonzero(inside & ~loud)
-        self.rows = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
-        if self.rows.size * gap < period:
+        self.used = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
+        if self.used.size * gap < period:
             raise Refusal("the envelope exceeds the noise for less than a period")
-        self.target = np.log(observed[self.rows])
-        size = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
-        self.trajectories = Trajectories(self.osc, self.sampled, signal.quantity, self.base, size)
+        self.observed_log = np.log(observed[self.used])
+        tolerance = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
+        self.trajectories = Trajectories(self.osc, self.record_times, signal.quantity, self.base, tolerance)
 
     def _envelope(self, y: np.ndarray) -> np.ndarray:
-        """Return the smoothed envelope, on the uniform clock, of y (n,) about the record's midline, (n,)."""
-        y = y if self.times is self.sampled else np.interp(self.times, self.sampled, y)
+        """Return the smoothed envelope of y (n,) about the record's midline, at the even times, (n,)."""
+        y = y if self.times is self.record_times else np.interp(self.times, self.record_times, y)
         raw = np.abs(np.asarray(hilbert(y - self.midline)))
-        width = min(self.width, 2 * ((y.size - 1) // 2) - 1)
+        width = min(self.filter_width, 2 * ((y.size - 1) // 2) - 1)
         return np.maximum(np.asarray(savgol_filter(raw, width, 3)), 1e-300)
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
-        """Return all parameters; the start is scaled about the midline."""
+        """Return all parameters for unknowns x (k,), with the start multiplied by `scale` about the midline."""
         p = {**self.base, **dict(zip(self.names, map(float, x)))}
         theta0 = self.midline + scale * (p["theta0"] - self.midline)
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
 
-    def difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """Return ln A_simulated − ln A_observed over the rows; 10 if the trajectory escapes."""
+    def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """Return ln A_simulated − ln A_observed over the used samples; 10 if the trajectory is unbounded."""
         self.evaluations += 1
         y = self.trajectories.record(self.parameters(x, scale))
         if not np.all(np.isfinite(y)):
-            return np.full(self.rows.size, 10.0)
-        return np.log(self._envelope(y)[self.rows]) - self.target
+            return np.full(self.used.size, 10.0)
+        return np.log(self._envelope(y)[self.used]) - self.observed_log
 
     def fit(self, coefficients: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
-        """Fit all unknowns, and the scale of the start if `scaled`, by bounded least squares from these coefficients.
+        """Fit all unknowns by bounded least squares, starting from these damping coefficients.
 
-        Further parameters vary as normal scores of their priors, from the values in `base`.
+        The vector that is searched has the coefficients in units of their start, the standard normal scores of further
+        parameters under their priors, and, if `scaled`, the factor by which the start of the motion is multiplied.
+        Returns the unknowns and this factor.
         """
         k, count, priors, scales = coefficients.size, len(self.names), self.priors, int(scaled)
-        unit = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)
+        units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)
         scores = [float(p.score(self.base[n])) for n, p in priors.items()]
         low = np.r_[np.zeros(k), [0.0 if p.reflected else -SCORE for p in priors.values()], np.zeros(scales)]
         high = np.r_[np.full(k, np.inf), np.full(len(priors), SCORE), np.full(scales, np.inf)]
@@ -156,10 +164,10 @@ class _EnvelopeMatch:
 
         def physical(u: np.ndarray) -> np.ndarray:
             further = [float(p.value(np.asarray(z))) for p, z in zip(priors.values(), u[k:count])]
-            return np.r_[u[:k] * unit, further]
+            return np.r_[u[:k] * units, further]
 
         def residuals(u: np.ndarray) -> np.ndarray:
-            difference = self.difference(physical(u), u[-1] if scaled else 1.0)
+            difference = self.log_difference(physical(u), u[-1] if scaled else 1.0)
             return np.clip(np.nan_to_num(difference, nan=10.0), -10, 10)
 
         result = least_squares(

@@ -8,7 +8,7 @@ from scipy.linalg import logm
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.regression.library import CandidateTerm, candidates
-from bayesdamp.estimators.regression.weak import derivatives, uniform
+from bayesdamp.estimators.regression.weak import derivatives, to_even_clock
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
     checked_features,
@@ -23,13 +23,13 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 STEP = 1.0 / 1000.0
-"""The lag of a clean record, in periods; no less than one sample."""
+"""Lag for a record without noise, in periods; at least one sample."""
 NOISY_STEP = 1.0 / 24.0
-"""The lag of a record with noise, in periods."""
+"""Lag for a record with noise, in periods."""
 FILTER = 1.2
-"""Width of the filter on a record with noise, in periods."""
+"""Width of the filter for a record with noise, in periods."""
 CLEAN_RANK, NOISY_RANK = 1e-9, 1e-3
-"""Directions of the dictionary below this share of the largest are cut off."""
+"""Singular values of the dictionary below this fraction of the largest are left out, without and with noise."""
 
 
 class KoopmanOptions(Options):
@@ -42,13 +42,13 @@ class KoopmanOptions(Options):
 
 
 class Koopman(Estimator[KoopmanOptions]):
-    """g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping is read off log(K)/τ.
+    """Fit g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping follows from the generator log(K)/τ.
 
-    The row of the generator that belongs to θ̇ is the equation of motion: the acceleration that it gives along
-    the record, less the known force, is projected on the unknown damping and restoring terms.
-    Noise on the observables, and a dictionary that is not closed, change log K in the same way forwards and backwards
-    in time; half the difference of log K of both directions is free of it to first order. All noisy observables have
-    the same filter (a linear relation between them survives a linear filter), and the lag is many samples.
+    The row of the generator for θ̇ is the equation of motion: its acceleration along the record, minus the known force,
+    is regressed on the unknown damping and restoring terms.
+    Noise in the observables, and a dictionary that is not closed, change log K equally forwards and backwards in time;
+    half the difference of both directions is unbiased to first order. With noise, all observables pass the same linear
+    filter, which preserves linear relations between them, and the lag is many samples.
     """
 
     with_parameters = "its library is of fixed functions"
@@ -57,7 +57,7 @@ class Koopman(Estimator[KoopmanOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Read the coefficients off the generator on a library of the state."""
+        """Estimate the coefficients from the generator of the dictionary."""
         features = checked_features(signal)
         library = candidates(problem, features, signal.unit, mixed=True)
         osc = oscillator(problem)
@@ -69,7 +69,7 @@ class Koopman(Estimator[KoopmanOptions]):
         one_step, generator, directions, back = decompose(before, after, lag, rank)
 
         index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
-        # Twice θ̇ is the observable: half its row is θ̈ as a sum over the dictionary.
+        # The observable is 2θ̇, so half of its row expresses θ̈ in the dictionary.
         row = 0.5 * back.T[index["viscous"]] @ generator @ directions.T
         shapes = before[:, [index[name] for name in problem.damping]]
         x = solve(np.column_stack([shapes, columns]), -(before @ row) - offset, 1e-12)
@@ -102,25 +102,30 @@ def observe(
     features: Features,
     lag: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Compute pairs of the dictionary's values a lag apart; lag: in periods, 0 to choose it.
+    """Compute pairs of the dictionary's values, one lag apart.
 
-    Returned are the values before and after, (m, p), the restoring law's linear form at the times of the former, with
-    the same filter, as columns (m, c) and offset (m,), and the lag in s.
-    The state is that of the smoothed motion; on an uneven clock it is put on an even one. All observables of a noisy
-    record have one smooth compact filter, θ and θ̇ from the record itself.
+    The state comes from the smoothed motion, interpolated to an even clock if necessary. For a noisy record all
+    observables pass the same compact filter, which is applied to the record itself for θ and θ̇. lag: in periods, 0 to
+    choose it by the noise.
+
+    Returns
+    -------
+    tuple
+        The values before and after the lag, (m, p) each; the linear form of the restoring law at the times before, with
+        the same filter: columns (m, c) and offset (m,); and the lag in s.
     """
     parts = pieces(signal, features.period)
     law, known = oscillator(problem).law, known_restoring(problem)
-    form = law.linear_form(smoothed.everywhere[0], known)  # it is expanded at one place for all pieces
+    form = law.linear_form(smoothed.everywhere[0], known)  # the same expansion for all pieces
     ends = np.cumsum([part.t.size for part in parts])[:-1]
     curves = np.column_stack([*smoothed.everywhere[:2], form.columns, form.offset])
     before, after, forms, p, tau = [], [], [], len(library), 0.0
     for part, piece in zip(parts, np.split(curves, ends)):
-        t, y, theta, omega, *of_law = uniform(part.t, part.y, *piece.T)
+        t, y, theta, omega, *of_law = to_even_clock(part.t, part.y, *piece.T)
         h = float(t[1] - t[0])
         g = np.column_stack([*(candidate.function(theta, omega) for candidate in library), *of_law])
-        share = lag or (STEP if smoothed.clean else NOISY_STEP)
-        step = max(1, round(share * features.period / h))
+        periods = lag or (STEP if smoothed.clean else NOISY_STEP)
+        step = max(1, round(periods * features.period / h))
         tau = step * h
         if smoothed.clean:
             edge = min(20, t.size // 10)
@@ -143,7 +148,7 @@ def observe(
         after.append(g[step:, :p])
         forms.append(g[:-step, p:])
     if not before:
-        raise Refusal("the record is too short for pairs of states a lag apart")
+        raise Refusal("the record is too short for pairs of states one lag apart")
     laws = np.vstack(forms)
     return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], tau
 
@@ -151,11 +156,15 @@ def observe(
 def decompose(
     before: np.ndarray, after: np.ndarray, lag: float, rank: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Compute K by least squares on the directions of the dictionary that the record explores, and its generator.
+    """Compute K and its generator by least squares on the leading singular vectors of the dictionary.
 
-    rank: directions below this share of the largest are cut off.
-    Returned are the one-step matrix K and its generator L, both (r, r) on r directions, and the maps from observables
-    to directions, (p, r), and back, (r, p).
+    rank: fraction of the largest singular value below which singular vectors are left out.
+
+    Returns
+    -------
+    tuple
+        The one-step matrix K and its generator, (r, r) each, in the basis of r singular vectors; the maps from
+        observables to this basis, (p, r), and back, (r, p).
     """
     both = np.vstack([before, after])
     scale = np.linalg.norm(both, axis=0)
@@ -171,10 +180,13 @@ def decompose(
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:
+    """Return the real logarithm of a matrix. Raises Refusal if an eigenvalue is real and not positive."""
     values = np.linalg.eigvals(matrix)
     if np.any((np.abs(values.imag) <= 1e-12 * np.abs(values).max()) & (values.real <= 0)):
-        raise Refusal("the one-step matrix has no logarithm: its eigenvalues reach zero or below")
-    # SciPy estimates norms with NumPy's global random numbers: they are fixed here, and restored afterwards.
+        raise Refusal(
+            "the one-step matrix has an eigenvalue that is zero or negative, so it has no real logarithm"
+        )
+    # SciPy estimates norms with NumPy's global random state: fix it, and restore it afterwards.
     before = np.random.get_state()
     np.random.seed(0)
     try:

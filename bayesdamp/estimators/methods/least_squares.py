@@ -24,24 +24,25 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 ROUNDS = 50
-"""Largest number of fits of the iteratively reweighted variant."""
+"""Largest number of iterations of the iteratively reweighted variant."""
 REPLICAS = 64
-"""Draws of noise that determine a standard error to 9 %."""
+"""Number of noise draws from which standard errors are computed (relative error 9 %)."""
 
 
 class LeastSquaresOptions(Options):
     """Options of the regression.
 
-    variant: ordinary, weighted by the local scatter, iteratively reweighted (Huber), or total.
+    variant: ordinary ("ols"), weighted by the local scatter ("wls"), iteratively reweighted by Huber's weights
+    ("irls"), or total least squares ("tls").
     """
 
     variant: Literal["ols", "wls", "irls", "tls"] = "ols"
 
 
 class LeastSquares(Estimator[LeastSquaresOptions]):
-    """θ̈ + F_rest(θ) = −Σ coefficient · shape(θ, θ̇), solved for the unknown parameters.
+    """Solve θ̈ + F_rest(θ) = −Σ coefficient · shape(θ, θ̇) for the unknown parameters by least squares.
 
-    A negative coefficient is reported as it is.
+    Coefficients may be negative.
     """
 
     options = LeastSquaresOptions
@@ -49,7 +50,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the equation of motion over the samples."""
+        """Regress the acceleration on the damping shapes and the unknown restoring terms."""
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -60,7 +61,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         form = osc.law.linear_form(theta, known)
         others = [smoothed.project(x) for x in form.columns.T]
         target = -(smoothed.alpha + smoothed.project(form.offset))
-        # Guessed constants of integration shift the restoring force by a constant and a slope.
+        # Wrong constants of integration add a constant and a linear trend to the restoring force.
         elapsed = smoothed.t - smoothed.t[0]
         drift = [elapsed**j for j in range(smoothed.integrated if len(known) else 0)]
 
@@ -81,17 +82,17 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         terms = len(osc.coefficients)
         count = terms + len(others)
         if options.variant == "tls":
-            weight, x = np.ones(target.size), _total(a, target, smoothed, osc, arguments, len(drift))
+            weight, x = np.ones(target.size), _solve_total(a, target, smoothed, osc, arguments, len(drift))
         else:
-            weight, x = _weighted(a, target, smoothed.t, features.period, options.variant)
+            weight, x = _solve_variant(a, target, smoothed.t, features.period, options.variant)
         if smoothed.response is None or options.variant == "tls":
             covariance = _covariance(a, target - a @ x, weight, smoothed.t, features.period)
         else:
             restoring = known | form.decode(x[terms:count]) if others else known
             noise = _noise_of_equation(smoothed, osc, x[:terms], restoring, arguments)
-            covariance = _propagated(a, weight, noise)
+            covariance = _propagate(a, weight, noise)
 
-        # Rounding may take a variance below zero if columns are nearly the same.
+        # Rounding can make a variance negative if columns are nearly equal.
         variance = np.diag(covariance)[:count]
         stderr = dict(zip(osc.coefficients, np.sqrt(np.where(variance >= 0, variance, np.nan)).tolist()))
         values = {**dict(zip(osc.coefficients, map(float, x))), **further}
@@ -102,10 +103,10 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         return Estimate(self.name, "initial", values, stderr, evaluations=1)
 
 
-def _weighted(
+def _solve_variant(
     a: np.ndarray, b: np.ndarray, t: np.ndarray, period: float, variant: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (weights, solution): weights 1 (ols), one over the scatter within a period (wls), Huber's (irls)."""
+    """Return weights and solution. Weights: 1 (ols), inverse local mean square residual (wls), or Huber's (irls)."""
 
     def solve_weighted(weight: np.ndarray) -> np.ndarray:
         root, scale = np.sqrt(weight), np.linalg.norm(a, axis=0)
@@ -132,7 +133,7 @@ def _weighted(
     return weight, x
 
 
-def _total(
+def _solve_total(
     a: np.ndarray,
     b: np.ndarray,
     smoothed: SmoothedMotion,
@@ -140,9 +141,9 @@ def _total(
     arguments: dict[str, float],
     drift: int,
 ) -> np.ndarray:
-    """Solve by total least squares: errors in the columns of a (n, c) and in b, from white noise within the bandwidth.
+    """Solve a x = b by total least squares, with errors in the columns of a (n, c) and in b.
 
-    Columns without error, of which `drift` are last in a, are eliminated first (mixed least and total least squares).
+    The errors are those of white noise within the spline's bandwidth. The last `drift` columns have (nearly) no error.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (
@@ -163,7 +164,7 @@ def _total(
 def _covariance(
     a: np.ndarray, rest: np.ndarray, weight: np.ndarray, t: np.ndarray, period: float
 ) -> np.ndarray:
-    """Return the solution's covariance for residuals that are correlated within half a period (Newey and West)."""
+    """Return the covariance of the solution for residuals correlated within half a period (Newey and West 1987)."""
     lags = min(rest.size // 4, max(1, round(0.5 * period / np.median(np.diff(t)))))
     scale = np.linalg.norm(a, axis=0)
     scores = a / scale * (weight * rest)[:, None]
@@ -182,7 +183,7 @@ def _noise_of_equation(
     restoring: Mapping[str, float],
     arguments: Mapping[str, float],
 ) -> np.ndarray:
-    """Draw the error that the record's noise makes in the equation of motion, to first order (m, REPLICAS)."""
+    """Draw errors of the equation of motion that the record's noise causes, to first order, (m, REPLICAS)."""
     assert smoothed.response is not None
     theta, omega, _ = smoothed.everywhere
     draws = np.random.default_rng(0).standard_normal((theta.size, REPLICAS))
@@ -202,8 +203,8 @@ def _noise_of_equation(
     return smoothed.project(by_change + stiffness[:, None] * by_place + damper[:, None] * by_speed)
 
 
-def _propagated(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the solution's covariance from replicas (m, r) of the error in the target."""
+def _propagate(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Return the covariance of the solution from draws (m, r) of the error in the target."""
     scale = np.linalg.norm(a, axis=0)
     bread = np.linalg.pinv((a / scale * weight[:, None]).T @ (a / scale))
     moved = bread @ ((a / scale * weight[:, None]).T @ noise) / scale[:, None]
@@ -213,7 +214,7 @@ def _propagated(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndar
 def _decoded_stderr(
     decode: Callable[[np.ndarray], dict[str, float]], c: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """Return standard errors of decoded parameters, by the gradient of the decoding."""
+    """Return standard errors of the restoring parameters `decode(c)`, by finite differences."""
     decoded = decode(c)
     gradient = {name: np.zeros(c.size) for name in decoded}
     for j in range(c.size):

@@ -16,8 +16,8 @@ from bayesdamp.estimators.regression.library import (
     CandidateTerm,
     RecordToPredict,
     candidates,
+    compare_selection,
     damping_values,
-    judge,
     residual_squares,
     restoring_values,
 )
@@ -37,20 +37,21 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 RIDGES = (1e-8, 1e-3)
 """Ridge parameters, for columns and target of unit norm, along which the path of thresholds is computed."""
-FEW = 2
-"""Sparse solutions with functions of θ whose predictions are tested for each set of damping terms."""
+TESTED = 2
+"""Number of sparse solutions with functions of θ whose predictions are tested, for each set of damping terms."""
 FLOOR = 1e-4
-"""Predictions that differ by less than this share of the amplitude are not distinguished."""
+"""Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the amplitude."""
 END = 0.5
-"""Periods at each end of a smoothed piece that the regression leaves out, because a spline is one-sided there."""
-CANCELLING = 10.0
-"""Terms may cancel down to one part in so many; more is two of them fitting noise against each other."""
+"""Periods at each end of a smoothed piece that the regression leaves out, because splines are inaccurate there."""
+MOST_CANCELLATION = 10.0
+"""Largest sum of the sizes of all terms, in units of the size of the acceleration. In a solution above it, large terms
+cancel each other and fit noise."""
 
 
 class SindyOptions(Options):
     """Options of SINDy.
 
-    switch: how the library writes friction, as tanh(θ̇/ε) or as sign(θ̇) (paper, section 3.4).
+    switch: the form of friction in the library, tanh(θ̇/ε) or sign(θ̇) (paper, section 3.4).
     """
 
     switch: Literal["tanh", "sign"] = "tanh"
@@ -58,12 +59,12 @@ class SindyOptions(Options):
 
 @dataclass(frozen=True)
 class Derivatives:
-    """State and acceleration as the record shows them.
+    """State and acceleration computed from the record.
 
-    rows (m,): samples at which the equation is regressed. t, y (n,): the samples. theta, omega, alpha (n,) at all
-    samples. project: values (n,) to values (m,) that are smoothed as the record was. integrated: number of guessed
-    constants of integration. freedom: how many rows count as independent. smoothing: log₁₀ of the penalty.
-    spline: the spline that smoothed a recorded angle, None for others.
+    t, y (n,): the samples. theta, omega, alpha (n,): the motion at all samples. rows (m,): indices of the samples that
+    the regression uses. project: smooths values (n,) like the record and returns them at the rows, (m,). integrated:
+    number of constants of integration that were guessed. freedom: effective number of independent rows. smoothing:
+    log₁₀ of the spline's penalty. spline: the smoothing spline of a recorded angle; None for other quantities.
     """
 
     rows: np.ndarray
@@ -81,9 +82,11 @@ class Derivatives:
 
 @dataclass(frozen=True)
 class SparseModel:
-    """One sparse solution: its terms (p,) of bool, the coefficients (p,), and where it lies on the path.
+    """A sparse solution.
 
-    sound: whether its damping takes energy out and its terms do not cancel. score: see `score_models`.
+    support (p,): whether each term of the library is used. x (p,): the coefficients. threshold, ridge: settings of the
+    regression that selected the terms. sound: whether its damping coefficients are not negative and its terms do not
+    cancel each other. score: see `score_models`; the smallest is best.
     """
 
     support: np.ndarray
@@ -95,18 +98,17 @@ class SparseModel:
 
 
 class Sindy(Estimator[SindyOptions]):
-    """θ̈ + known force = Θ(θ, θ̇) ξ with few terms, by sequentially thresholded least squares of pysindy.
+    """Sparse regression of θ̈ + known force = −Θ(θ, θ̇) ξ on a library Θ, by pysindy's thresholded least squares.
 
-    State and acceleration come from a smoothing spline that penalises everything but a slowly changing oscillation;
-    the library's columns are smoothed as the acceleration was. A record without noise is interpolated. The known part
-    of the restoring force is added to the acceleration, and every term of the library remains a candidate.
+    State and acceleration come from a smoothing spline for oscillations, and the library's columns are smoothed like
+    the acceleration. A record without noise is interpolated. The known part of the restoring force is added to the
+    acceleration.
 
-    For every set of damping terms functions of θ are thresholded away one by one. Of all sparse solutions
-    the one is selected whose prediction of the record, started once and integrated, has the least extended
-    Bayesian information criterion (the prediction test of Mangan, Kutz, Brunton and Proctor, Proceedings of the
-    Royal Society A 473, 2017, 20170009, with the criterion of Chen and Chen, Biometrika 95, 2008, 759).
-    The damping is read off that solution. If its damping terms are not the model's, the damping is read off the best
-    of those whose damping terms are, and the outcome says so.
+    For every set of damping terms, functions of θ are removed one at a time by thresholds. The sparse solution is
+    selected whose integrated prediction of the record has the smallest extended Bayesian information criterion
+    (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473, 2017, 20170009;
+    criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that has exactly the
+    damping terms of the model. If another solution is selected, the outcome says so.
     """
 
     with_parameters = "its library is of fixed functions"
@@ -115,7 +117,7 @@ class Sindy(Estimator[SindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on a library with few terms (Brunton, Proctor and Kutz 2016)."""
+        """Regress the acceleration on a library, with few terms (Brunton, Proctor and Kutz 2016)."""
         optional_package("pysindy")
         features = checked_features(signal)
         state = _differentiate(signal, problem, features)
@@ -130,7 +132,7 @@ class Sindy(Estimator[SindyOptions]):
         columns = np.column_stack([state.project(column) for column in functions.T])
         elapsed = state.t[state.rows] - state.t[0]
         drift = [elapsed**j for j in range(state.integrated if len(known) else 0)]
-        if drift:  # guessed constants of integration shift the force by a constant and a slope
+        if drift:  # wrong constants of integration add a constant and a linear trend to the force
             basis = np.linalg.qr(np.column_stack(drift))[0]
             columns, target = columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
         record = RecordToPredict(
@@ -143,7 +145,7 @@ class Sindy(Estimator[SindyOptions]):
         floor = FLOOR * features.amplitude * features.frequency**record.order
         path = score_models(path, record, library, columns, target, floor)
         best = min((model for model in path if model.sound), key=lambda model: model.score)
-        # The model is given: no other term may replace its damping or join it.
+        # The damping model is given: the estimate comes from a solution with exactly its damping terms.
         of_model = [model for model in path if np.array_equal(model.support & dissipates, own)]
         read = min(of_model, key=lambda model: (not model.sound, model.score))
         unknown = len(known) < len(law.parameters)
@@ -154,7 +156,7 @@ class Sindy(Estimator[SindyOptions]):
             values |= restoring_values(problem, state.theta, functions[:, of_theta] @ read.x[of_theta])
         values |= free_start(problem, state.theta[0], state.omega[0])
         names = [candidate.name for candidate in library]
-        weighed = [model for model in path if np.isfinite(model.score)]
+        scored = [model for model in path if np.isfinite(model.score)]
         details = {
             "selected": [names[i] for i in np.flatnonzero(best.support)],
             "coefficients": [float(c) for c in best.x[best.support]],
@@ -163,19 +165,19 @@ class Sindy(Estimator[SindyOptions]):
             "threshold": best.threshold,
             "ridge": best.ridge,
             "log_penalty": state.smoothing,
-            "path_threshold": [model.threshold for model in weighed],
-            "path_terms": [int(model.support.sum()) for model in weighed],
-            "path_score": [model.score for model in weighed],
+            "path_threshold": [model.threshold for model in scored],
+            "path_terms": [int(model.support.sum()) for model in scored],
+            "path_score": [model.score for model in scored],
         }
         trace = {"score": np.array(details["path_score"])}
-        outcome = judge(library, best.support, own | (of_theta & unknown))
+        outcome = compare_selection(library, best.support, own | (of_theta & unknown))
         return Estimate(
             self.name, "initial", values, stderr, trace, details, evaluations=len(path), outcome=outcome
         )
 
 
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
-    """Compute state and acceleration: interpolated if the record has no noise, else from an oscillation spline."""
+    """Compute state and acceleration, by interpolation if the record has no noise, else by an oscillation spline."""
     parts = pieces(signal, features.period)
     t, y = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts])
     plain = motion(signal, problem, features)
@@ -200,7 +202,7 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
         t,
         y,
         *curves,
-        project=lambda x: spline.smoothed(x)[rows],
+        project=lambda x: spline.smooth(x)[rows],
         integrated=constants,
         freedom=max(spline.freedom, 4.0),
         smoothing=spline.log_penalty,
@@ -211,24 +213,25 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
 def sparse_models(
     columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, freedom: float
 ) -> list[SparseModel]:
-    """Return sparse solutions: for every set of damping terms, itself and the best few with functions of θ.
+    """Return sparse solutions: for every set of damping terms, without and with functions of θ.
 
-    With each set of damping terms the others pass every threshold at which one of them falls, for several ridges.
-    Of these the FEW with the least Bayesian criterion of the regression are kept, `freedom` rows being independent.
-    dissipates (p,): which terms are damping. Rows are first rotated onto the columns: the same regression.
+    For each set of damping terms and each ridge, the threshold is raised so that functions of θ are removed one by one.
+    Of these solutions the `TESTED` ones with the least Bayesian information criterion are kept, in which the number of
+    samples is `freedom`, the effective number of independent rows. dissipates (p,): which terms are damping.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
     if size == 0.0:
-        raise Refusal("nothing is left of the acceleration once the known force is taken away")
+        raise Refusal("the known force explains the whole acceleration, so there is no damping to estimate")
+    # An orthogonal transformation of the rows to p + 1 rows leaves the regression unchanged.
     small = np.asarray(np.linalg.qr(np.column_stack([columns / scale, target / size]), mode="r"))
     a, b = small[:, :-1], small[:, -1]
     damping, others = np.flatnonzero(dissipates), np.flatnonzero(~dissipates)
 
     def solution(mask: np.ndarray, threshold: float, ridge: float) -> tuple[SparseModel, float]:
-        """Return the unregularised solution with the terms in `mask`, and its sum of squares."""
+        """Return the least squares solution with the terms in `mask`, and its residual sum of squares."""
         x = np.zeros(mask.size)
         x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
-        sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= CANCELLING)
+        sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= MOST_CANCELLATION)
         model = SparseModel(mask, x / (scale / size), threshold, ridge, sound)
         return model, float(np.sum((b - a @ x) ** 2))
 
@@ -247,7 +250,7 @@ def sparse_models(
                 method = stlsq(threshold=threshold, alpha=ridge, max_iter=50, unbias=False)
                 unchecked = config_context(skip_parameter_validation=True, assume_finite=True)
                 with warnings.catch_warnings(), unchecked:
-                    warnings.simplefilter("ignore")  # that all terms fell, which ends the path
+                    warnings.simplefilter("ignore")  # a warning that no term is left, which ends this path
                     weights = np.abs(np.asarray(method.fit(free, rest).coef_)[0])
                 if not np.any(weights):
                     break
@@ -259,7 +262,7 @@ def sparse_models(
                     with_others[mask.tobytes()] = score, model
                 threshold = max(float(weights[weights != 0.0].min()), threshold) * (1 + 1e-9) + 1e-300
         ranked = sorted(with_others.values(), key=lambda pair: (not pair[1].sound, pair[0]))
-        path += [solution(base, np.inf, 0.0)[0], *(model for _, model in ranked[:FEW])]
+        path += [solution(base, np.inf, 0.0)[0], *(model for _, model in ranked[:TESTED])]
     return path
 
 
@@ -271,10 +274,10 @@ def score_models(
     target: np.ndarray,
     floor: float,
 ) -> list[SparseModel]:
-    """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(number of sets of k terms).
+    """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(p choose k).
 
-    s²: mean square of the record's n samples less their prediction; k: the number of terms. Solutions that are not
-    sound have no score.
+    n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
+    library. Solutions that are not sound have the score ∞.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]
@@ -299,8 +302,8 @@ def standard_errors(
 ) -> np.ndarray:
     """Return standard errors (p,) of a solution's coefficients.
 
-    For a smoothed angle they come from the noise of the samples as it passes through θ̈, θ and θ̇ into the regression,
-    to first order; else from the residual, `freedom` rows being independent.
+    For a smoothed angle the noise of the samples is propagated to first order through θ̈, θ and θ̇ into the regression.
+    Otherwise they follow from the residual, with the effective number of independent rows.
     """
     a, spread = columns[:, model.support], np.zeros(model.support.size)
     scale = np.linalg.norm(a, axis=0)

@@ -30,29 +30,28 @@ if TYPE_CHECKING:
     from bayesdamp.estimators.expressions import Expression, ScoredExpression
 
 KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
-"""Knots in a period to choose from: more resolve the shape of the force, and more of the noise."""
-AFFORDABLE = 0.1
-"""Largest noise of the acceleration with more knots, as a share of the damping force."""
+"""Numbers of spline knots in a period that are tried: more knots resolve the force better but pass more noise."""
+MOST_NOISE = 0.1
+"""Largest noise of the acceleration with more than the fewest knots, as a fraction of the damping force."""
 HATS = 25
 """Largest number of hat functions of the velocity that represent an unknown damping force."""
 FLOOR = 1e-11
-"""Smallest share of the force's variance that single precision resolves."""
-SAME = 1e-3
-"""Two forces are the same if they differ by no more than this share, root mean square."""
-SWITCH = 0.03
-"""A width of friction's switch counts as the known one within this share of the peak velocity."""
+"""Smallest fraction of the variance of the force that single precision resolves."""
+MOST_DIFFERENCE = 1e-3
+"""Two forces count as equal if the relative root mean square of their difference is at most this."""
+MOST_WIDTH_DIFFERENCE = 0.03
+"""The width of a tanh counts as the known ε if they differ by at most this fraction of the peak velocity."""
 NEGLIGIBLE = 1e-4
-"""Products of an expression that are less than this share of it, root mean square, are dropped."""
+"""Products whose root mean square is below this fraction of that of the expression are dropped."""
 
 
 class SymbolicRegressionOptions(Options):
     """Options of the search.
 
-    population, generations: of each of `searches` independent searches, whose fronts are joined.
-    length: largest number of nodes of an expression. polish: steps of Levenberg–Marquardt for the constants of each.
-    samples: number of the record's samples, evenly spread, half of them mirrored, on which expressions are compared
-    during the search.
-    penalty: cost of a node, in units of ln(n) of Schwarz's criterion, n the independent samples.
+    searches: number of independent searches, whose Pareto fronts are joined. population, generations: of each search.
+    length: largest number of nodes of an expression. polish: Levenberg–Marquardt steps for the constants of each
+    expression. samples: number of samples on which expressions are compared during the search, half of them mirrored.
+    penalty: cost of a node, in units of ln(n), where n is the number of independent samples (Schwarz's criterion).
     """
 
     population: int = Field(default=500, ge=20, le=100_000)
@@ -65,25 +64,23 @@ class SymbolicRegressionOptions(Options):
 
 
 class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
-    """An expression f(θ̇) for −(θ̈ + F_rest(θ)), bred from +, −, ×, tanh and |·|, from which the damping is read.
+    """Find an expression f(θ̇) for the damping force −(θ̈ + F_rest(θ)), and read the coefficients from it.
 
-    Two objectives, error and length, give a Pareto front. Each expression there is written as a sum of
-    products and its constants are fitted once more in double precision, with the smoothing of the record
-    applied to both sides; the one with the least n ln(error) + penalty · length · ln(n) is chosen.
-    If it is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
-    known one, its constants are the coefficients. Otherwise the law is sought that does the same work over the
-    record's motion (an expression with a free factor does the work of the measured force itself), or, if it
-    is a sum, the law that is nearest to the expression there. If restoring parameters are not known, a regression
-    together with an arbitrary function of θ̇ removes their force first.
+    Genetic programming combines +, −, ×, tanh and |·| and returns the Pareto front of error and length. The constants
+    of each expression are fitted again in double precision, with both sides smoothed like the record, and the
+    expression with the smallest n ln(error) + penalty · length · ln(n) is chosen. If it has the form of the damping
+    law, with a width in tanh(θ̇/ε) near the known ε, its constants are the coefficients. Otherwise a single term gets
+    the coefficient with which it dissipates the same energy, and a sum those that fit the expression best. The force of
+    unknown restoring parameters is removed first, by a regression together with an arbitrary function of θ̇.
     """
 
-    by_position = "its expressions are of the velocity alone"
+    by_position = "its expressions depend only on the velocity"
     options = SymbolicRegressionOptions
 
     def initial(
         self, signal: Signal, problem: Problem, options: SymbolicRegressionOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Read the coefficients from the expression on the Pareto front that was chosen for the force."""
+        """Estimate the coefficients from the chosen expression on the Pareto front."""
         optional_package("pyoperon")
         from bayesdamp.estimators.expressions import front
 
@@ -101,12 +98,12 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
             candidates, models = candidates + more, models + count
         lengths, expressions, least = [], [], np.inf
         for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
-            if not (candidate.expression.depends and candidate.error < least):
-                continue  # another candidate beats it in both length and error
+            if not (candidate.expression.is_variable and candidate.error < least):
+                continue  # a shorter candidate has a smaller error
             least = candidate.error
             expression = candidate.expression.stretched(fastest).scaled(scale)
             expression = expression.without_the_negligible(force.omega, NEGLIGIBLE)
-            if expression.depends:
+            if expression.is_variable:
                 lengths.append(candidate.length)
                 expressions.append(_polish(force, expression))
         if not expressions:
@@ -135,18 +132,17 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
 
 
 class Force:
-    """−(θ̈ + F_rest(θ)) over a record, and how well an expression of θ̇ describes it.
+    """The damping force −(θ̈ + F_rest(θ)) along a record, and the misfit of expressions of θ̇.
 
-    motion: the smoothed motion; omega: velocities at all samples that are used, (n,), rad/s. independent: number of
-    samples that count as independent.
-    Restoring parameters that are not known (and constants of integration that were guessed) are regressed
-    out: together with an expression, or at first with hat functions of θ̇ that vanish at rest.
+    motion: the smoothed motion. omega: velocities at all samples that are used, (n,), rad/s. independent: effective
+    number of independent samples. Unknown restoring parameters, and guessed constants of integration, are eliminated by
+    regression: together with an expression, or before the search with hat functions of θ̇ that are 0 at θ̇ = 0.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
-        # As many knots as the noise allows, so that the shape of the force is resolved. A spline that follows angular
-        # frequencies up to b passes noise of a sampling interval Δt and a standard deviation σ into the second
-        # derivative as σ √(Δt b⁵/5π), into the first as σ √(Δt b³/3π).
+        # Use as many knots as the noise allows, to resolve the shape of the force. White noise of standard deviation σ
+        # and sampling interval Δt, smoothed by a spline that follows angular frequencies up to b, has the standard
+        # deviation σ √(Δt b⁵/5π) in the second derivative and σ √(Δt b³/3π) in the first.
         noise, gap = noise_level(signal), float(signal.t[-1] - signal.t[0]) / (signal.t.size - 1)
         power = 2 * (2 - ORDER[signal.quantity]) + 1
         sizes = features.turning_amplitudes
@@ -157,7 +153,7 @@ class Force:
         knots = KNOTS[0]
         for count in KNOTS[1:]:
             passed = noise * np.sqrt(gap * (np.pi * count / features.period) ** power / (power * np.pi))
-            if passed <= AFFORDABLE * force and features.period / count >= 6 * gap:
+            if passed <= MOST_NOISE * force and features.period / count >= 6 * gap:
                 knots = count
 
         self.motion = motion(signal, problem, features, knots)
@@ -177,7 +173,7 @@ class Force:
         self._damping_force = self.target
         if columns:
             hats = int(np.clip(self.independent // 6, 4, HATS))
-            hats += 1 - hats % 2  # an odd number: one is at rest
+            hats += 1 - hats % 2  # an odd number: one of them is centred at θ̇ = 0
             places = float(np.abs(self.omega).max()) * np.linspace(-1, 1, hats)
             shapes = np.delete(np.eye(hats), hats // 2, axis=0)
             free = [self.motion.project(np.interp(self.omega, places, shape)) for shape in shapes]
@@ -186,9 +182,9 @@ class Force:
         self._variance = float(np.var(self._damping_force))
 
     def thin(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities and forces at evenly spread samples, each (m,), and as many mirrored.
+        """Return velocities and forces at evenly spread samples, followed by their mirror images, each (2m,).
 
-        A force that resists motion is odd, and nothing else should be learnt from noise.
+        A damping force is odd in the velocity; the mirror images enforce this.
         """
         count = min(samples // 2, self._damping_force.size)
         rows = np.linspace(0, self._damping_force.size - 1, count).round().astype(int)
@@ -196,7 +192,7 @@ class Force:
         return np.r_[x, -x], np.r_[y, -y]
 
     def misfit(self, expression: Expression) -> np.ndarray:
-        """Return the residual of an expression, (m,), in units of the force's standard deviation."""
+        """Return the residual of an expression, (m,), in units of the standard deviation of the force."""
         left = self.target - self.motion.project(expression(self.omega))
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
@@ -205,7 +201,7 @@ class Force:
         return float(np.mean(self.misfit(expression) ** 2))
 
     def restoring(self, expression: Expression) -> dict[str, float]:
-        """Return the restoring parameters that are not known, with the expression as damping force."""
+        """Return the unknown restoring parameters, fitted with the expression as damping force."""
         if self._count == 0:
             return {}
         left = self.target - self.motion.project(expression(self.omega))
@@ -213,7 +209,7 @@ class Force:
 
 
 def _polish(force: Force, expression: Expression) -> Expression:
-    """Return the expression with the constants of least squares, if that makes it better."""
+    """Return the expression with constants fitted by least squares, if that lowers its error."""
     start = expression.constants()
     unit = np.maximum(np.abs(start), 1e-12)
     fit = least_squares(
@@ -233,7 +229,7 @@ def _polish(force: Force, expression: Expression) -> Expression:
 def _read(
     force: Force, expression: Expression, problem: Problem, features: Features
 ) -> tuple[dict[str, float], float | None, str]:
-    """Return the parameters, the width of the expression's own switch, and how the parameters were read."""
+    """Return the parameters, the width of a tanh in the expression (None without one), and how they were obtained."""
     osc = oscillator(problem)
     f, epsilon = expression(force.omega), epsilon_of(problem, features)
     arguments = further_values(problem, features)
@@ -258,11 +254,11 @@ def _read(
     own = [abs(width) for width in expression.widths()] if osc.switches else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
     switch = own[0] if own else None
-    near = [width for width in own if abs(width - epsilon) <= SWITCH * fastest]
+    near = [width for width in own if abs(width - epsilon) <= MOST_WIDTH_DIFFERENCE * fastest]
     for width in [*near[:1], epsilon]:
         columns = shapes(width)
         c = solve(columns, f)
-        if np.sqrt(np.mean((f - columns @ c) ** 2)) <= SAME * np.sqrt(np.mean(f**2)):
+        if np.sqrt(np.mean((f - columns @ c) ** 2)) <= MOST_DIFFERENCE * np.sqrt(np.mean(f**2)):
             return values(c), switch, "the expression is the law: its own constants"
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
     projected, omega = force.motion.project(f), force.motion.omega

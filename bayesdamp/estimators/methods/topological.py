@@ -1,4 +1,4 @@
-"""Damping from the persistence of a record's sublevel sets (paper, section 3.2).
+"""Damping from the persistence lifetimes of a record's sublevel sets (paper, section 3.2).
 
 A. D. Myers and F. A. Khasawneh, Damping parameter estimation using topological signal processing, Mechanical
 Systems and Signal Processing 174 (2022) 109042.
@@ -31,16 +31,17 @@ from bayesdamp.records.oscillation.turning import midpoints
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 OPTIMAL_RATIO = 0.3299
-"""L_n/L_0 that minimises the variance of the viscous estimate."""
+"""Ratio L_n/L_0 of lifetimes that minimises the variance of the viscous estimate (Myers and Khasawneh)."""
 NOISE_OF_MEDIAN = 0.680
-"""Standard deviation of white noise over the median of its own lifetimes."""
+"""Ratio of the standard deviation of white noise to the median of its lifetimes (Myers and Khasawneh)."""
 
 
 class TopologicalOptions(Options):
     """Options of the persistence method.
 
-    variant: as first published, or equations (7) to (11) as the paper prints them.
-    significance: probability that noise alone exceeds the cutoff.
+    variant: the formulas as first published by Myers and Khasawneh, or equations (7) to (11) of the paper
+    ("as_printed").
+    significance: probability that a lifetime of noise exceeds the cutoff.
     """
 
     variant: Literal["published", "as_printed"] = "published"
@@ -49,9 +50,10 @@ class TopologicalOptions(Options):
 
 @dataclass(frozen=True)
 class Pairs:
-    """Births v and deaths p of the components that are not noise, in time order, (k,), and the noise floor.
+    """The components of sublevel sets that are not noise, in time order.
 
-    cycle (k,): how many periods after the first each is born; a component lost in a gap is counted.
+    v, p (k,): values at birth (a minimum) and death (a maximum); the lifetime is p − v. cycle (k,): number of periods
+    between the births of the first component and of each one, across gaps too. floor: bias of lifetimes by noise.
     """
 
     v: np.ndarray
@@ -59,8 +61,8 @@ class Pairs:
     cycle: np.ndarray
     floor: float
 
-    def spaced(self) -> tuple[float, float, int]:
-        """Return L_0, L_n and n: L_n is the lifetime whose ratio to the first is nearest the optimum, or the last."""
+    def choose_lifetimes(self) -> tuple[float, float, int]:
+        """Return L_0, L_n and n with L_n/L_0 nearest the optimal ratio; L_n is the last if all ratios are larger."""
         lifetimes = self.p - self.v
         ratio = lifetimes / lifetimes[0]
         i = ratio.size - 1
@@ -70,12 +72,12 @@ class Pairs:
 
 
 class Topological(Estimator[TopologicalOptions]):
-    """One damping coefficient from the lifetimes of a cycle's sublevel components."""
+    """Compute a damping coefficient from the decrease of persistence lifetimes from cycle to cycle."""
 
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Refuse sums of terms, and terms without a formula for the fall of the lifetimes."""
+        """Return a reason for sums of terms and for terms without a formula for the decrease of lifetimes."""
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PAPER_TERMS:
@@ -85,7 +87,7 @@ class Topological(Estimator[TopologicalOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: TopologicalOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Compute the coefficient from the fall of the persistence lifetimes."""
+        """Compute the coefficient from the decrease of the persistence lifetimes."""
         features = checked_features(signal)
         osc, known = oscillator(problem), known_restoring(problem)
         omega = features.frequency
@@ -94,9 +96,9 @@ class Topological(Estimator[TopologicalOptions]):
         pairs = significant_pairs(signal, problem, features, options)
         damping = problem.damping[0]
         if options.variant == "as_printed":
-            # Equations (9) to (11). T is the n periods from L_0 to L_n. Equation (11) has no n: it is taken at n = 1,
-            # and A_0 is the amplitude about rest.
-            longest, shorter, n = pairs.spaced()
+            # Equations (9) to (11), where T is the time of the n periods from L_0 to L_n. Equation (11) has no n; we
+            # use n = 1. A_0 is the amplitude about equilibrium.
+            longest, shorter, n = pairs.choose_lifetimes()
             if damping == "viscous":
                 decrement = math.log((longest - pairs.floor) / (shorter - pairs.floor))
                 value = decrement / (omega * n * features.period)
@@ -106,7 +108,7 @@ class Topological(Estimator[TopologicalOptions]):
                 first, second = (pairs.p[:2] - pairs.v[:2] - pairs.floor).tolist()
                 value = 2 * omega / features.amplitude * (1 / second - 1 / first)
         else:
-            # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
+            # The amplitude of a velocity (acceleration) is that of the displacement times ω (ω²).
             unit = omega ** ORDER[signal.quantity]
             scaled = Pairs(pairs.v / unit, pairs.p / unit, pairs.cycle, pairs.floor)
             value = _published_coefficient(damping, scaled, omega)
@@ -118,10 +120,9 @@ class Topological(Estimator[TopologicalOptions]):
 
 
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return births, deaths and times of birth of the finite sublevel components of y (n,), in order of time.
+    """Return births, deaths and times of birth of the finite sublevel components of y (n,), in time order.
 
-    The values are used as they are: a repeated value is one plateau. A component that is born within a tenth of a
-    period of an end of the record, or of a gap in it, is cut off there and left out.
+    Components that are born within a tenth of a period of an end of the record or of a gap are incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)
@@ -146,11 +147,11 @@ def significant_pairs(
 ) -> Pairs:
     """Return the pairs above the noise cutoff.
 
-    As published: σ is the known noise, else the larger of the record's roughness and, if there are many more lifetimes
-    than cycles, 0.680 of their median. Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
-    Each pair is shortened by the noise floor: twice the median by which white noise of that σ lifts the highest sample
-    at a turning point.
-    As printed: the cutoff of equation (7) and the floor of equation (8); erfc⁻¹(2α/N) with N lifetimes.
+    As published: the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise, else the
+    noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median. Each
+    lifetime is reduced by the noise floor: twice the median amount by which white noise raises the maximum of the
+    samples at a turning point.
+    As printed: the cutoff of equation (7) and the floor of equation (8), with erfc⁻¹(2α/N) for N lifetimes.
     """
     y, sigma = signal.y - features.rest, noise_level(signal)
     v, p, born = sublevel_pairs(signal.t, y, features.period)
@@ -166,7 +167,7 @@ def significant_pairs(
         if known is not None:
             sigma = float(known)
         elif lifetimes.size > 4 * (features.cycles + 1):
-            # The signal's slope suppresses lifetimes of weak noise, so their median is only a lower bound.
+            # The slope of the signal hides short lifetimes of noise, so the median gives a lower bound only.
             sigma = max(sigma, NOISE_OF_MEDIAN * float(np.median(lifetimes)))
         share = (1.0 - math.sqrt(options.significance)) ** (1.0 / y.size)
         cutoff = 2**1.5 * sigma * float(erfinv(2.0 * share - 1.0))
@@ -194,15 +195,14 @@ def significant_pairs(
 def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
     """Return the coefficient by the published formulae.
 
-    Viscous: the ratio [1 + (2πn/ln(L_0/L_n))²]^(−1/2), in the paper's unit: times ω_n.
-    Coulomb: a lifetime falls by 8μ_c/ω_n² a cycle.
-    Quadratic: exact over the swing from a minimum v_i to the next maximum p_{i+1} of a zero-mean linear oscillator.
-    p_{i+1} − v_i = ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), from u = θ̇², du/dθ = −2ω_n²θ − 2μu; μ is the
-    median over the first four swings. In this form the unit is μ_q's own, 1/rad. Each swing is taken
-    about its own midline, which makes the signal zero-mean if the restoring force is not odd. A
-    swing whose maximum is not below its minimum in size counts as zero.
+    Viscous: ω_n [1 + (2πn/ln(L_0/L_n))²]^(−1/2); the factor ω_n converts the damping ratio to the paper's rate.
+    Coulomb: a lifetime decreases by 8μ_c/ω_n² in a cycle.
+    Quadratic: for the half cycle from a minimum v_i to the next maximum p_{i+1} of a linear oscillator, p_{i+1} − v_i =
+    ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), which follows from u = θ̇², du/dθ = −2ω_n²θ − 2μu. The result is the median
+    of μ over the first four half cycles, in 1/rad. Each half cycle is taken about its own midline, because the formula
+    assumes zero mean. A half cycle whose maximum is not smaller than its minimum in size counts as μ = 0.
     """
-    longest, shorter, n = pairs.spaced()
+    longest, shorter, n = pairs.choose_lifetimes()
     if damping == "viscous":
         decrement = math.log(longest / shorter)
         if decrement == 0:
@@ -225,7 +225,7 @@ def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
         low, high = 1e-9 / v, 0.5 / p * (1 - 1e-12)
         coefficients.append(brentq(excess, low, high) if excess(low) < 0 < excess(high) else 0.0)
     if not coefficients:
-        raise Refusal("fewer than two persistence lifetimes give no swing from a minimum to a maximum")
+        raise Refusal("there are too few persistence lifetimes for a half cycle from a minimum to a maximum")
     return float(np.median(coefficients))
 
 

@@ -1,4 +1,4 @@
-"""Weak SINDy: the equation of motion against test functions (paper, section 3.9, equation 22)."""
+"""Weak SINDy: regression of the equation of motion integrated against test functions (paper, 3.9, equation 22)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.regression.library import (
     CandidateTerm,
     candidates,
+    compare_selection,
     damping_values,
-    judge,
     restoring_values,
 )
 from bayesdamp.estimators.regression.weak import (
@@ -22,9 +22,9 @@ from bayesdamp.estimators.regression.weak import (
     kernel_half_width,
     solve_support,
     sparse_path,
-    uniform,
+    test_function_weights,
+    to_even_clock,
     velocity_map,
-    weights,
     whiten,
 )
 from bayesdamp.estimators.shared import (
@@ -43,11 +43,11 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
-"""Widths of the test functions in periods that are tried."""
+"""Widths of the test functions that are tried, in periods."""
 ROUNDS = 3
-"""Fits with the weights renewed."""
+"""Number of fits; each one uses weights from the coefficients of the one before."""
 SUBDIVIDED = 15
-"""Points between neighbouring samples over which a jumping function is averaged."""
+"""Points between neighbouring samples over which a discontinuous function is averaged."""
 
 
 class WeakSindyOptions(Options):
@@ -60,14 +60,14 @@ class WeakSindyOptions(Options):
 
 
 class WeakSindy(Estimator[WeakSindyOptions]):
-    """∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 with few terms, without a derivative of the record.
+    """Sparse regression of ∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0, without numerical derivatives of the record.
 
-    The inertia is integrated by parts twice and viscous damping once. Terms that are not linear in θ̇ use the
-    record's convolution with −ψ′, ψ smooth and compact, as wide as balances noise against bias. The
-    rows' errors are correlated as the record's noise passes through φ″ + φ F′ and the columns: generalised
-    least squares, renewed with the coefficients. Noise in the columns biases the normal equations by a known
-    amount, which is subtracted.
-    Terms fall from the library by their t-value; the number of terms is chosen by the Bayesian information criterion.
+    The inertia is integrated by parts twice and viscous damping once. For terms that are not linear in θ̇, the velocity
+    is the convolution of the record with −ψ′, where the width of the compact kernel ψ balances noise against bias. The
+    record's noise enters through φ″ + φ F′ and through the columns, so the rows have correlated errors: we use
+    generalised least squares, whose weights follow from the coefficients. Noise in the columns biases the normal
+    equations by a known amount, which is subtracted.
+    Terms are removed by their t-value; their number is chosen by the Bayesian information criterion.
     """
 
     with_parameters = "its library is of fixed functions"
@@ -76,7 +76,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: WeakSindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the equation's weak form on a library (Messenger and Bortz 2021)."""
+        """Regress the weak form of the equation on a library (Messenger and Bortz 2021)."""
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
         library = candidates(problem, features, signal.unit)
@@ -89,7 +89,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         base = own | (of_theta & (not all_known))
         few = [library[i] for i in np.flatnonzero(base)]
         first, every = np.zeros(len(few)), np.ones(len(few), bool)
-        if not all_known:  # how noise passes depends on the stiffness
+        if not all_known:  # the errors of the rows depend on the stiffness
             first[[candidate.name for candidate in few].index("θ")] = features.frequency**2
         ratio = dict(zip(problem.damping, ratios_per_unit(problem, features)))
         tried = []
@@ -113,8 +113,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         path, names = sparse_path(white, dissipates, sigma), [candidate.name for candidate in library]
         nothing = replace(solve_support(white, own, sigma), support=np.zeros(own.size, bool))
         best = min(path, key=lambda solution: solution.score, default=nothing)
-        # The model is given: its terms stay, and no other term may replace or join them, except a force of θ that
-        # makes up for a displacement whose constants of integration were guessed.
+        # The damping model is given: its terms are always used, and no others, except functions of θ that correct a
+        # displacement with guessed constants of integration.
         guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
         support = (best.support & allowed) | own
@@ -144,7 +144,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             "path_terms": [int(solution.support.sum()) for solution in path],
             "path_score": [solution.score for solution in path],
         }
-        trace, outcome = {"coefficient": np.array(course)}, judge(library, best.support, allowed)
+        trace, outcome = {"coefficient": np.array(course)}, compare_selection(library, best.support, allowed)
         evaluations = len(path) + ROUNDS
         return Estimate(
             self.name, "initial", values, stderr, trace, details, evaluations=evaluations, outcome=outcome
@@ -152,15 +152,15 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
-    """Put the record's pieces between gaps on uniform clocks, and compute the velocity."""
+    """Interpolate the record's pieces between gaps to even clocks, and compute the velocity."""
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:
         smoothed = motion(signal, problem, features)
-        t, y, theta, omega = uniform(parts[0].t, parts[0].y, *smoothed.everywhere[:2])
+        t, y, theta, omega = to_even_clock(parts[0].t, parts[0].y, *smoothed.everywhere[:2])
         return [Stretch(t[1] - t[0], y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
     stretches = []
     for part in parts:
-        t, y = uniform(part.t, part.y)
+        t, y = to_even_clock(part.t, part.y)
         h = float(t[1] - t[0])
         most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
         velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))
@@ -179,8 +179,8 @@ def _assemble(
         n = stretch.y.size
         if n * stretch.h <= width:
             continue
-        phi = weights(n, stretch.h, width, 0)
-        first = weights(n, stretch.h, width, 2 - stretch.order)
+        phi = test_function_weights(n, stretch.h, width, 0)
+        first = test_function_weights(n, stretch.h, width, 2 - stretch.order)
         offset = law.linear_form(stretch.theta, known).offset
         through = first
         if stretch.order == 0:
@@ -196,16 +196,16 @@ def _assemble(
 def _column(
     candidate: CandidateTerm, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Return ∫φ f for one candidate, (m,), and the map of the samples' noise into it, (m, n)."""
+    """Return ∫φ f for one candidate, (m,), and its derivatives by the samples, (m, n), which propagate their noise."""
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
     if candidate.damping == "viscous" and stretch.order < 2:
-        linear = 2.0 * weights(n, stretch.h, width, 1 - stretch.order)
+        linear = 2.0 * test_function_weights(n, stretch.h, width, 1 - stretch.order)
         return linear @ stretch.y, linear
-    if candidate.jumps:  # its mean over the cell around each sample counts a jump at its place
+    if candidate.jumps:  # the mean over the interval around each sample resolves the position of a jump
         part = (np.arange(SUBDIVIDED) + 0.5) / SUBDIVIDED - 0.5
         places = np.clip(np.arange(n)[:, None] + part, 0, n - 1)
-        cells = (np.interp(places, np.arange(n), x).ravel() for x in (theta, omega))
-        values = f(*cells).reshape(places.shape).mean(axis=1)
+        states = (np.interp(places, np.arange(n), x).ravel() for x in (theta, omega))
+        values = f(*states).reshape(places.shape).mean(axis=1)
     else:
         values = f(theta, omega)
     through = sparse.csr_matrix(phi.shape)

@@ -1,4 +1,4 @@
-"""The candidate terms of the paper's sections 3.4 and 3.12, what models of them predict, and their parameters."""
+"""Libraries of candidate terms (paper, sections 3.4 and 3.12), predictions of their models, and their parameters."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem
 
-WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
-"""How a damping term's shape is written; another term is written by its name."""
+SHAPES = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
+"""The shapes of damping terms in text; other terms are shown by their names."""
 STEPS = 100
-"""Steps of Runge and Kutta's method in a period."""
+"""Runge–Kutta steps in a period."""
 TABLE = 4001
-"""Entries of the tables of forces, over twice the record's range of θ and θ̇."""
-NUDGE = 1e-3
-"""A coefficient is moved by this share of the force when derivatives are taken, a state by a tenth of that."""
+"""Number of entries in the tables of forces, which cover twice the record's range of θ and θ̇."""
+STEP = 1e-3
+"""Step of finite differences: a coefficient changes by this fraction of the force, a start value by a tenth of it."""
 
 
 @dataclass(frozen=True)
 class CandidateTerm:
-    """One function of displacement and velocity, both (n,), in a library.
+    """A function of displacement and velocity, (n,) each, in a library.
 
-    damping: name of the damping term whose shape it is. restoring: whether it depends on θ alone. jumps: whether it
-    jumps where the velocity changes sign.
+    damping: name of the damping term with this shape; None if it is not damping. restoring: whether it depends on θ
+    only.
+    jumps: whether it is discontinuous where the velocity changes sign.
     """
 
     name: str
@@ -41,7 +42,7 @@ class CandidateTerm:
 def candidates(
     problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
 ) -> list[CandidateTerm]:
-    """Return the library: damping shapes (the paper's and the problem's own), then functions of θ.
+    """Return the library: the damping shapes of the paper and of the problem, then functions of θ.
 
     Parameters
     ----------
@@ -50,18 +51,18 @@ def candidates(
     features
         Features of the record.
     unit
-        Unit of the displacement; a record in metres has no cos θ and sin θ.
+        Unit of the displacement; the library of a record in metres has no cos θ and sin θ.
     sharp
-        Whether friction is written as sign(θ̇), without the width of its switch.
+        Whether friction is sign(θ̇) instead of tanh(θ̇/ε).
     mixed
-        Whether θ̇² and θθ̇, which multiply noise with noise, are included.
+        Whether the library includes θ̇² and θθ̇.
     """
     epsilon = 0.0 if sharp else epsilon_of(problem, features)
     arguments = further_values(problem, features)
     library = []
     for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
         term = TERMS.get(name)
-        written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
+        written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else SHAPES.get(name, name)
         further = [arguments[n] for n in term.further]
         shape = lambda x, v, term=term, q=further: np.asarray(term.force(x, v, epsilon, *q))  # noqa: E731
         library.append(CandidateTerm(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
@@ -83,9 +84,9 @@ def candidates(
 
 
 def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> dict[str, float]:
-    """Return the free restoring parameters whose law is nearest to an estimated force.
+    """Return the unknown restoring parameters that fit an estimated force best.
 
-    theta, force: displacements and the estimated force there less its known part, each (n,).
+    theta (n,): displacements. force (n,): the estimated force there, without its known part.
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
@@ -96,33 +97,34 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 def damping_values(
     problem: Problem, library: list[CandidateTerm], x: np.ndarray, stderr: np.ndarray
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the problem's damping coefficients and their standard errors by name, from those of the library, (p,)."""
+    """Return the damping coefficients and their standard errors by name, from those of the library, (p,) each."""
     index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
     terms = oscillator(problem).terms
     values, errors = ({t.parameter: float(each[index[t.name]]) for t in terms} for each in (x, stderr))
     return values, errors
 
 
-def judge(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
-    """Return ok if a sparse regression selects the model's damping terms and nothing else, or a sentence.
+def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
+    """Return OK if a sparse regression selects exactly the model's damping terms, else a sentence with the differences.
 
-    selected: the terms (p,) that it selects, of bool; model: those that it may select, (p,) of bool.
+    selected (p,): whether each term is selected. model (p,): whether each term is allowed.
     """
     names = [candidate.name for candidate in library]
     of_damping = np.array([candidate.damping is not None for candidate in library])
     missing = [names[i] for i in np.flatnonzero(of_damping & model & ~selected)]
-    strange = [names[i] for i in np.flatnonzero(selected & ~model)]
+    extra = [names[i] for i in np.flatnonzero(selected & ~model)]
     faults = [f"it leaves out the model's {' and '.join(missing)}"] if missing else []
-    faults += [f"the model has no {' or '.join(strange)}"] if strange else []
+    faults += [f"the model has no {' or '.join(extra)}"] if extra else []
     terms = ", ".join(names[i] for i in np.flatnonzero(selected)) or "nothing"
     return f"the sparse regression selects {terms}: {'; '.join(faults)}" if faults else OK
 
 
 @dataclass(frozen=True)
 class RecordToPredict:
-    """What models have to predict: y (n,) at times t (n,), the order-th derivative of the displacement.
+    """A record that models predict.
 
-    theta, omega (n,): the smoothed state; known: the force that is known, of angles (m,); period in s.
+    t, y (n,): times and samples. order: order of the recorded derivative of the displacement. theta, omega (n,): the
+    smoothed state. known: the known restoring force as a function of angles (m,). period: in s.
     """
 
     t: np.ndarray
@@ -137,20 +139,20 @@ class RecordToPredict:
 def residual_squares(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, unit: np.ndarray, floor: float
 ) -> np.ndarray:
-    """Return the sum of squares (m,) that each of the models x (m, p) leaves of the record, at its best nearby.
+    """Return the residual sum of squares (m,) of the predictions by each of the models x (m, p).
 
-    The start of each, and those of its coefficients that are not zero, move by one step of Gauss and Newton: an
-    error of the regression is not an error of the model. unit (p,): coefficients that make a noticeable force.
-    floor: a residual of a smaller root mean square counts as this one.
+    The start and the nonzero coefficients of each model are first improved by one Gauss–Newton step, so that errors of
+    the regression do not count. unit (p,): scales of the coefficients. floor: smallest root mean square residual;
+    smaller ones count as this.
     """
     size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
     start = np.array([record.theta[0], record.omega[0]])
     points = np.column_stack([np.tile(start, (len(x), 1)), x])
-    steps = np.diag(np.r_[0.1 * NUDGE * size, NUDGE * unit])
-    moves = [steps[np.r_[True, True, coefficients != 0]] for coefficients in x]
-    moved = np.vstack([points, *(point + move for point, move in zip(points, moves))])
-    curves = predict(record, library, moved[:, 2:], moved[:, :2])
-    ends = np.cumsum([len(x), *map(len, moves)])[:-1]
+    steps = np.diag(np.r_[0.1 * STEP * size, STEP * unit])
+    changes = [steps[np.r_[True, True, coefficients != 0]] for coefficients in x]
+    trials = np.vstack([points, *(point + move for point, move in zip(points, changes))])
+    curves = predict(record, library, trials[:, 2:], trials[:, :2])
+    ends = np.cumsum([len(x), *map(len, changes)])[:-1]
     squares = []
     for curve, others in zip(curves.T, np.split(curves, ends, axis=1)[1:]):
         by = others - curve[:, None]
@@ -164,7 +166,7 @@ def residual_squares(
 def predict(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the recorded quantity (n, m) as models x (m, p) predict it from states start (m, 2)."""
+    """Return the recorded quantity (n, m) that models x (m, p) predict from the start states (m, 2)."""
     t, theta, omega = record.t, record.theta, record.omega
     middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)
     angles = middle + half * np.linspace(-1, 1, TABLE)
@@ -178,14 +180,14 @@ def predict(
     resisting = values[:, damping] @ x[:, damping].T
     every = np.arange(x.shape[0])
 
-    def read(table: np.ndarray, share: np.ndarray) -> np.ndarray:
-        place = np.clip((share + 1) * ((TABLE - 1) / 2), 0, TABLE - 1.001)
-        i = place.astype(int)
-        part = place - i
+    def interpolate(table: np.ndarray, fraction: np.ndarray) -> np.ndarray:
+        position = np.clip((fraction + 1) * ((TABLE - 1) / 2), 0, TABLE - 1.001)
+        i = position.astype(int)
+        part = position - i
         return table[i, every] * (1 - part) + table[i + 1, every] * part
 
     def slope(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return -read(restoring, (q - middle) / half) - read(resisting, v / fastest)
+        return -interpolate(restoring, (q - middle) / half) - interpolate(resisting, v / fastest)
 
     count = max(int(np.ceil((t[-1] - t[0]) / record.period * STEPS)), 8)
     h = (t[-1] - t[0]) / count

@@ -1,4 +1,4 @@
-"""A smoothing spline for oscillations: it penalises amplitudes and phases that change faster than linearly."""
+"""A smoothing spline for oscillations. It penalises amplitudes and phases that do not change linearly in time."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from bayesdamp.types import Refusal
 
 DEGREE = 7
 KNOTS_PER_PERIOD = 16.0
-"""Many more than the record determines: the penalty smooths, not the knots."""
+"""Many more knots than needed: the penalty determines the smoothing."""
 DECADES = np.arange(-8.0, 6.0)
-"""Logarithms to base ten of the penalties that are tried first."""
+"""Decimal logarithms of the penalties of the first search."""
 PROBES = 32
-"""Random vectors for the trace of the smoother."""
+"""Number of random vectors that estimate the trace of the smoothing matrix."""
 OUTLIER = 6.0
-"""Samples further off than this many robust standard deviations do not count."""
+"""Samples that deviate by more than this many robust standard deviations are left out."""
 
 
 class OscillationSpline:
-    """The spline with min Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², λ by generalised cross-validation.
+    """The spline x that minimises Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², with λ by generalised cross-validation.
 
-    L is zero for a constant and for oscillations at ω whose amplitude and phase are linear in time (splines for
-    a differential operator: Heckman and Ramsay, Canadian Journal of Statistics 28, 2000, 241). Derivatives are
-    the spline's. The record may have gaps and an uneven clock; one λ serves all its pieces.
+    Lx is zero for a constant and for oscillations at ω whose amplitude and phase are linear in time (Heckman and
+    Ramsay, Canadian Journal of Statistics 28, 2000, 241). The record may have gaps and uneven times; all pieces have
+    the same λ.
 
-    pieces: times of each piece between gaps in s, n in all; y (n,): the recorded quantity; period in s.
-    coefficients: of all pieces' B-splines; log_penalty: log₁₀ λ; freedom: trace of the smoother.
+    Arguments: the times of each piece between gaps (s); y (n,), the recorded quantity at all of them; the period (s).
+    Attributes: coefficients, of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the smoothing
+    matrix.
     """
 
     def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
         self.knots = []
-        for t in pieces:  # uniform knots, no more than one for two samples
+        for t in pieces:  # uniform knots, at most one for two samples
             duration = float(t[-1] - t[0])
             spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
             inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
@@ -61,7 +62,7 @@ class OscillationSpline:
             self._choose(y)
 
     def __call__(self, order: int) -> np.ndarray:
-        """Return the order-th derivative of the smoothed record at all samples, (n,); order 0 to 2."""
+        """Return the derivative of an order (0 to 2) of the smoothed record at all samples, (n,)."""
         return self._designs[order] @ self.coefficients
 
     def curve(self, i: int = 0) -> BSpline:
@@ -70,18 +71,19 @@ class OscillationSpline:
         knots = self.knots[i]
         return BSpline(knots, self.coefficients[start : start + knots.size - DEGREE - 1], DEGREE)
 
-    def smoothed(self, x: np.ndarray) -> np.ndarray:
-        """Smooth other values at the same samples, (n,) to (n,)."""
+    def smooth(self, x: np.ndarray) -> np.ndarray:
+        """Return other values x (n,) at the same samples, smoothed in the same way, (n,)."""
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def adjoint(self, weights: np.ndarray, order: int) -> np.ndarray:
-        """Return g (n,) with g·y = weights·(order-th derivative of the smoothed y), weights (n,)."""
+        """Return g (n,) such that g·y = weights·(derivative of the smoothed y), for any y (n,). weights: (n,)."""
         return self._weight * (self._designs[0] @ self._solve(self._designs[order].T @ weights))
 
     def _solve(self, right: np.ndarray) -> np.ndarray:
         return cho_solve_banded((self._factor, True), right)
 
     def _choose(self, y: np.ndarray) -> None:
+        """Choose the penalty by generalised cross-validation, and fit the coefficients to y (n,)."""
         b, count = self._designs[0], float(self._weight.sum())
         gram = _band(sparse.csr_matrix(b.T @ sparse.diags(self._weight) @ b))
         right, probes = b.T @ (self._weight * y), b.T @ (self._weight[:, None] * self._probes)
@@ -109,7 +111,7 @@ class OscillationSpline:
 
 
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
-    """Return the map from coefficients to the order-th derivative at x (n,), (n, coefficients)."""
+    """Return the matrix from coefficients to the derivative of an order at x (n,), (n, number of coefficients)."""
     size = knots.size - DEGREE - 1
     down = sparse.identity(size, format="csr")
     for d in range(order):
@@ -123,7 +125,7 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
 
 
 def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
-    """Return ∫(Lx)² as a quadratic form of the coefficients, L in units of frequency⁵."""
+    """Return the matrix of ∫(Lx)² as a quadratic form of the coefficients, with L in units of frequency⁵."""
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = knots[DEGREE : knots.size - DEGREE]
     half = np.diff(ends)[:, None] / 2
@@ -135,5 +137,5 @@ def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
 
 
 def _band(matrix: sparse.csr_matrix) -> np.ndarray:
-    """Return the lower band of a symmetric matrix in the layout of LAPACK, (DEGREE + 1, size)."""
+    """Return the lower band of a symmetric matrix in LAPACK's layout, (DEGREE + 1, size)."""
     return np.array([np.r_[matrix.diagonal(-k), np.zeros(k)] for k in range(DEGREE + 1)])

@@ -1,6 +1,7 @@
-"""The weak form: smooth compact test functions against a record, and the sparse regression of its rows.
+"""The weak form of the equation of motion: test functions, and sparse regression with correlated errors.
 
-The rows have correlated errors, and there is noise in their columns.
+Each row is the equation integrated against one compact test function. The rows have correlated errors, and their
+columns have noise.
 """
 
 from __future__ import annotations
@@ -14,24 +15,24 @@ from scipy import sparse
 from scipy.interpolate import make_interp_spline
 
 POWER = 6
-"""φ(s) = (1 − s²)^POWER on [−1, 1]: quadrature by the trapezoidal rule is then exact to rounding."""
+"""Power of the test function φ(s) = (1 − s²)^POWER on [−1, 1]; the trapezoidal rule is then exact to rounding."""
 OVERLAP = 8
-"""Test functions in one width."""
+"""Number of test functions that begin within one width."""
 LEAST_EIGENVALUE = 1e-7
-"""Combinations of rows whose noise has less variance than this share of the noisiest do not count."""
+"""Eigenvectors of the rows' covariance with an eigenvalue below this fraction of the largest are left out."""
 FLOOR = 1e-6
-"""A part of the inertia smaller than this share of it is no evidence for a term."""
+"""Smallest residual that is distinguished from zero, as a fraction of the inertia."""
 NOISELESS = 1e-7
-"""Noise below this share of the inertia, both in units of noise, biases nothing."""
+"""Noise below this fraction of the inertia (per row, in whitened units) is ignored as a bias."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """One run of samples on a uniform clock.
+    """A piece of the record on an even clock.
 
-    h: spacing in s. y (n,): the recorded quantity. theta, omega (n,): the state that nonlinear functions are
-    evaluated at. velocity: the map from samples to omega, (n, n), if noise is known to pass through it, else empty.
-    order: how often the recorded quantity is already differentiated, 0 to 2.
+    h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): the state, at which functions of the
+    library are evaluated. velocity (n, n): the matrix from samples to omega; empty for a recorded velocity or
+    acceleration. order: order of the recorded derivative of the displacement, 0 to 2.
     """
 
     h: float
@@ -42,8 +43,8 @@ class Stretch:
     order: int
 
 
-def uniform(t: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return times and curves, each (n,), on a uniform clock: as they are, or by cubic interpolation."""
+def to_even_clock(t: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return times and curves, (n,) each, on an even clock, by cubic interpolation if the times are uneven."""
     gaps = np.diff(t)
     if np.all(np.abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()):
         return (t, *curves)
@@ -52,15 +53,15 @@ def uniform(t: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def derivatives(s: np.ndarray, order: int) -> np.ndarray:
-    """Return the order-th derivative by s of (1 − s²)^POWER, of the shape of s; 0 outside [−1, 1]."""
+    """Return the derivative of an order of (1 − s²)^POWER by s; 0 outside [−1, 1]. The shape is that of s."""
     bump = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** POWER
     return np.where(np.abs(s) < 1, bump.deriv(order)(s) if order else bump(s), 0.0)
 
 
-def weights(n: int, h: float, width: float, order: int) -> sparse.csr_matrix:
-    """Return weights (m, n) of n samples h apart; row j is (−1)^order h φ_j^(order).
+def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.csr_matrix:
+    """Return the weights (m, n) by which n samples, h (s) apart, are integrated against derivatives of test functions.
 
-    φ_j has unit integral and is `width` s wide.
+    Row j is (−1)^order h φ_j^(order), where φ_j has unit integral and is `width` (s) wide.
     """
     half = max(int(width / h) // 2, POWER)
     step = max(2 * half // OVERLAP, 1)
@@ -75,7 +76,7 @@ def weights(n: int, h: float, width: float, order: int) -> sparse.csr_matrix:
 
 @lru_cache(maxsize=256)
 def _kernel(half: int) -> np.ndarray:
-    """Return weights of −ψ′ at −half … half samples, exact for polynomials up to degree six; unit spacing."""
+    """Return the weights of −ψ′ at −half … half samples (unit spacing), exact for polynomials up to degree 6."""
     j = np.arange(-half, half + 1.0)
     s = j / (half + 1.0)
     basis = np.stack([s ** (2 * i + 1) * (1 - s**2) ** 3 for i in range(3)])
@@ -84,18 +85,18 @@ def _kernel(half: int) -> np.ndarray:
 
 
 def kernel_half_width(h: float, frequency: float, size: float, noise: float, most: int) -> int:
-    """Return half the width in samples of the kernel whose velocity has the least mean square error.
+    """Return the half width (samples) of the kernel −ψ′ whose velocity has the smallest mean square error.
 
-    The velocity has amplitude `size` at `frequency` (rad/s), and a hundredth of it at three times that, as the flanks
-    of friction cause; the displacement has white noise of standard deviation `noise`. most: the widest that is tried.
+    The assumed velocity has amplitude `size` at `frequency` (rad/s) and a third harmonic of one hundredth of it, as dry
+    friction causes; the displacement has white noise of standard deviation `noise`. most: largest half width.
     """
     best, least = 4, np.inf
     for half in range(4, max(most, 4) + 1, max(1, most // 60)):
         kernel, j = _kernel(half) / h, np.arange(-half, half + 1)
         wrong = 0.0
-        for factor, share in ((1, 1.0), (3, 0.01)):
+        for factor, fraction in ((1, 1.0), (3, 0.01)):
             w = factor * frequency
-            wrong += (share * size * (float(kernel @ np.sin(w * j * h)) / w - 1.0)) ** 2 / 2
+            wrong += (fraction * size * (float(kernel @ np.sin(w * j * h)) / w - 1.0)) ** 2 / 2
         wrong += noise**2 * float(kernel @ kernel)
         if wrong < least:
             best, least = half, wrong
@@ -103,7 +104,7 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
 
 
 def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
-    """Return the map (n, n) from a record to its convolution with −ψ′; one-sided kernels near the ends."""
+    """Return the matrix (n, n) that convolves a record with −ψ′, with one-sided kernels near the ends."""
     half = min(half, (n - 1) // 2)
     j = np.arange(-half, half + 1)
     inside = np.arange(half, n - half)
@@ -130,10 +131,10 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
 
 @dataclass(frozen=True)
 class Rows:
-    """The weak form: inertia + columns x = noise, over m test functions.
+    """The weak form, inertia + columns · x = 0 apart from noise, for m test functions and p terms.
 
-    inertia (m,), columns (m, p); noise: per stretch the map of the samples' noise into inertia, and into each
-    column, all (m_i, n_i).
+    inertia (m,), columns (m, p). noise: for each piece of the record the derivatives by its samples of the inertia, and
+    of each column, (m_i, n_i) each.
     """
 
     inertia: np.ndarray
@@ -143,10 +144,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class WhiteRows:
-    """Rows whose errors are independent and have the variance of a sample's noise, rotated onto the columns.
+    """Rows with independent errors that have the variance of a sample's noise.
 
-    inertia (p + 1,), columns (p + 1, p); count: rows before the rotation.
-    moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ) of the noise maps of all columns and, last, the inertia.
+    inertia (p + 1,), columns (p + 1, p): after an orthogonal transformation to p + 1 rows. count: number of rows before
+    it. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the derivatives B_k of all columns and, last, the inertia.
     """
 
     inertia: np.ndarray
@@ -156,10 +157,9 @@ class WhiteRows:
 
 
 def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> WhiteRows:
-    """Return rows with independent errors, if the coefficients are x (p,).
+    """Return rows with independent errors, for coefficients x (p,).
 
-    sigma: standard deviation of the samples' noise. wanted (p,): the columns whose noise is computed; none are if
-    there is no noise.
+    sigma: standard deviation of the samples' noise. wanted (p,): the columns whose moments are computed.
     """
     maps = [sum((c * b for c, b in zip(x, columns) if c != 0.0), first) for first, columns in rows.noise]
     values, vectors = np.linalg.eigh(sparse.block_diag([a @ a.T for a in maps]).toarray())
@@ -183,11 +183,11 @@ def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> White
 
 @dataclass(frozen=True)
 class Solution:
-    """Coefficients (p,) and their standard errors (p,).
+    """A sparse solution: coefficients x (p,) and their standard errors (p,).
 
-    support (p,): the terms, of bool. left: the residual's sum of squares; expected: its expectation from the noise of
-    inertia and columns. sound: whether the noise lets the terms be distinguished; otherwise its bias is still in the
-    coefficients. score: see `sparse_path`. threshold: the least t-value.
+    support (p,): whether each term is used. left: residual sum of squares. expected: its expectation from the noise of
+    inertia and columns. sound: whether the terms can be distinguished despite the noise; otherwise the coefficients are
+    not corrected for bias. score: see `sparse_path`. threshold: the smallest t-value.
     """
 
     support: np.ndarray
@@ -201,9 +201,9 @@ class Solution:
 
 
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
-    """Solve for the terms in `support` (p,), without the bias from noise in their columns.
+    """Solve for the terms in `support` (p,), and correct the bias from noise in their columns.
 
-    A residual b + Gx with noise (A₀ + Σ x_l B_l) n, of covariance C, gives GᵀC⁻¹r the mean
+    The residual r = b + Gx has the noise (A₀ + Σ x_l B_l) n of covariance C. The mean of GᵀC⁻¹r is therefore
     σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is subtracted.
     """
     terms = np.flatnonzero(support)
@@ -216,7 +216,7 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
     plain = -inverse @ b
     free = gram - own
     sound = bool(np.linalg.eigvalsh(free)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]) if terms.size else True
-    # A step from the plain solution, so that nothing is lost if there is no noise.
+    # The correction is added to the plain solution, so that there is no loss of digits without noise.
     x = plain + (np.linalg.solve(free, mixed + own @ plain) if sound else 0.0)
     left = float(np.sum((b + a @ x) ** 2))
     sd = np.sqrt(left / max(white.count - terms.size, 1))
@@ -228,11 +228,10 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
 
 
 def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[Solution]:
-    """Return sparse solutions: for every set of damping terms the others fall in the order of their t-values.
+    """Return sparse solutions: for every set of damping terms, other terms are removed in the order of their t-values.
 
-    The score is the Bayesian information criterion for errors of known size. Solutions with negative damping are
-    excluded, and so are those whose terms the noise does not let be distinguished. dissipates (p,): which terms are
-    damping.
+    The score is the Bayesian information criterion for errors of known size. Solutions with negative damping, and those
+    whose terms cannot be distinguished despite the noise, are excluded. dissipates (p,): which terms are damping.
     """
     floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
     damping = np.flatnonzero(dissipates)

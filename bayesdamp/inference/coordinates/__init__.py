@@ -1,1 +1,1 @@
-"""Coordinates in which a posterior is round, and distributions that approximate it."""
+"""Coordinates in which a posterior is nearly standard normal, and distributions that approximate it."""

@@ -1,4 +1,4 @@
-"""A normal distribution of the scores that ends where a reflected one is zero."""
+"""A normal distribution of scores, truncated where a reflected score is zero (its walls)."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
 H = 0.01
-"""Whitened units to each side over which gradients are compared for the Hessian."""
+"""Step, in whitened coordinates, of the differences of gradients that give the Hessian."""
 RARE = 0.02
-"""Share inside the walls below which importance resampling replaces rejection."""
+"""Probability inside the walls below which draws are made by importance resampling instead of rejection."""
 MOMENT_DRAWS = 20_000
-"""Draws of a normal distribution between walls, for its moments."""
+"""Number of draws from which moments of a truncated distribution are computed."""
 FAR = 8.0
-"""A wall this many sds away has no effect."""
+"""Distance of a wall from the mean, in sds, from which it is ignored."""
 
 
 class TruncatedNormal:
-    """N(mean, covariance), shapes (d,) and (d, d), where the reflected scores, (d,) of bool, are not negative.
+    """N(mean, covariance), shapes (d,) and (d, d), restricted to non-negative values of the reflected scores, (d,).
 
-    `walls` has the indices of the reflected scores that are near enough to zero for this to matter.
+    `walls`: indices of the reflected scores for which the restriction matters.
     """
 
     def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
@@ -34,7 +34,7 @@ class TruncatedNormal:
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (d,) and the Cholesky factor of the covariance (d, d) of the part inside the walls."""
+        """Mean (d,) and Cholesky factor of the covariance (d, d) of the truncated distribution."""
         none = np.zeros(self.mean.size)
         return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
@@ -60,16 +60,16 @@ class TruncatedNormal:
 def truncated_moments(
     information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the moments of a normal distribution that ends at zero in the reflected scores.
+    """Return the moments of a normal distribution that is truncated where a reflected score is zero.
 
     Parameters
     ----------
     information : ndarray, shape (d, d)
-        Inverse of its covariance.
+        Inverse covariance of the normal distribution.
     gradient : ndarray, shape (d,)
-        Gradient of its log density at `at`.
+        Gradient of its log density at the point `at`.
     at : ndarray, shape (d,)
-        A point.
+        The point.
     reflected : ndarray of int
         Indices of the reflected scores.
 
@@ -84,16 +84,21 @@ def truncated_moments(
     reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
     if reflected.size:
         inner = covariance[np.ix_(reflected, reflected)]
-        rng, places = np.random.default_rng(0), np.arange(reflected.size)  # it only shapes coordinates
-        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), places, MOMENT_DRAWS)
-        # The other scores follow the reflected ones linearly.
-        follow = covariance[:, reflected] @ np.linalg.inv(inner)
-        mean = mean + follow @ (inside.mean(axis=0) - mean[reflected])
-        covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
+        rng, every = (
+            np.random.default_rng(0),
+            np.arange(reflected.size),
+        )  # a fixed seed: these only define coordinates
+        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), every, MOMENT_DRAWS)
+        # Regression of all scores on the reflected ones.
+        regression = covariance[:, reflected] @ np.linalg.inv(inner)
+        mean = mean + regression @ (inside.mean(axis=0) - mean[reflected])
+        covariance = (
+            covariance + regression @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ regression.T
+        )
     return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
 
 
-def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
+def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,)."""
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
@@ -103,16 +108,16 @@ def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> Truncated
 
 
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
-    """Return the truncated normal with the log posterior's gradient and whole Hessian at the mode.
+    """Return the truncated normal with the gradient and the full Hessian of the log posterior at the mode.
 
-    The Hessian is a difference of gradients, from a point that is moved away from a wall so far that none crosses it. A
-    mode at zero, where the gradient is not zero, gives a normal with its mean beyond the wall. One shared scale of the
-    coefficients represents all scales near the mode.
+    The Hessian is computed by differences of gradients, about a point that is far enough from all walls. For a mode at
+    zero, where the gradient is not zero, the mean of the normal distribution is negative. The common prior scale of
+    coefficients is that of `Mode.near`.
 
     Raises
     ------
     Refusal
-        Where the Hessian is not positive definite.
+        If the Hessian is not positive definite.
     """
     reflected, factor = target.reflected, mode.factor
     at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)

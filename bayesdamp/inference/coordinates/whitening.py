@@ -1,6 +1,8 @@
-"""Coordinates in which a posterior is round: its curved ridge is straightened, and it is whitened.
+"""Coordinates in which a posterior is nearly standard normal.
 
-A shear straightens the ridge of the motion's parameters, and a map makes the posterior of correlated noise's normal.
+From scores to coordinates in three steps: `NoiseMap` transforms the scores of correlated noise so that their posterior
+is normal ("level" scores); `Shear` straightens a curved ridge of the parameters of the motion ("straight" scores); and
+`Whitening` subtracts the mean and divides by a Cholesky factor of the covariance (u).
 """
 
 from __future__ import annotations
@@ -23,53 +25,54 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 FIRST_STEP = 0.5
-"""First step along the ridge of tied parameters of the noise, in posterior sds at the mode."""
-SMALL_FALL, LARGE_FALL = 0.4, 1.5
-"""Changes of the log density, in nats, below which steps grow and above which they shrink."""
+"""First step along the ridge of the tied parameters of the noise, in posterior sds at the mode."""
+SMALL_CHANGE, LARGE_CHANGE = 0.4, 1.5
+"""Changes of the log density in a step (nats) below which steps are lengthened and above which they are shortened."""
 GROWTH = 1.6
-"""Factor by which steps grow and shrink."""
+"""Factor by which steps are lengthened and shortened."""
 DEEPEST = 16.0
-"""Fall of the log density, in nats, at which the ridge ends: about 5.6 sds of a normal distribution."""
+"""Decrease of the log density (nats) at which the ridge ends: 5.7 sds of a normal distribution."""
 MOST_STEPS = 60
-"""Largest number of steps to each side."""
-FEWEST = 4
-"""Smallest number of steps in all for which the map is not the identity."""
+"""Greatest number of steps to each side."""
+LEAST_STEPS = 4
+"""Number of points on the ridge up to which the map is the identity."""
 PARTS = 8
-"""Parts of each step on which the log density is interpolated."""
+"""Number of parts of each step, on which the log density is interpolated."""
 WIDEST = 4.5
-"""Normal score up to which the noise's map is tabulated; beyond, it is a straight line."""
+"""Level score up to which the map of the noise is tabulated; beyond, it is linear."""
 FAR = 1000.0
-"""Normal score at which the straight lines end."""
+"""Level score at which the linear parts end."""
 NEWTON_STEPS = 6
-"""Steps of Newton's method that invert the map; it starts so close that four are enough."""
-WIDE = 2
-"""Number of scores along which a ridge may run."""
+"""Number of Newton steps that invert the map (four are enough)."""
+RIDGE_DIMENSIONS = 2
+"""Number of scores along which a ridge may extend (its wide scores)."""
 REACH = 1.5
-"""Distance from the mode, in posterior sds, at which the ridge is measured."""
+"""Distance from the mode, in posterior sds, at which the curvature of the ridge is measured."""
 VISIBLE = 0.02
-"""Distance of the ridge from its tangent at one sd, in whitened units, from which it is worth straightening."""
+"""Distance of the ridge from its tangent at one sd, in whitened units, from which it is straightened."""
 H = 0.3
-"""Step of second differences in whitened units: they reach 0.6 sds from the centre, and the mean of a truncated
-distribution is an sd or more from the wall."""
-FLATTEST = 0.1
-"""Smallest curvature that is believed, in units of the Gauss–Newton one."""
+"""Step of second differences in whitened units. They extend to 0.6 sds from the mean of the truncated distribution,
+which
+is about one sd or more from the wall."""
+LEAST_CURVATURE = 0.1
+"""Smallest curvature that is used, in units of the Gauss–Newton curvature."""
 
 
 @dataclass(frozen=True)
 class NoiseMap:
-    """Scores of the noise as functions of level ones: the second of two tied parameters, and a shift of the first.
+    """A map from level scores to scores, which changes two parameters of the noise whose posterior is not normal.
 
-    The level score of the second parameter has a standard normal posterior, whatever the shape of that parameter's own
-    posterior: it may be skew, with a steep wall on one side and the prior's tail on the other, as the correlation time
-    of noise is that is not correlated. The first parameter is shifted along the ridge, its most probable value given
-    the second. All other scores are level ones.
+    The second of the two (tied) parameters, such as a correlation time, can have a very skew posterior. Its level score
+    is the standard normal quantile of its marginal posterior. The level score of the first parameter is its score minus
+    its most probable value given the second. All other level scores are equal to the scores.
 
     Attributes
     ----------
     first, second : int
-        Indices of the parameters.
+        Indices of the two parameters.
     table : PPoly or None
-        Score of the second and shift of the first, as functions of the second's level score; None for the identity.
+        Score of the second and shift of the first parameter, as functions of the level score of the second; None for
+        the identity.
     """
 
     first: int = 0
@@ -78,24 +81,24 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map of the target's noise; the identity without tied parameters that are both inferred."""
+        """Return the map for a target; the identity unless two tied parameters of the noise are inferred."""
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
             return cls()
         first, second = map(target.names.index, tied)
         if target.reflected[first] or target.reflected[second]:
             return cls()
-        scores, heights, firsts = _profile(target, mode, first, second)
-        if scores.size <= FEWEST:
+        scores, log_densities, firsts = _profile(target, mode, first, second)
+        if scores.size <= LEAST_STEPS:
             return cls()
         fine = np.append(
             (scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS) / PARTS).ravel(), scores[-1]
         )
-        heights = scipy.interpolate.Akima1DInterpolator(scores, heights)(fine)
-        density = np.exp(heights - np.max(heights))
+        log_densities = scipy.interpolate.Akima1DInterpolator(scores, log_densities)(fine)
+        density = np.exp(log_densities - np.max(log_densities))
         parts = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
-        # The normal score of the cumulative probability. Each half is computed from its own end, so that no digits are
-        # lost in the tails. Both ends are infinite.
+        # The standard normal quantile of the cumulative probability. Each half is summed from its own end, so that the
+        # tails are accurate. Both ends are infinite.
         below = np.append(0.0, np.cumsum(parts)) / parts.sum()
         above = np.append(np.cumsum(parts[::-1])[::-1], 0.0) / parts.sum()
         level = np.where(
@@ -106,14 +109,14 @@ class NoiseMap:
         inside = np.abs(level) < WIDEST
         shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         level, values = level[inside], np.stack([fine, shift], axis=1)[inside]
-        # Monotone between the points, and along straight lines beyond them.
+        # Monotone interpolation between the points, linear extrapolation beyond them.
         low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + FAR)
         high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (FAR - level[-1])
         level, values = np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]])
         return cls(first, second, scipy.interpolate.PchipInterpolator(level, values))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
-        """Return the scores of level ones, both (..., d)."""
+        """Return the scores for level scores, (..., d) each."""
         if self.table is None:
             return level
         scores, values = level.copy(), self.table(level[..., self.second])
@@ -122,21 +125,21 @@ class NoiseMap:
         return scores
 
     def level(self, scores: np.ndarray) -> np.ndarray:
-        """Return the level scores of scores, both (..., d)."""
+        """Return the level scores for scores, (..., d) each (by Newton's method)."""
         if self.table is None:
             return scores
-        level, own = scores.copy(), scores[..., self.second]
-        cell = np.clip(np.searchsorted(self._knots, own, side="right") - 1, 0, self._knots.size - 2)
-        low, high = self.table.x[cell], self.table.x[cell + 1]
-        v = np.interp(own, self._knots, self.table.x)
+        level, wanted = scores.copy(), scores[..., self.second]
+        interval = np.clip(np.searchsorted(self._knots, wanted, side="right") - 1, 0, self._knots.size - 2)
+        low, high = self.table.x[interval], self.table.x[interval + 1]
+        v = np.interp(wanted, self._knots, self.table.x)
         for _ in range(NEWTON_STEPS):
-            v = np.clip(v - (self.table(v)[..., 0] - own) / self._rate(v)[..., 0], low, high)
+            v = np.clip(v - (self.table(v)[..., 0] - wanted) / self._rate(v)[..., 0], low, high)
         level[..., self.second] = v
         level[..., self.first] -= self.table(v)[..., 1]
         return level
 
     def slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the level ones, (..., d, d), at level scores (..., d)."""
+        """Return the derivatives of the scores by the level scores, (..., d, d), at level scores (..., d)."""
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
         if self.table is not None:
             rate = self._rate(level[..., self.second])
@@ -145,7 +148,7 @@ class NoiseMap:
         return slope
 
     def log_volume(self, level: np.ndarray) -> np.ndarray:
-        """Return the log of the determinant of `slope`, (...), at level scores (..., d)."""
+        """Return the log determinant of `slope`, (...), at level scores (..., d)."""
         if self.table is None:
             return np.zeros(level.shape[:-1])
         return np.log(self._rate(level[..., self.second])[..., 0])
@@ -154,8 +157,8 @@ class NoiseMap:
         """Return the derivatives of `log_volume`, (d,), at level scores (d,)."""
         slope = np.zeros(level.size)
         if self.table is not None:
-            own = level[self.second]
-            slope[self.second] = self._bend(own)[0] / self._rate(own)[0]
+            x = level[self.second]
+            slope[self.second] = self._second_derivative(x)[0] / self._rate(x)[0]
         return slope
 
     @cached_property
@@ -170,28 +173,33 @@ class NoiseMap:
         return self.table.derivative()
 
     @cached_property
-    def _bend(self) -> PPoly:
+    def _second_derivative(self) -> PPoly:
         return self._rate.derivative()
 
 
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
-    """Maximise the log posterior over some scores from z, (d,), with the rest fixed.
+    """Maximise the log posterior over some of the scores, with the others fixed.
 
     Parameters
     ----------
     mode : Mode
-        Of the posterior.
+        Mode of the posterior.
     reflected : ndarray of bool, shape (d,)
-        Which scores end at zero.
+        Which scores must not be negative.
     z : ndarray, shape (d,)
-        Start.
+        Start of the search.
     others : ndarray of int, shape (k,)
-        The scores that vary.
+        Indices of the scores that vary.
+
+    Returns
+    -------
+    Maximum
+        The maximum over these scores, (k,).
 
     Raises
     ------
     Refusal
-        Where the posterior is not finite there.
+        If the posterior is not finite there.
     """
 
     def at(inner: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -202,19 +210,20 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
 
     top = maximise(at, reflected[others], z[others], limit=20)
     if not np.isfinite(top.value):
-        raise Refusal("the ridge ends")
+        raise Refusal("the log posterior on the ridge is not finite")
     return top
 
 
 def _profile(
     target: Target, mode: Mode, first: int, second: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return scores of the second parameter, their marginal log density, and the first's score there, (m,) each.
+    """Compute the marginal posterior of the second parameter by steps along its ridge, to both sides of the mode.
 
-    The marginal is Laplace's: the height of the ridge and the volume of the other scores about it.
+    Returns scores of the second parameter, their marginal log density by Laplace's approximation over all other scores,
+    and the most probable score of the first parameter there, (m,) each.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
-    place = int(np.searchsorted(others, first))
+    index = int(np.searchsorted(others, first))
 
     def at(score: float, inner: np.ndarray) -> tuple[float, np.ndarray]:
         z = np.insert(inner, second, score)
@@ -227,50 +236,50 @@ def _profile(
     except Refusal:
         return np.empty(0), np.empty(0), np.empty(0)
     highest = centre[1]
-    for way in (-1.0, 1.0):
-        (score, height, inner), side = centre, []
+    for sign in (-1.0, 1.0):
+        (score, log_density, inner), side = centre, []
         step = FIRST_STEP * float(mode.sd()[second])
         for _ in range(MOST_STEPS):
-            if height < highest - DEEPEST:
+            if log_density < highest - DEEPEST:
                 break
             try:
-                next_height, next_inner = at(score + way * step, inner)
+                next_log_density, next_inner = at(score + sign * step, inner)
             except Refusal:
                 break
-            change = abs(next_height - height)
-            if change > 2 * LARGE_FALL:
+            change = abs(next_log_density - log_density)
+            if change > 2 * LARGE_CHANGE:
                 step /= GROWTH**2
                 continue
-            score, height, inner = score + way * step, next_height, next_inner
-            side.append((score, height, inner))
-            highest = max(highest, height)
-            step *= GROWTH if change < SMALL_FALL else 1 / GROWTH if change > LARGE_FALL else 1.0
+            score, log_density, inner = score + sign * step, next_log_density, next_inner
+            side.append((score, log_density, inner))
+            highest = max(highest, log_density)
+            step *= GROWTH if change < SMALL_CHANGE else 1 / GROWTH if change > LARGE_CHANGE else 1.0
         sides.append(side)
     points = [*sides[0][::-1], centre, *sides[1]]
     return (
         np.array([p[0] for p in points]),
         np.array([p[1] for p in points]),
-        np.array([p[2][place] for p in points]),
+        np.array([p[2][index] for p in points]),
     )
 
 
 @dataclass(frozen=True)
 class Shear:
-    """A shear whose Jacobian is one, and a map of the noise's parameters, which mirror images share.
+    """A map from straight scores to scores: a shear with unit determinant, followed by the map of the noise.
 
-    Level scores are `straight` ones plus a quadratic form of their wide components; the noise's map makes scores of
-    them. The quadratic form changes neither the wide nor the reflected scores.
+    Level scores are straight scores plus a quadratic form of the few wide scores. The quadratic form is zero for the
+    wide and the reflected scores themselves.
 
     Attributes
     ----------
     centre : ndarray, shape (d,)
-        Where the form is flat.
+        Point at which the quadratic form and its derivative are zero.
     wide : ndarray of int, shape (k,)
-        Indices of the wide scores.
+        Indices of the wide scores, along which the ridge extends.
     curve : ndarray, shape (d, k, k)
-        The quadratic form, zero for the wide and the reflected scores.
+        The quadratic form.
     noise : NoiseMap
-        The map of the noise's parameters.
+        The map of the parameters of the noise.
 
     References
     ----------
@@ -285,33 +294,33 @@ class Shear:
     @classmethod
     def none(cls, d: int) -> Shear:
         """Return the identity."""
-        wide = np.arange(min(WIDE, d))
+        wide = np.arange(min(RIDGE_DIMENSIONS, d))
         return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseMap())
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return the map of the noise alone."""
+        """Return the map of the noise without a shear."""
         return replace(cls.none(mode.z.size), noise=NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
-        """Return the scores of straightened ones, both (..., d)."""
+        """Return the scores for straight scores, (..., d) each."""
         return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Return the scores of straightened ones before the map of the noise, both (..., d)."""
+        """Return the level scores for straight scores, (..., d) each."""
         return straight + self._shift(straight) if self._curved else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
-        """Return straightened scores, both (..., d)."""
+        """Return the straight scores for scores, (..., d) each."""
         level = self.noise.level(scores)
         return level - self._shift(level) if self._curved else level
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
+        """Return the derivatives of the scores by the straight scores, (d, d), at one point (d,)."""
         return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
 
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
-        """Return the log of the determinant of the scores' derivatives, (...), at straightened scores (..., d)."""
+        """Return the log determinant of `slope`, (...), at straight scores (..., d)."""
         return self.noise.log_volume(self.level(straight))
 
     def volume_slope(self, straight: np.ndarray) -> np.ndarray:
@@ -327,10 +336,11 @@ class Shear:
 
     @cached_property
     def _curved(self) -> bool:
-        """Whether any score is moved at all."""
+        """Whether the quadratic form is not zero."""
         return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
+        """Return the quadratic form at straight or level scores z, (..., d); both have the same wide scores."""
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
         size = self.wide.shape[0] ** 2
@@ -338,26 +348,27 @@ class Shear:
 
 
 def shear_of(target: Target, mode: Mode) -> Shear | None:
-    """Return the shear that straightens a posterior's ridge; None where the ridge is straight.
+    """Return the shear that straightens the ridge of a posterior; None if the ridge is straight.
 
-    The ridge is the line of highest posterior at given wide scores, those that determine each other least. Its second
-    differences are taken at `REACH` posterior sds. A product of two parameters of which the data determine only one
-    direction has such a ridge, as gravity and spring of the horizontal pendulum do.
+    The ridge is the set of conditional maxima given the wide scores, which are the scores with the largest standard
+    deviations, each given the ones before it. Its curvature is measured by second differences at `REACH` posterior sds.
+    A ridge occurs if the record determines only one combination of parameters, such as gravity and stiffness of the
+    horizontal pendulum.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
-    among, left = np.flatnonzero(~reflected & moving), covariance.copy()
-    widest: list[int] = []  # the scores with the largest sds, each given the ones before it
-    for _ in range(min(WIDE, among.size)):
-        i = int(among[int(np.argmax(np.diag(left)[among]))])
-        if left[i, i] <= 1e-12:
+    among, remaining = np.flatnonzero(~reflected & moving), covariance.copy()
+    widest: list[int] = []
+    for _ in range(min(RIDGE_DIMENSIONS, among.size)):
+        i = int(among[int(np.argmax(np.diag(remaining)[among]))])
+        if remaining[i, i] <= 1e-12:
             break
         widest.append(i)
-        left = left - np.outer(left[:, i], left[:, i]) / left[i, i]
+        remaining = remaining - np.outer(remaining[:, i], remaining[:, i]) / remaining[i, i]
     wide = np.array(widest, int)
     others = np.setdiff1d(np.arange(d), wide)
-    if wide.size < min(WIDE, d) or np.all(reflected[others]):
+    if wide.size < min(RIDGE_DIMENSIONS, d) or np.all(reflected[others]):
         return None
     root = np.linalg.cholesky(covariance[np.ix_(wide, wide)])
     noise, k = NoiseMap.of(target, mode), wide.size
@@ -372,7 +383,7 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     except Refusal:
         return None
     curve[reflected] = 0.0
-    # The difference along (e_a + e_b)/√2 is half the sum of both second derivatives plus the mixed one.
+    # The second derivative along (e_a + e_b)/√2 is the mixed derivative plus half the sum of the other two.
     for a in range(k):
         for b in range(a):
             mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
@@ -388,9 +399,9 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
 def _ridge(
     target: Target, mode: Mode, noise: NoiseMap, wide: np.ndarray, others: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Return the level scores `others`, (d − k,), that are highest where the wide scores are moved by `step`, (k,).
+    """Return the level scores `others`, (d − k,), at the conditional maximum with wide scores changed by `step`, (k,).
 
-    Raises Refusal where the posterior is not finite there.
+    Raises Refusal if the posterior is not finite there.
     """
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
@@ -403,20 +414,22 @@ def _ridge(
 
 @dataclass(frozen=True)
 class Whitening:
-    """Straightened scores are centre + factor @ u, where u has mean about 0 and covariance about the identity.
+    """The map from coordinates u to straight scores, centre + factor @ u.
+
+    The posterior of u has nearly zero mean and unit covariance.
 
     Attributes
     ----------
     centre : ndarray, shape (d,)
-        Straightened scores at u = 0.
+        Straight scores at u = 0.
     factor : ndarray, shape (d, d)
-        As above.
+        Cholesky factor of the covariance of straight scores.
     lacking : ndarray, shape (d, d)
-        Curvature that the linearised motion lacks at the centre.
+        Full negative Hessian of the log posterior at the centre minus that for a linearised motion.
     good : bool
-        Whether the curvature could be measured.
+        Whether the Hessian is finite.
     shear : Shear
-        Straightens scores.
+        Map from straight scores to scores.
     """
 
     centre: np.ndarray
@@ -426,36 +439,41 @@ class Whitening:
     shear: Shear
 
     def straight(self, u: np.ndarray) -> np.ndarray:
-        """Return straightened scores at coordinates u, both (..., d)."""
+        """Return the straight scores at coordinates u, (..., d) each."""
         return self.centre + u @ self.factor.T
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return scores at coordinates u, both (..., d)."""
+        """Return the scores at coordinates u, (..., d) each."""
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:
-        """Return the log volume of scores per volume of straightened ones, (...), at coordinates u, (..., d)."""
+        """Return the log determinant of the derivatives of scores by straight scores, (...), at u, (..., d)."""
         return self.shear.log_volume(self.straight(u))
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
-        """Return coordinates of scores z, both (m, d)."""
+        """Return the coordinates u of scores z, (m, d) each."""
         return np.linalg.solve(self.factor, (self.shear.straight(z) - self.centre).T).T
 
 
 def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
-    """Return the coordinates of a posterior from its mode, and the gradient and the whole curvature near it.
+    """Return whitened coordinates of a posterior, from the gradient and the full Hessian near its mode.
 
-    Where laws may hold approximately, the posterior is a mixture that is wider than its mode. The coordinates are then
-    those of the linear model's draws.
+    With deviations from the laws, the posterior is a mixture; the coordinates then have the moments of the draws of the
+    linear model.
 
     Parameters
     ----------
     target : Target
-        Whose posterior it is.
+        The target of the posterior.
     mode : Mode
-        Its mode.
+        Mode of the posterior.
     shear : Shear, optional
-        Of its ridge, where that is to be straightened; by default that of its noise alone.
+        Map that straightens its ridge; by default only the map of the noise.
+
+    Returns
+    -------
+    Whitening
+        The coordinates.
     """
     d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
@@ -472,15 +490,15 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
-    believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
-    factor = truncated_moments(believed, slope_at(mode, shear, centre), centre, reflected)[1]
+    limited = inverse.T @ (vectors * np.maximum(values, LEAST_CURVATURE)) @ vectors.T @ inverse
+    factor = truncated_moments(limited, slope_at(mode, shear, centre), centre, reflected)[1]
     return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
 
 
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
-    """Return a normal approximation of a posterior in straightened scores: a centre, (d,), and a factor, (d, d).
+    """Return the normal approximation at the mode in straight scores: a centre, (d,), and a Cholesky factor, (d, d).
 
-    It is that of the mode, apart from the score that the noise's map makes standard normal.
+    The score that the map of the noise makes standard normal has mean 0 and variance 1.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -494,21 +512,21 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 
 
 def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
-    """Return the gradient of the log density of straightened scores at one point, both (d,)."""
+    """Return the gradient of the log posterior density of straight scores, (d,), at one point, (d,)."""
     return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return that approximation with the gradient of the log posterior, which ends where a reflected score is zero."""
+    """Return the truncated normal with the covariance of `expansion` and the gradient of the log posterior there."""
     at, factor = expansion(target, mode, shear)
     covariance = factor @ factor.T
     return TruncatedNormal(at + covariance @ slope_at(mode, shear, at), covariance, target.reflected)
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
-    """Return the coordinates of a posterior given a combination of hyperparameters of its deviations.
+    """Return whitened coordinates of a posterior given one combination of the hyperparameters of its deviations.
 
-    They are those of the truncated normal about the mode.
+    They have the moments of the truncated normal at the mode.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
@@ -520,9 +538,10 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
 def _curvatures(
     mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return −∂² of the log posterior and of that with the motion linearised, in units of factor, both (d, d)."""
+    """Return the negative Hessians of the log posterior and of that with a linearised motion, in u, (d, d) each."""
     d = at.size
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
+    # ∂²f/∂u_i∂u_j by four-point differences: f(+,+) − f(+,−) − f(−,+) + f(−,−) over 4 H².
     corners = np.array(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.checks import Ahead
+from bayesdamp.inference.checks import Prediction
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
@@ -316,7 +316,7 @@ class Single:
         motions = at_once(DrawMotions(solver, fit.parameters, fit.active).at, u)
         return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
-    def predict_second_half(self, half: Single, z: Array, seed: int) -> Ahead:
+    def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
         """Predict the second half of the record from draws of scores, (n, d), for the first half.
 
         The deviations of the second half are drawn given those of the first. Raises Refusal where no motion can be
@@ -328,7 +328,9 @@ class Single:
             raise Refusal("no motion that fits the first half can be continued through the second")
         comparison, count = self.comparison, half.comparison.data.y.size
         second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one sample
-        return Ahead(comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise))
+        return Prediction(
+            comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise)
+        )
 
     @property
     def best(self) -> Array:

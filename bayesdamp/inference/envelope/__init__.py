@@ -1,1 +1,1 @@
-"""The damping of an envelope: its noise, its sums of damping terms, and their posterior."""
+"""Inference from an envelope: its noise, the evidence of damping sums, and their posterior."""

@@ -1,4 +1,4 @@
-"""One damping sum, or a power law, on a record: its fit, and its evidence with the deviation integrated out."""
+"""Fit a damping sum, or a power law, to an envelope, and compute its evidence with the deviation integrated out."""
 
 from __future__ import annotations
 
@@ -34,28 +34,30 @@ from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14
 """Number of knots of the deviation."""
-HOLD = 30.0
-"""Scale of a half-normal prior of the rates during a fit, in mean rates of the record. It only keeps the fit
-well-conditioned where two terms lose nearly alike, and is not a part of the evidence."""
+FIT_SCALE = 30.0
+"""Scale of a half-normal prior of the rates during a fit, in mean rates of the record. It keeps the fit
+well-conditioned if
+two terms have nearly the same effect, and is not part of the evidence."""
 START_SD = 100.0
-"""Prior sd of ln A at the start: wide, and the same in all sums."""
+"""Prior standard deviation of ln A at the start, the same in all sums."""
 SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
-"""Possible factors on the inferred noise: few readings do not determine it well."""
+"""Factors of the inferred noise over which the evidence is averaged if there are few readings."""
 SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
-"""The same with MANY readings."""
+"""The same for at least `MANY` readings, which determine the noise better."""
 MANY = 40
+"""Number of readings from which `SCALES_MANY` are used (conventional)."""
 POWER_MOST = 3.0
 """Largest exponent of a power law."""
 NEGLIGIBLE = 1e-3
-"""Weight of a combination of hyperparameters, relative to the largest, that is ignored in the curve of a picture."""
+"""Relative weight up to which a combination of hyperparameters is left out of the curve in a figure."""
 IMPROBABLE = 0.1
-"""Below this probability of a law that holds exactly, its posterior is computed alone: the whole one may lack a part of
-it."""
+"""If the exact law has less than this probability, its posterior is computed separately, because the posterior of the
+whole mixture leaves out improbable combinations."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A free decay as means over runs of readings.
+    """A free decay: means over short runs of readings, with their noise.
 
     Attributes
     ----------
@@ -64,19 +66,19 @@ class Blocks:
     x
         ln(A/A_ref), (n,).
     duration
-        In s.
+        Duration of the decay in s.
     mean_rate
-        In 1/s.
+        Mean decay rate of the amplitude in 1/s.
     floor
-        The noise floor after the decay, in units of A_ref², None where there is none.
+        The noise floor after the decay, in units of A_ref²; None without one.
     each
         Number of readings in a mean.
     frequency
-        Of the oscillation in rad/s, None where it is not known.
+        Frequency of the oscillation in rad/s; None if it is not known.
     noises
         Possible noises, each with the covariance of x, (n, n).
     inverse
-        Inverse triangle of the covariance under which fits are made, (n, n).
+        Inverse Cholesky factor of the covariance that is used in fits, (n, n).
     """
 
     t: np.ndarray
@@ -91,10 +93,9 @@ class Blocks:
 
     @property
     def unit(self) -> float:
-        """Rate in 1/s at a score of 1.
+        """The rate in 1/s that has a standard normal score of 1.
 
-        Where the frequency is not known, the middle of the prior's scales is one over the duration: the record is
-        assumed to have a middle damping ratio, and no result depends on the unit of time.
+        If the frequency is not known, the prior scales are centred on one over the duration.
         """
         if self.frequency is not None:
             return SCORE_RATIO * self.frequency
@@ -102,36 +103,36 @@ class Blocks:
 
     @property
     def with_first_noise(self) -> Blocks:
-        """The same with the first of the possible noises alone."""
+        """These blocks with only the first of the possible noises."""
         return replace(self, noises=self.noises[:1])
 
     @property
     def ends(self) -> tuple[float, float]:
-        """x at the start and at the end: means of a thirtieth of the readings."""
+        """x at the start and at the end, as means over a thirtieth of the blocks."""
         edge = max(1, self.x.size // 30)
         return float(self.x[:edge].mean()), float(self.x[-edge:].mean())
 
 
 @dataclass(frozen=True)
 class EnvelopeCandidate:
-    """A damping sum on a record, with its posterior over hyperparameters and scales of the prior.
+    """A damping sum fitted to an envelope, with its posterior.
 
     Attributes
     ----------
     law
-        The sum.
+        The decay law of the sum.
     x0, rates, fit
         The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); ln(A/A_ref), (n,).
     about
-        The posterior of the model that is linear about the fit.
+        Normal posteriors of the model that is linear about the fit.
     weighed
-        The same posterior under half-normal priors of the rates.
+        The posterior with half-normal priors of the rates.
     unit
-        Rate in 1/s at a score of 1.
+        The rate in 1/s that has a score of 1.
     scores
-        Scores of the terms' further parameters, at one point of their posterior.
+        Scores of the further parameters of terms, at one point of their posterior.
     log_share
-        Log share of that point in the sum's evidence, in nats.
+        Log fraction of the evidence of the sum that this point represents, in nats.
     """
 
     law: DecayLaw
@@ -146,25 +147,30 @@ class EnvelopeCandidate:
 
     @cached_property
     def exact(self) -> LinearPosterior:
-        """The posterior given that the law holds exactly, times its prior probability."""
+        """The posterior under the exact law; its evidence includes the prior probability of the exact law."""
         exact = self.about.size[self.weighed.combos] == 0.0
         if self.weighed.weights[exact].sum() > IMPROBABLE:
             return self.weighed.only(exact)
-        return self.about.under_priors(self.about.size == 0.0)
+        return self.about.apply_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS)."""
+        """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS). exact: whether under the exact law."""
         u, _ = (self.exact if exact else self.weighed).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean and the sd of ln(A/A_ref) at the readings with the law's deviation, (n,) both.
+        """Return the posterior mean and sd of ln(A/A_ref) at the blocks, with the deviation, (n,) each.
 
-        It is to first order about the fit, as the evidence is, and without the truncation of rates at zero.
+        They are computed to first order about the fit, like the evidence, and without the truncation of rates at zero.
         """
         d, at = self.rates.size, np.append(self.rates, self.x0)
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
-        units = [*[self.unit] * d, START_SD, 0.0, *[1.0] * KNOTS]  # the floor's error changes no amplitude
+        units = [
+            *[self.unit] * d,
+            START_SD,
+            0.0,
+            *[1.0] * KNOTS,
+        ]  # an error of the floor does not change amplitudes
         columns = np.insert(motion.tangents, d + 1, 0.0, axis=1) * units
         used = np.flatnonzero(self.weighed.weights > NEGLIGIBLE * self.weighed.weights.max())
         means, factors = self.weighed.posteriors(used)
@@ -176,7 +182,7 @@ class EnvelopeCandidate:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Terms of the sum."""
+        """Names of the damping terms."""
         return self.law.terms
 
     @property
@@ -186,59 +192,65 @@ class EnvelopeCandidate:
 
     @property
     def total(self) -> float:
-        """Log evidence over the whole grid."""
+        """Log evidence of the mixture over all hyperparameters."""
         return self.weighed.log_evidence
 
     @property
     def total_exact(self) -> float:
-        """Log evidence of the law that holds exactly, with its prior probability."""
+        """Log evidence of the exact law, including its prior probability."""
         return self.exact.log_evidence
 
 
 def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
-    """Return a solver of decays at the blocks under a law; white: matrix that whitens their noise, (n, n)."""
+    """Return a solver of the decay law at the blocks. white: matrix that whitens their noise, (n, n)."""
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
 def fit_rates(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, begin: np.ndarray | None = None
 ) -> LeastSquaresFit:
-    """Fit a sum's rates, which are not negative, and ln A at the start.
+    """Fit the rates of a sum, which are not negative, and ln A at the start.
 
     Parameters
     ----------
     blocks : Blocks
         The readings.
     law : DecayLaw
-        The sum.
+        The decay law.
     white : ndarray, shape (n, n)
-        Matrix that whitens their noise.
+        Matrix that whitens the noise.
     begin : ndarray, optional
         Rates at which the fit starts.
+
+    Returns
+    -------
+    LeastSquaresFit
+        The fit; its values are the rates in 1/s and x at the start.
     """
     rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms)) if begin is None else begin
-    for _ in range(40):  # until the amplitude still moves at the end of the record
+    for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
         if law.decay(blocks.t[-1:], _start_of(blocks), rates)[0] > blocks.x.min() - 1.0:
             break
         rates = 0.7 * rates
-    prior = SharedHalfNormal(per_ratio=HOLD * blocks.mean_rate / SCORE_RATIO)
+    prior = SharedHalfNormal(per_ratio=FIT_SCALE * blocks.mean_rate / SCORE_RATIO)
     return _fitted(blocks, law, white, dict.fromkeys(law.terms, prior), rates)
 
 
 def _start_of(blocks: Blocks) -> float:
-    """Return a first guess of x at the start."""
+    """Return a first estimate of x at the start."""
     return float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
 
 def _fitted(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
 ) -> LeastSquaresFit:
+    """Fit the parameters of a law with these priors, and x at the start, by least squares."""
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
     z = parameters.scores(dict(zip(names, map(float, (*begin, _start_of(blocks))), strict=True)))
     solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
     fitted = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
-    assert fitted is not None  # no decay escapes
+    assert fitted is not None  # every decay is finite
     return fitted
 
 
@@ -250,33 +262,39 @@ def weigh(
     log_share: float = 0.0,
     begin: np.ndarray | None = None,
 ) -> EnvelopeCandidate:
-    """Compute a sum's evidence and posterior over the grid of hyperparameters.
+    """Fit a damping sum, and compute its evidence and posterior over the grid of hyperparameters.
 
     Parameters
     ----------
     blocks : Blocks
         The readings with their noises.
     law : DecayLaw
-        The sum.
-    fitted : Candidate, optional
-        The same sum with another noise, whose fit is used.
+        The decay law of the sum.
+    fitted : EnvelopeCandidate, optional
+        The same sum with other noises, whose fit is used instead of a new one.
     scores, log_share
-        As in `EnvelopeCandidate`.
+        Attributes of the result.
     begin : ndarray, optional
-        Rates at which the fit starts, without `fitted`.
+        Rates at which a new fit starts.
+
+    Returns
+    -------
+    EnvelopeCandidate
+        The sum with its evidence.
     """
     p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse, begin).values
     motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), blocks.unit), True)
-    weighed = about.under_priors()
+    weighed = about.apply_priors()
     return EnvelopeCandidate(
         law, float(p[-1]), p[:-1], motion.y, about, weighed, blocks.unit, scores, log_share
     )
 
 
 def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weigh the power law dA/dt = -c A^p, with p uniform on 0 to POWER_MOST.
+    """Compute the evidence of the power law dA/dt = -c A^p.
 
-    c, the rate at the reference amplitude, has the prior of the rate of a single term.
+    p has a uniform prior from 0 to `POWER_MOST`; c, the rate at the reference amplitude, has the prior of a single
+    term.
 
     Parameters
     ----------
@@ -286,11 +304,11 @@ def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Returns
     -------
     log_evidence, mean, variance : ndarray, shape (b,)
-        Of p over the grid of hyperparameters.
+        Log evidence, and mean and variance of p, for each combination of hyperparameters.
     """
     begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=START_SD)
     p = _fitted(blocks, PowerLaw(), blocks.inverse, {"log_rate": wide, "exponent": wide}, begin).values
-    # Wide normals replace the priors of ln c and p; their heights are corrected below.
+    # The posterior is computed with wide normal priors of ln c and p; the evidence is corrected below.
     normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, START_SD), False)[1].normals
     power, sd = START_SD * normals.means[:, 1], START_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
     score = np.exp(p[0]) / blocks.unit
@@ -302,21 +320,21 @@ def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class FitPosteriors:
-    """Normal posteriors about a fit under each of c combinations of hyperparameters.
+    """Normal posteriors of the linear model about a fit, for each of c combinations of hyperparameters.
 
-    These are a noise, its scale, and the deviation's size and length, the last one running fastest. The posteriors are
-    those of the scores of law, start and floor with priors N(0, 1), and of the deviation.
+    The hyperparameters are the noise, its scale, and size and length of the deviation (the length varies fastest). The
+    unknowns are the scores of law, start and floor with priors N(0, 1), and the deviation at the knots.
 
     Attributes
     ----------
     normals
-        The posteriors; their log evidences contain the prior probability of the combination.
+        The posteriors; their log evidences include the prior probabilities of the combinations.
     size
         Size of the deviation, (c,).
     log_sizes
         Log prior probability of its size and length, (c,).
     positive
-        Which scores are rates of damping, (d,).
+        Which scores are damping rates, (d,).
     """
 
     normals: Normals
@@ -324,10 +342,10 @@ class FitPosteriors:
     log_sizes: np.ndarray
     positive: np.ndarray
 
-    def under_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
-        """Return the posterior under half-normal priors of the rates that share one unknown scale.
+    def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
+        """Return the posterior with half-normal priors on the rates; all these priors have one common, unknown scale.
 
-        `which` selects combinations, (c,).
+        which: the combinations that are used, (c,); by default all.
         """
         normals = self.normals
         if which is not None:
@@ -338,9 +356,9 @@ class FitPosteriors:
 def _posteriors_about(
     blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
-    """Return the decay of a law's parameters and x at the start, p (d + 1,), and the posteriors about it.
+    """Return the decay for p (d + 1,), the parameters of a law and x at the start, and the posteriors about it.
 
-    units: of the law's parameters at a score of 1, (d,); rates: whether they are rates of damping.
+    units: values of the parameters that have a score of 1, (d,). rates: whether the parameters are damping rates.
     """
     motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
     columns = motion.tangents * np.concatenate([units, [START_SD], np.ones(KNOTS)])
@@ -354,7 +372,7 @@ def _posteriors_about(
     positive = np.array([rates] * d + [False, False])
     parts = []
     for (noise, covariance), log_weight in zip(blocks.noises, weight, strict=True):
-        # The constant part of the floor after the decay is in the mean; its error is a score.
+        # The constant part of the floor is subtracted; its error is a further unknown.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
         white, log_det = whiten(

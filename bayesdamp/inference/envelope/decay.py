@@ -1,4 +1,4 @@
-"""The free decay of an envelope: its window, its readings in blocks, and the noise of these."""
+"""Find the free decay of an envelope, average its readings in blocks, and infer their noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
-from bayesdamp.inference.envelope.noise import SHARES, SLOW, infer_noise
+from bayesdamp.inference.envelope.noise import SLOW, SLOW_FRACTIONS, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
 from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
@@ -25,39 +25,41 @@ from bayesdamp.records.envelope.window import (
 )
 from bayesdamp.types import Refusal
 
-MOST = 100
-"""Largest number of means of readings that are weighed: enough for a decay of 40 dB and its noise."""
+MOST_BLOCKS = 100
+"""Greatest number of blocks, which is enough for a decay of 40 dB and its noise."""
 TRIES = 3
+"""Greatest number of changes of the window."""
 SHORTER = 0.05
-"""A decay without a visible floor is cut where its scatter shows one, if that shortens it by this share at least."""
+"""If the scatter shows a noise floor, the decay is cut there if this shortens it by at least this fraction."""
 SPARSE = 40
-"""With fewer readings, none is left out as an outlier."""
-FEWEST = 30
-"""Blocks needed to look for a held level."""
+"""Number of readings below which no readings are left out."""
+LEAST_BLOCKS = 30
+"""Fewest blocks in which a constant level at the start (a drive) is searched."""
 FIRST, EACH = 2, 3
-"""Ends of a held level that are tried: from block FIRST to half of all, every EACH blocks."""
+"""Ends of a constant level that are tried: from block FIRST to half of all blocks, in steps of EACH."""
 BETTER = 0.75
-"""Largest misfit with a held level, as a share of the misfit of a decay from the start on."""
-LEAST = 0.02
-"""Smallest scatter of ln A: laws and detectors are a percentage off."""
+"""Largest misfit with a constant level at the start, relative to that without, at which it is accepted
+(conventional)."""
+LEAST_SCATTER = 0.02
+"""Smallest scatter of ln A in this search, for errors of laws and detectors (conventional)."""
 CHECKED = 0.1
-"""Share of the decay at its start that is compared with the rest."""
+"""Fraction of the decay at its start that is tested against the rest."""
 SURPRISE = 4.5
-"""Standard deviations at which it does not belong to the decay (one in 30,000 of 5 normal ones does)."""
+"""Distance (sds) from which an early reading does not belong to the decay; by chance once in 30,000 records."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A decay for pictures, in arrays of shape (n,).
+    """A decay for figures, in arrays of shape (n,).
 
     Attributes
     ----------
     t
-        Times in s on the record's clock.
+        Times in s of the record's clock.
     level, fit
-        Levels in dB of the recorded power: of the readings' means, and of the best sum with its law's deviation.
+        Levels in dB of the recorded power: means of the readings, and the best damping sum with its deviation.
     fit_sd, scatter
-        Standard deviations of the fit and of a reading, in dB.
+        Standard deviations of the fit and of a mean of readings, in dB.
     """
 
     t: np.ndarray
@@ -69,18 +71,18 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """The free decay of a record with the noise of its readings.
+    """The free decay of an envelope, in blocks with their noise.
 
     Attributes
     ----------
     record
         The record.
     window
-        The free decay.
+        The window of the free decay.
     blocks
-        Its readings with their noises.
+        Its readings in blocks, with their noises.
     reference
-        ln of their reference amplitude in the record's unit.
+        ln of the reference amplitude in the record's unit.
     """
 
     record: EnvelopeRecord
@@ -95,54 +97,59 @@ class Decay:
 
     @property
     def fall(self) -> float:
-        """Fall of the level in dB."""
+        """Decrease of the level in dB."""
         top, bottom = self.blocks.ends
         return (top - bottom) * NEPER
 
     def amplitude(self, x: float) -> tuple[float, str]:
-        """Return the amplitude at ln(A/A_ref) as the record states amplitudes, and its unit."""
+        """Return the amplitude for x = ln(A/A_ref) in the unit of the record, and the unit."""
         value, unit = self.record.amplitude((x + self.reference) * NEPER)
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return the readings with ln(A/A_ref) of a sum and its sd, (n,) both."""
+        """Return the curve of a fit, given as ln(A/A_ref) with its standard deviation, (n,) each."""
         b, t = self.blocks, self.record.t[self.window.start : self.window.stop]
-        # The blocks' own clock starts at the middle of the first one.
+        # The times of the blocks start at the middle of the first block.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)
         level, fitted = ((x + self.reference) * NEPER for x in (b.x, fit))
         return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
-        """Return the root mean squares of the residuals of a fit beyond the noise, and of the noise.
+        """Return the root mean square misfit of a fit beyond the noise, and that of the noise.
 
-        Both are relative to the amplitude and weighted by its square.
+        Both are relative to the amplitude, and averaged with the squared amplitude as weight.
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
         off = self.blocks.x - fit
         off = off - weight @ off
-        left, noise = float(weight @ off**2), float(weight @ np.diag(self.blocks.noises[0][1]))
-        return float(np.sqrt(max(left - noise, 0.0))), float(np.sqrt(noise))
+        square, noise = float(weight @ off**2), float(weight @ np.diag(self.blocks.noises[0][1]))
+        return float(np.sqrt(max(square - noise, 0.0))), float(np.sqrt(noise))
 
 
 def free_decay(
     record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
-    """Find the free decay of a record, down to the floor that its noise shows, and the sums on it.
+    """Find the free decay of an envelope, down to its noise floor, and the damping sums on it.
 
     Parameters
     ----------
     record : EnvelopeRecord
-        The record.
-    window : Window or None
-        The window to use, None to find one.
+        The envelope.
+    window : EnvelopeWindow or None
+        The window to use; None to find one.
     sums : sequence of tuple of str
         Terms of each damping sum.
+
+    Returns
+    -------
+    Decay, tuple of Sum
+        The decay, and the sums with the scales of their parameters.
 
     Raises
     ------
     Refusal
-        Where the level does not fall.
+        If the level does not decrease enough.
     """
     chosen = window or find_window(record.t, record.level)
     first, stop, why = chosen.start, chosen.stop, list(chosen.why)
@@ -156,7 +163,7 @@ def free_decay(
     tries = 0
     while True:
         b, reference = _blocks(record, chosen)
-        # The parameters of terms are relative to the start of the decay.
+        # Further parameters of terms scale with the amplitude at the start of the decay.
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
         asked = sums_on(sums, scale, start, float(b.x.min()))
@@ -180,19 +187,19 @@ def free_decay(
 
 
 def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, float]:
-    """Return the decay in blocks, and ln of its reference amplitude: the middle of the fall in dB.
+    """Return the decay in blocks, and ln of its reference amplitude, which is in the middle of the decrease in dB.
 
-    Raises Refusal where the fall is too small to determine its rate.
+    Raises Refusal if the decrease is too small to determine a rate.
     """
     whole = slice(window.start, window.stop)
-    t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST)
+    t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST_BLOCKS)
     edge = max(1, t.size // 30)
     top, bottom = x[:edge].mean(), x[-edge:].mean()
     drop = NEPER * float(top - bottom)
     if not drop >= LEAST_DROP:
         raise Refusal(
-            f"between {record.t[window.start]:.4g} and {record.t[window.stop - 1]:.4g} s the level falls by "
-            f"{max(drop, 0.0):.1f} dB, {LEAST_DROP:g} are needed"
+            f"between {record.t[window.start]:.4g} and {record.t[window.stop - 1]:.4g} s the level decreases by "
+            f"only {max(drop, 0.0):.1f} dB; at least {LEAST_DROP:g} dB are needed"
         )
     reference = 0.5 * float(top + bottom)
     duration = float(t[-1] - t[0])
@@ -204,36 +211,38 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, flo
 
 
 def held_blocks(b: Blocks) -> int:
-    """Return how many blocks at the start are those of a drive, where the level is held.
+    """Return the number of blocks at the start in which a drive keeps the level constant; 0 if there is none.
 
-    From then on the level decays by the sum of all three dampings. This has to fit much better than these, or rising
-    friction, do from the start on; otherwise the answer is 0.
+    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better than a decay
+    from the start, either with these terms or with friction that increases towards small amplitudes.
     """
     n = b.t.size
-    if n < FEWEST:
+    if n < LEAST_BLOCKS:
         return 0
     visible = np.sqrt(b.floor.power) if b.floor is not None else 0.0
-    inverse = np.diag(1.0 / np.maximum(LEAST, np.exp(-b.x) * visible))
+    inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
     law, rates = ClosedForm(SUMS[-1]), None
 
     def misfit(held_level: int) -> float:
         nonlocal rates
         fit = fit_rates(replace(b, t=np.maximum(b.t - b.t[held_level], 0.0)), law, inverse, rates)
-        rates = np.maximum(fit.values[:-1], 1e-3 * b.mean_rate)  # the next fit is near
+        rates = np.maximum(fit.values[:-1], 1e-3 * b.mean_rate)  # a start for the next fit
         return fit.squares
 
     tried = range(FIRST, n // 2, EACH)
-    left = [misfit(end) for end in tried]
-    best = int(np.argmin(left))
-    better = left[best] < BETTER * misfit(0) and left[best] < BETTER * _by_rising_friction(b, inverse)
+    misfits = [misfit(end) for end in tried]
+    best = int(np.argmin(misfits))
+    better = misfits[best] < BETTER * misfit(0) and misfits[best] < BETTER * _misfit_of_rising_friction(
+        b, inverse
+    )
     return tried[best] + 1 if better else 0
 
 
-def _by_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
-    """Return the misfit of a decay from the start on by one negative power of the amplitude.
+def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
+    """Return the misfit of a decay from the start whose damping is one negative power of the amplitude.
 
-    Friction that rises towards rest keeps the amplitude for long and then reduces it fast, as a held level does, and no
-    sum of the three dampings describes it.
+    Such friction, which increases towards small amplitudes, reduces the amplitude slowly at first and then fast. This
+    resembles a constant level, but no sum of the three terms describes it.
     """
 
     def off(p: np.ndarray) -> np.ndarray:
@@ -244,7 +253,7 @@ def _by_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
 
     steepest, top = EXPONENTS[0], b.ends[0]
     q = 0.5 * steepest - 1.0
-    rate = np.expm1(q * (top - b.ends[1])) / (q * b.duration)  # the same fall in the same time
+    rate = np.expm1(q * (top - b.ends[1])) / (q * b.duration)  # the same decrease in the same time
     begin = np.array([top, np.log(rate), q + 1.0])
     bounds = np.array([-np.inf, -np.inf, steepest]), np.array([np.inf, np.inf, 0.0])
     fit = least_squares(off, begin, slopes, bounds=bounds, x_scale=[1.0, 1.0, 0.3], max_nfev=60)  # type: ignore[arg-type]
@@ -252,34 +261,34 @@ def _by_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
 
 
 def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]:
-    """Infer the noise of a decay's readings, whatever its law, and the readings that do not belong to it.
+    """Infer the noise of a decay without assuming a damping law, and find readings that do not belong to the decay.
 
     Parameters
     ----------
     b : Blocks
         The readings.
     sums : sequence of Sum
-        Sums that may describe the decay, besides that of viscous, Coulomb and quadratic damping.
+        Damping sums that may describe the decay, besides viscous, Coulomb and quadratic damping.
 
     Returns
     -------
     blocks : Blocks
-        The readings with means corrected to the decay at the blocks' times, and with the noises that are inferred
-        without and with a deviation.
+        The blocks with their noises, inferred without and with a deviation. Their means are corrected for the curvature
+        of the decay within a block.
     later, end : int
-        Number of blocks at the start that do not belong to the decay, and of blocks before it comes too close to the
-        floor.
+        Number of blocks at the start that do not belong to the decay, and number of blocks before it comes too close to
+        the floor.
     """
     n = b.t.size
     visible = np.sqrt(b.floor.power) if b.floor is not None else 1e-3
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.decay(b.t, x0, rates)
-    # The mean of a decay's readings in each block minus the decay at their mean time, to second order.
+    # The mean of the decay over a block minus the decay at its middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
     before = law.decay(b.t - off, x0, rates)
-    bend = 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
-    b = replace(b, x=b.x - bend)
+    curvature = 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
+    b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]
     early = max(1, round(CHECKED * n)) if n >= 30 else 0
@@ -288,7 +297,7 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     slow_time = 1.0 / b.mean_rate
     middle = infer_noise(*given, 0.5, slow_time, b.each)
     rivals = [
-        infer_noise(*given, share, slow_time, b.each, begin=middle, only_floor=True) for share in SHARES
+        infer_noise(*given, slow, slow_time, b.each, begin=middle, only_floor=True) for slow in SLOW_FRACTIONS
     ]
     best = max(rivals, key=lambda noise: noise.log_density)
     loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
@@ -301,18 +310,21 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         whole = whole + np.outer(floor, floor)
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
-    later = 0  # up to the last early block that the later ones do not predict
+    later = 0  # number of early blocks up to the last one that the later ones do not predict
     if early:
-        # Backwards in time, each reading minus its prediction from all later ones, in its own sd; the law is left free.
+        # Innovations backwards in time: each block minus its prediction from all later ones, in standard deviations.
+        # The parameters of the law have wide priors.
         scale = columns / np.linalg.norm(columns, axis=0)
         triangle = np.linalg.cholesky((whole + 1e2 * scale @ scale.T)[::-1, ::-1])
         innovations = np.linalg.solve(triangle, (b.x - fit)[::-1])[::-1][:early]
-        total = np.append(np.cumsum(innovations[::-1])[::-1], 0.0)  # from each block to the last early one
+        total = np.append(
+            np.cumsum(innovations[::-1])[::-1], 0.0
+        )  # sums from each block to the last early one
         surprises = np.zeros(early, bool)
         for count in (1, 2, 4, 8):
             if count <= early:
-                places = early - count + 1
-                moved = np.abs(total[:places] - total[count:])
-                surprises[:places] |= moved > SURPRISE * np.sqrt(count)
+                runs = early - count + 1
+                sums_of_runs = np.abs(total[:runs] - total[count:])
+                surprises[:runs] |= sums_of_runs > SURPRISE * np.sqrt(count)
         later = int(np.flatnonzero(surprises).max(initial=-1)) + 1
     return replace(b, noises=noises, inverse=np.linalg.inv(np.linalg.cholesky(whole))), later, end

@@ -1,11 +1,11 @@
-"""How readings of an envelope scatter about it: the scatter of a reading, and the effect of the floor.
+"""The noise of readings of an envelope.
 
-A reading of x = ln A has three errors: u, the multiplicative scatter (laser power, gain; an Ornstein-Uhlenbeck
-process); v/A, the part of the floor in phase with the oscillation, with half of the power of its fluctuations; and
-white noise. The floor consists of two such processes: noise of a detector, and thermal motion of the mode, which is
-correlated over the decay itself, because its amplitude relaxes at the same rate. A decay contains only a few
-independent values of the latter, so that its share of the floor is averaged over. The other parameters are inferred
-from the record.
+A reading of x = ln A has three errors: u, a multiplicative scatter (such as of laser power or gain), which is an
+Ornstein-Uhlenbeck process; v/A, the part of the noise floor that is in phase with the oscillation, with half of the
+floor's power; and white noise. The floor is the sum of two Ornstein-Uhlenbeck processes: fast noise of the detector,
+and slow thermal motion of the mode, whose correlation time is that of the decay. A decay contains only a few
+independent values of the slow part, so the result is averaged over its fraction of the floor. The other parameters are
+inferred.
 """
 
 from __future__ import annotations
@@ -21,48 +21,50 @@ from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
 from bayesdamp.records.envelope.window import NoiseFloor
 
 LONGEST_SCATTER = 0.04
-"""Largest correlation time of the multiplicative scatter, in durations: a slower one is a deviation of the law."""
+"""Largest correlation time of the multiplicative scatter, in durations; slower changes are deviations of the law."""
 LONGEST_FLOOR = 1.0
-"""The same of the floor: thermal motion of the mode itself is correlated over its own decay."""
+"""Largest correlation time of the floor, in durations."""
 FLOOR_KNOWN = 0.7
-"""Standard deviation of the logarithm of the floor's power near the decay, where the floor is visible behind it: a
-record has only a few independent values of a slow floor."""
+"""Prior standard deviation of the logarithm of the floor's power if the floor is visible after the decay; a record
+contains
+only a few independent values of a slow floor."""
 FLOOR_UNKNOWN = 2.5
-"""The same where no floor is visible."""
+"""The same if no floor is visible."""
 WIDE = 3.0
-"""Prior sd of the logarithm of a scatter about the value that the record's roughness suggests."""
+"""Prior standard deviation of the logarithm of a scatter, about a value from the differences of neighbouring
+readings."""
 SMALLEST = 1e-4
-"""Smallest white scatter of ln A: 1e-3 dB."""
-SHARES = (0.0, 0.25, 0.5, 0.75, 0.9)
-"""Slow shares of the floor's fluctuating power, equally probable before."""
+"""Smallest white scatter of ln A (1e-3 dB)."""
+SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
+"""Fractions of the floor's fluctuating power that may be slow, equally probable a priori."""
 SLOWER = 4.0
-"""Factor on the duration of the multiplicative scatter in `Noise.slower`."""
+"""Factor of the correlation time of the multiplicative scatter in `Noise.slower`."""
 SLOW = 0.3
-"""Correlation length of the deviation, in durations, where the noise is inferred together with one."""
+"""Correlation length of a deviation that is inferred together with the noise, in durations."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Scatter of ln A.
+    """The noise of ln A.
 
     Attributes
     ----------
     scatter, scatter_time
         Standard deviation and correlation time (s) of the multiplicative part.
     floor, floor_time
-        Power of the floor's fluctuating part in units of A_ref², and the correlation time (s) of its fast share.
+        Power of the fluctuating part of the floor in units of A_ref², and correlation time (s) of its fast part.
     white
         Standard deviation of the white part.
     deviation
-        τ_g of the deviation that these were inferred with.
+        Size τ_g of the deviation with which the noise was inferred.
     slow, slow_time
-        Share of the floor's fluctuating power that is slow, and its correlation time (s).
+        Slow fraction of the floor's fluctuating power, and its correlation time (s).
     constant, constant_sd
-        Power of the floor's constant part, and its standard deviation.
+        Power of the constant part of the floor, and its standard deviation.
     each, apart
-        Number of readings in a mean, and their distance in s.
+        Number of readings in a mean, and the time between them in s.
     log_weight, log_density
-        Log prior probability among others, and log posterior density, both up to a constant.
+        Log prior probability among all noises, and log posterior density, up to constants.
     """
 
     scatter: float
@@ -81,7 +83,7 @@ class Noise:
     log_density: float = 0.0
 
     def covariance(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return the covariance, (n, n), of readings at times t (s) and ln(A/A_ref) x, without the constant part."""
+        """Return the covariance, (n, n), at times t (s) and x = ln(A/A_ref), without the constant part of the floor."""
         lag, inverse = np.abs(t[:, None] - t), np.exp(-x)
         return _covariance(
             lag, inverse, np.exp(lag / -self.slow_time), self.slow, self.each, self.apart,
@@ -89,10 +91,11 @@ class Noise:
         )  # fmt: skip
 
     def slower(self, span: float) -> Noise:
-        """Return a noise with a scatter that lasts SLOWER times longer and is as much stronger.
+        """Return a noise whose multiplicative scatter has a correlation time `SLOWER` times as long.
 
-        From one reading to the next it is the same. A record hardly distinguishes the two, but rates depend on them.
-        span: of the record, in s.
+        Its variance is increased so that differences of neighbouring readings stay the same. A record hardly
+        distinguishes the two noises, but the uncertainty of rates depends on the choice. span: duration of the record
+        in s.
         """
         times = float(min(SLOWER, 2.0 * span / self.scatter_time))
         stronger = self.scatter * float(np.sqrt(times))
@@ -103,13 +106,14 @@ def _covariance(
     lag: np.ndarray, inverse: np.ndarray, thermal: np.ndarray, slow: float, each: float, apart: float,
     numbers: Sequence[float] | np.ndarray,
 ) -> np.ndarray:  # fmt: skip
+    """Return the covariance of means of readings; numbers: scatter, scatter_time, floor, floor_time, white."""
     su, lu, floor, lv, white = numbers
     covariance = su * su * np.exp(lag / -lu)
-    # Of means of `each` readings of an Ornstein-Uhlenbeck process of sd 1, `apart` s apart.
+    # Covariance of means of `each` readings, `apart` (s) apart, of an Ornstein-Uhlenbeck process with unit variance.
     a = np.exp(-apart / lv)
     whole = a**each
-    share = (1.0 - whole) / (each * (1.0 - a))
-    fast = share**2 * np.exp((lag - (each - 1.0) * apart) / -lv)
+    factor = (1.0 - whole) / (each * (1.0 - a))
+    fast = factor**2 * np.exp((lag - (each - 1.0) * apart) / -lv)
     own = (each * (1.0 - a * a) - 2.0 * a * (1.0 - whole)) / (each * (1.0 - a)) ** 2
     fast[np.diag_indices_from(fast)] = own
     kernel = (1.0 - slow) * fast
@@ -134,26 +138,33 @@ def infer_noise(
     begin: Noise | None = None,
     only_floor: bool = False,
 ) -> Noise:
-    """Infer the most probable noise, with the law's parameters integrated out (restricted likelihood, Harville 1977).
+    """Return the most probable noise by restricted maximum likelihood (Harville 1977).
+
+    The parameters of the law, which have flat priors, are integrated out.
 
     Parameters
     ----------
     t, residual, x : ndarray, shape (n,)
         Times in s, ln A minus the fit, and the fit.
     columns : ndarray, shape (n, k)
-        Derivatives of x by the law's parameters, which have flat priors.
+        Derivatives of x by the parameters of the law.
     warp : ndarray, shape (n, knots)
-        Derivatives of x by the deviation's knots.
+        Derivatives of x by the deviation at its knots.
     floor : NoiseFloor or None
-        The floor behind the decay, in units of A_ref².
+        The noise floor after the decay, in units of A_ref².
     slow, slow_time, each
-        As in `Noise`.
+        Attributes of the noise that are given.
     with_deviation : bool
-        Whether to infer a deviation of the law too.
+        Whether to infer the size of a deviation too.
     begin : Noise, optional
-        Where the search starts.
+        Start of the search.
     only_floor : bool
-        Whether only the floor differs from `begin`.
+        Whether to vary only the power of the floor, from `begin`.
+
+    Returns
+    -------
+    Noise
+        The most probable noise.
     """
     span = float(t[-1] - t[0])
     step = span / (t.size - 1)
@@ -223,21 +234,21 @@ def infer_noise(
 
 
 def whiten(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Whiten columns by a covariance of the noise.
+    """Whiten columns by the Cholesky factor of the covariance of the noise.
 
     Parameters
     ----------
     covariance : ndarray, shape (n, n)
-        Of the noise.
+        Covariance of the noise.
     columns : sequence of ndarray, shapes (n,) or (n, k)
         The columns.
 
     Returns
     -------
     white : ndarray, shape (n, m)
-        All columns side by side.
+        The whitened columns, side by side.
     log_det : float
-        Log determinant of the covariance's triangle.
+        Log determinant of the Cholesky factor.
     """
     triangle = cholesky(covariance, lower=True, check_finite=False)
     white = solve_triangular(triangle, np.column_stack(columns), lower=True, check_finite=False)

@@ -1,7 +1,7 @@
-"""The posterior of a decay as an answer needs it: draws of its quantities, and the likelihood of its damping rates.
+"""Draw the quantities of an answer from the posterior of a decay, and compute the likelihood of its damping rates.
 
-Draws are from the mixture over damping sums, noise, scale, τ and ℓ. The likelihood of the rates alone is for an answer
-over several records.
+Draws are from the mixture over damping sums, noises, their scales, and size τ and length ℓ of the deviation. The
+likelihood of the rates is for joint fits of several envelopes.
 """
 
 from __future__ import annotations
@@ -18,39 +18,40 @@ from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import hats
 
 DRAWS = 4000
+"""Number of draws."""
 SENSOR = 0.002
-"""Relative sd of any rate that no record determines: the linearity of a detector, and its clock."""
+"""Relative standard deviation of every rate by errors that no record shows: linearity of the detector, and its clock
+(conventional)."""
 DRIFT = 0.1
-"""dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay without leaving a trace:
-conventional, makers of analysers state 0.1 to 0.2."""
-ALONG = 257
-"""Points of a fit, evenly spaced in ln A, over which means are taken."""
+"""Drift or nonlinearity of a detector that reads dB over half of a decay (dB, sd), which the record does not show.
+Conventional: makers of analysers state 0.1 to 0.2."""
+POINTS_ALONG = 257
+"""Number of points of a fit, evenly spaced in ln A, for means over the decay."""
 LOSSES = 33
-"""Amplitudes, evenly spaced in their logarithm, at which the loss of each term is stored."""
+"""Number of amplitudes, evenly spaced in their logarithm, at which the rate of each term is stored."""
 WIDE = 3.0
-"""Standard deviation, in sums of the fitted rates, of the normal prior under which the likelihoods of several noises
-are merged: wide compared with every rate that the record allows, and removed again."""
+"""Standard deviation, in units of the sum of the fitted rates, of a normal prior with which the likelihoods of several
+noises are merged; its effect is removed afterwards."""
 
 
 @dataclass(frozen=True)
 class RateDraws:
-    """Posterior draws, one row each.
+    """Posterior draws; the first axis of all arrays is the draw.
 
     Attributes
     ----------
     at
-        Rates in 1/s at the amplitudes, with the law's deviation, (n, amplitudes).
+        Rates in 1/s at several amplitudes, with the deviation, (n, amplitudes).
     whole
-        Rates in 1/s by the law, mean over the first half of the fall in dB, (n,): those of another run, up to its own
-        deviation.
+        Mean rates in 1/s over the first half of the decrease in dB, without the deviation, (n,).
     energy
-        Share of the energy that each term takes, (n, terms).
+        Fraction of the energy that each term dissipates, (n, terms).
     deviation
         Root mean square deviation, (n,).
     candidate
         Index of the candidate, (n,).
     rates
-        Rates at the reference amplitude by term, of the draws that have it.
+        Rates at the reference amplitude by term, for the draws that have the term.
     """
 
     at: np.ndarray
@@ -70,42 +71,47 @@ def draw(
     sensor: float = SENSOR,
     exact: bool = False,
 ) -> RateDraws:
-    """Draw the quantities in an answer.
+    """Draw the quantities of an answer.
 
     Parameters
     ----------
     blocks : Blocks
         The readings.
-    candidates : sequence of Candidate
-        Of all sums.
+    candidates : sequence of EnvelopeCandidate
+        All candidates of all sums.
     terms : sequence of str
-        Of all sums.
+        Names of all terms.
     amplitudes : ndarray
-        x = ln(A/A_ref) at which rates are wanted.
+        Values x = ln(A/A_ref) at which rates are drawn.
     rng : Generator
-        Source of random numbers.
+        Random numbers.
     sensor : float
-        Relative sd of any rate.
+        Relative standard deviation of every rate by errors that the record does not show.
     exact : bool
-        Whether the law is taken to hold exactly.
+        Whether to use the posterior under exact laws.
+
+    Returns
+    -------
+    RateDraws
+        The draws.
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
-    # Systematic resampling distributes the draws (Kitagawa 1996).
-    places = (rng.random() + np.arange(DRAWS)) / DRAWS
-    counts = np.bincount(np.searchsorted(np.cumsum(normalise(log_z))[:-1], places), minlength=log_z.size)
+    # Numbers of draws of each candidate, by systematic resampling (Kitagawa 1996).
+    positions = (rng.random() + np.arange(DRAWS)) / DRAWS
+    counts = np.bincount(np.searchsorted(np.cumsum(normalise(log_z))[:-1], positions), minlength=log_z.size)
     s, names = blocks.t / blocks.duration, list(terms)
-    ends = np.ones(ALONG // 2 + 1)
+    ends = np.ones(POINTS_ALONG // 2 + 1)
     ends[[0, -1]] = 0.5
     parts = []
-    for place in np.flatnonzero(counts).tolist():
-        c, count = candidates[place], counts[place]
+    for number in np.flatnonzero(counts).tolist():
+        c, count = candidates[number], counts[number]
         rates, g = c.draws(exact, count, rng)
-        # Along the fit time passes as dx/f: a decay that is steep at first has few readings there.
-        x = np.linspace(c.fit[0], c.fit[-1], ALONG)
+        # Points are evenly spaced in x, where dt = dx/f. (A decay that is steep at first has few readings there.)
+        x = np.linspace(c.fit[0], c.fit[-1], POINTS_ALONG)
         took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
         took[[0, -1]] *= 0.5
-        shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
-        # The fall over the time that it takes.
+        shapes = c.law.shapes(x)  # (d, n): relative rate of each term along the decay
+        # Mean rate: decrease of x divided by the time that it takes.
         whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, : ends.size], 1e-300)) @ ends)
         passed = np.interp(-amplitudes, -c.fit, s)
         at = rates @ c.law.shapes(amplitudes) * (1.0 + g @ hats(passed, KNOTS).T)
@@ -116,7 +122,7 @@ def draw(
         by_term[:, columns] = rates
         rms = np.sqrt(np.mean((g @ hats(s, KNOTS).T) ** 2, axis=1))
         off = 1.0 + sensor * rng.standard_normal((count, 1))
-        parts.append((at * off, whole * off[:, 0], energy, rms, by_term * off, np.full(count, place)))
+        parts.append((at * off, whole * off[:, 0], energy, rms, by_term * off, np.full(count, number)))
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
     known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
     return RateDraws(at, whole, energy, rms, candidate, known)
@@ -124,27 +130,27 @@ def draw(
 
 @dataclass(frozen=True, eq=False)
 class RateLikelihood:
-    """Likelihood of the rates x of a damping sum under each of c sizes and lengths of the deviation.
+    """The likelihood of the rates x of a damping sum, for each of c sizes and lengths of the deviation.
 
-    It is exp(log + xᵀ slope − xᵀ information x / 2), everything else integrated out: the start, the floor, the noise
-    and the deviation itself. It contains no prior of x and none of the deviation's size and length.
+    It is exp(log + xᵀ slope − xᵀ information x / 2). The start, the floor, the noise and the deviation are integrated
+    out. It contains no prior of x and none of size and length of the deviation.
 
     Attributes
     ----------
     log
-        In nats, (c,), in the order of `grid_of`.
+        Constant in nats, (c,), in the order of `grid_of`.
     slope, information
-        Of the rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
+        For rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
     reference
-        ln of the reference amplitude in the record's unit (of its ratio to 1, where that unit is dB).
+        ln of the reference amplitude in the record's unit (relative to 1 if the unit is dB).
     log_amplitudes
-        ln of amplitudes in that unit, (n,), rising.
+        ln of amplitudes in this unit, (n,), increasing.
     log_losses
-        ln of each term's relative loss at these over that at the reference amplitude, (d, n).
+        ln of the rate of each term at these amplitudes, relative to that at the reference amplitude, (d, n).
     unit
-        Unit of the record's readings.
+        Unit of the readings.
     omega
-        Frequency in rad/s, None where it is not known.
+        Frequency in rad/s; None if it is not known.
     duration
         Duration of the decay in s.
     """
@@ -160,20 +166,20 @@ class RateLikelihood:
     duration: float
 
     def in_scores(self, log_amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the likelihood in coordinates that several records can share.
+        """Return the likelihood of the scores of rates at a given amplitude, which several records can have in common.
 
         Parameters
         ----------
         log_amplitude
-            ln of the amplitude of the rates, in the record's unit. Beyond the stored amplitudes each loss is extended
-            as a power of the amplitude.
+            ln of the amplitude, in the record's unit. Beyond the stored amplitudes each rate is extrapolated as a power
+            of the amplitude.
         rate
-            Rate in 1/s at a score of 1.
+            The rate in 1/s that has a score of 1.
 
         Returns
         -------
         log, slope, information
-            Of the scores, (c,), (c, d) and (c, d, d).
+            The likelihood of the scores, (c,), (c, d) and (c, d, d).
         """
         x, y = self.log_amplitudes, self.log_losses
         i = int(np.clip(np.searchsorted(x, log_amplitude) - 1, 0, x.size - 2))
@@ -190,18 +196,18 @@ def likelihood_of(
     Parameters
     ----------
     candidate
-        A weighed sum without further parameters.
+        A damping sum without further parameters.
     blocks
         The readings.
     reference
-        ln of their reference amplitude in the record's unit.
+        ln of the reference amplitude in the record's unit.
     unit
-        Unit of the record's readings.
+        Unit of the readings.
     """
     scale = WIDE * float(candidate.rates.sum()) / candidate.unit
     about = candidate.about
     of_scores = damping_likelihood(about.normals, np.arange(len(candidate.terms)), about.log_sizes)
-    log, slope, information = merged(of_scores, grid_of(KNOTS, phases=False).log_prior.size, scale)
+    log, slope, information = merge_noises(of_scores, grid_of(KNOTS, phases=False).log_prior.size, scale)
     slope, information = slope / candidate.unit, information / candidate.unit**2
     x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSSES)
     shapes = candidate.law.shapes(np.append(x, 0.0))
@@ -211,15 +217,17 @@ def likelihood_of(
     )
 
 
-def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Merge the likelihoods under all noises into one Gaussian for each size and length of the deviation.
+def merge_noises(
+    likelihood: DampingLikelihood, sizes: int, sd: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Merge the likelihoods of all noises into one Gaussian for each size and length of the deviation.
 
-    It has the evidence, the mean and the covariance of their mixture under a wide normal prior.
+    With a wide normal prior it has the evidence, mean and covariance of the mixture.
 
     Parameters
     ----------
     likelihood
-        Likelihood of the rates' scores under all noises, the size and length of the deviation running fastest.
+        Likelihoods of the scores of rates for all noises; size and length of the deviation vary fastest.
     sizes
         Number of sizes and lengths, c.
     sd
@@ -228,7 +236,7 @@ def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.nda
     Returns
     -------
     log, slope, information
-        Of the scores, (c,), (c, d) and (c, d, d).
+        The merged likelihood, (c,), (c, d) and (c, d, d).
     """
     d = likelihood.slope.shape[1]
     wide = np.eye(d) / sd**2
@@ -238,11 +246,11 @@ def merged(likelihood: DampingLikelihood, sizes: int, sd: float) -> tuple[np.nda
     log = log + 0.5 * np.linalg.slogdet(covariance)[1] - d * np.log(sd)
     log = log.reshape(-1, sizes)
     total = logsumexp(log, axis=0)
-    share = np.exp(log - total)
+    weights = np.exp(log - total)
     mean, covariance = mean.reshape(-1, sizes, d), covariance.reshape(-1, sizes, d, d)
-    centre = np.einsum("np,npi->pi", share, mean)
+    centre = np.einsum("np,npi->pi", weights, mean)
     off = mean - centre
-    spread = np.einsum("np,npij->pij", share, covariance) + np.einsum("np,npi,npj->pij", share, off, off)
+    spread = np.einsum("np,npij->pij", weights, covariance) + np.einsum("np,npi,npj->pij", weights, off, off)
     precision = np.linalg.inv(spread)
     slope = (precision @ centre[:, :, None])[:, :, 0]
     gained, axes = np.linalg.eigh(precision - wide)

@@ -1,4 +1,4 @@
-"""Methods that compute a model's evidence: one class in one module each, found by name."""
+"""Methods that compute the evidence of a model: one class in one module each, looked up by name."""
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.plugins import Registry

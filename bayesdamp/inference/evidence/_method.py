@@ -1,4 +1,4 @@
-"""The base class of the methods for the evidence, their draws, and which of several results of one model counts."""
+"""The base class of evidence methods, and the choice among the results of several methods."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
 NESTED_CHECK = "nested"
+"""Name of the method that decides if the others disagree."""
 APART = 3.0
-"""Largest difference of two methods, in combined standard errors."""
+"""Difference of two methods, in combined standard errors, from which they disagree (conventional)."""
 COMBINED = "combined"
-"""Name, as a method, of the log evidence that counts."""
+"""Method name of the log evidence that is used for a model, from one or several methods."""
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Posterior draws as scores, shape (chain, draw, d), reflected ones at or above zero.
+    """Posterior draws as standard normal scores, shape (chain, draw, d); reflected scores are not negative.
 
-    `outcome` is `ok`, or the sampler's sentence on why not to trust them.
+    `outcome` is "ok", or the reason why the sampler's draws are unreliable.
     """
 
     z: np.ndarray
@@ -36,16 +37,16 @@ class Draws:
 
     @staticmethod
     def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
-        """Return the scores of draws in natural units, (chain, draw, d), in the order of the target's parameters."""
+        """Convert draws in natural units, (chain, draw, d), to scores; the order is that of the target's parameters."""
         scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
         return Draws(np.stack(scores, axis=-1), outcome)
 
 
 class EvidenceMethod(ABC):
-    """A method that computes log ∫ prior · likelihood of one target, in nats.
+    """A method that computes the log evidence, log ∫ prior · likelihood, of one target in nats.
 
-    `needs_draws` states whether it starts from draws of the posterior, and `approximate` whether it is only right for a
-    normal posterior and gives no error.
+    `needs_draws`: whether it starts from draws of the posterior. `approximate`: whether it is exact only for a normal
+    posterior and has no error estimate.
     """
 
     name: str
@@ -65,24 +66,24 @@ class EvidenceMethod(ABC):
         target : Target
             The model on its record.
         mode : Mode
-            Its mode.
+            Mode of its posterior.
         seed : int
-            Of the random numbers.
+            Seed of the random numbers.
         draws : Draws, optional
-            Of this posterior. A method that needs draws makes its own where there are none.
+            Draws of the posterior. If a method needs draws and gets none, it samples them.
         """
 
     def timed(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Return the same with the seconds that it took."""
+        """Return the log evidence like `evidence`, with its duration."""
         began = time.perf_counter()
         evidence = self.evidence(model, target, mode, seed, draws)
         return replace(evidence, seconds=time.perf_counter() - began)
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return why nested sampling has to decide, in words; nothing where all methods are trusted and agree."""
+    """Return the reason why nested sampling must decide: unreliable or different results. Return "" if they agree."""
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"
@@ -94,11 +95,11 @@ def disagreement(evidences: Sequence[Evidence]) -> str:
     return ""
 
 
-def adopted(evidences: Sequence[Evidence]) -> Evidence:
-    """Return the log evidence that counts, from one or more of one model.
+def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
+    """Return the log evidence that is used for a model, from the results of one or more methods.
 
-    It is that of nested sampling where this was used and is trusted, or else the mean of the trusted methods by inverse
-    variance. The outcome says where no method is trusted, or where these disagree.
+    It is that of nested sampling if this was run and is reliable; otherwise the mean of the reliable methods, weighted
+    by inverse variance. The outcome reports that no method is reliable, or that they disagree.
     """
     if not any(np.isfinite(e.log_evidence) for e in evidences):
         return replace(evidences[0], method=COMBINED)

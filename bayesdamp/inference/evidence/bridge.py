@@ -1,4 +1,4 @@
-"""Bridge sampling between the posterior's draws and a heavy-tailed fit to them."""
+"""Bridge sampling between posterior draws and a heavy-tailed distribution that is fitted to them."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
 PROPOSALS = 2000
-"""Draws of the fit for each half of the posterior's draws."""
+"""Number of draws of the fitted distribution for each half of the posterior draws."""
 ITERATIONS = 1000
 TOLERANCE = 1e-10
+"""Change of the log evidence (nats) at which the iteration ends."""
 OVERLAP_LIMIT = 0.1
-HARDLY = 0.3
-"""Overlap below which a curved ridge is looked for."""
+"""Overlap below which the result is unreliable (conventional)."""
+SMALL_OVERLAP = 0.3
+"""Overlap below which a curved ridge is straightened (conventional)."""
 APART = 3.0
-"""Largest difference of the two halves, in standard errors."""
+"""Difference of the two halves, in standard errors, from which the result is unreliable (conventional)."""
 
 
 @dataclass(frozen=True)
-class Span:
-    """One bridge: log evidence, its standard error, and the overlap of the two densities, 1 where they are equal."""
+class BridgeEstimate:
+    """Log evidence by one bridge, its standard error, and the overlap of the two densities (1 if they are equal)."""
 
     log_evidence: float
     stderr: float
@@ -37,12 +39,12 @@ class Span:
 
 
 class Bridge(EvidenceMethod):
-    """The optimal bridge from NUTS draws to a Student t that is reflected where a coefficient cannot be negative.
+    """The optimal bridge between NUTS draws and a reflected Student t distribution that is fitted to them.
 
-    One half of each chain shapes the fit and the other is bridged to it, and the other way round. Draws and fit are of
-    the reflected scores, so that no mirror mode can be missed. Where posterior and fit hardly overlap, a curved ridge
-    is straightened. The standard error is Frühwirth-Schnatter's (Econometrics Journal 7, 2004), and includes the
-    autocorrelation of the chains.
+    The distribution is fitted to one half of each chain and bridged to the other half, and vice versa. Scores of
+    coefficients that cannot be negative are reflected at zero in both densities. If posterior and fit overlap little, a
+    curved ridge is straightened. The standard error is that of Frühwirth-Schnatter (Econometrics Journal 7, 2004), with
+    the autocorrelation of the chains.
 
     References
     ----------
@@ -55,23 +57,23 @@ class Bridge(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by bridge sampling between the posterior's draws and a heavy-tailed fit to them."""
+        """Compute the evidence by bridge sampling. Without draws, sample them by NUTS first."""
         evaluations = 0
         if draws is None:
             posterior = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))
             draws = Draws.of(target, posterior.draws, posterior.outcome)
             evaluations += posterior.evaluations
         rng = np.random.default_rng(seed)
-        spans, count = _spans(target, mode, draws.z, Shear.of_noise(target, mode), rng)
+        estimates, count = _bridge_halves(target, mode, draws.z, Shear.of_noise(target, mode), rng)
         evaluations += count
-        if not min(s.overlap for s in spans) > HARDLY:
+        if not min(s.overlap for s in estimates) > SMALL_OVERLAP:
             ridge = shear_of(target, mode)
             if ridge is not None:
-                spans, count = _spans(target, mode, draws.z, ridge, rng)
+                estimates, count = _bridge_halves(target, mode, draws.z, ridge, rng)
                 evaluations += count
-        stderr = float(np.linalg.norm([s.stderr for s in spans]))
-        apart = abs(spans[0].log_evidence - spans[1].log_evidence) / stderr
-        overlap, outcome = min(s.overlap for s in spans), OK
+        stderr = float(np.linalg.norm([s.stderr for s in estimates]))
+        apart = abs(estimates[0].log_evidence - estimates[1].log_evidence) / stderr
+        overlap, outcome = min(s.overlap for s in estimates), OK
         if draws.outcome != OK:
             outcome = f"not to be trusted: its posterior draws are {draws.outcome}"
         elif not overlap > OVERLAP_LIMIT:
@@ -83,7 +85,7 @@ class Bridge(EvidenceMethod):
         return Evidence(
             model=model,
             method=self.name,
-            log_evidence=0.5 * sum(s.log_evidence for s in spans),
+            log_evidence=0.5 * sum(s.log_evidence for s in estimates),
             stderr=0.5 * stderr,
             diagnostic=f"overlap {overlap:.2f}, halves {apart:.1f} standard errors apart",
             evaluations=evaluations,
@@ -91,37 +93,37 @@ class Bridge(EvidenceMethod):
         )
 
 
-def _spans(
+def _bridge_halves(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
-) -> tuple[list[Span], int]:
-    """Bridge both halves of the chains z, (chains, draws, d), in straightened scores; return evaluations too."""
+) -> tuple[list[BridgeEstimate], int]:
+    """Bridge both halves of the chains z, (chains, draws, d). Return two estimates and the number of likelihoods."""
     reflected = target.reflected
     half, evaluations = z.shape[1] // 2, 0
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
-    spans = []
-    for shaping, bridged in (parts, parts[::-1]):
-        proposal = fit_reflected_t(shaping.reshape(-1, reflected.size), reflected)
+    estimates = []
+    for fitted_half, bridged in (parts, parts[::-1]):
+        proposal = fit_reflected_t(fitted_half.reshape(-1, reflected.size), reflected)
         y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSALS)])
         ratio = mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
         evaluations += len(y)
         cut = len(y) - PROPOSALS
-        spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
-    return spans, evaluations
+        estimates.append(bridge(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
+    return estimates, evaluations
 
 
-def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:
-    """Return the bridge from log ratios of posterior (not normalised) to proposal.
+def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:
+    """Compute the log evidence by iterating the optimal bridge (Meng and Wong), from log ratios posterior/proposal.
 
     Parameters
     ----------
     at_draws : ndarray, shape (chain, draw)
-        The ratios at the posterior's draws.
+        Log ratios of the unnormalised posterior to the proposal at posterior draws.
     at_proposals : ndarray, shape (m,)
-        The ratios at independent draws of the proposal.
+        The same at independent draws of the proposal.
     """
     effective = min(effective_mean(at_draws), float(at_draws.size))
-    share = effective / (effective + at_proposals.size)
-    a, b = np.log(share), np.log1p(-share)
+    fraction = effective / (effective + at_proposals.size)
+    a, b = np.log(fraction), np.log1p(-fraction)
     draws = at_draws.ravel()
     log_z = float(np.median(draws))
     for _ in range(ITERATIONS):
@@ -131,12 +133,12 @@ def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:
         log_z = float(up - down)
         if abs(log_z - before) < TOLERANCE:
             break
-    # Both functions of the bridge with the normalised posterior; the error of their means' ratio.
+    # The relative variance of the estimate, from the two functions whose means the bridge compares.
     up = np.exp(at_proposals - log_z - np.logaddexp(a + at_proposals - log_z, b))
     down = np.exp(-np.logaddexp(a + at_draws - log_z, b))
     variance = np.var(up, ddof=1) / up.size / np.mean(up) ** 2
     variance += (monte_carlo_error(down) / np.mean(down)) ** 2
-    return Span(log_z, float(np.sqrt(variance)), float(np.mean(up)))
+    return BridgeEstimate(log_z, float(np.sqrt(variance)), float(np.mean(up)))
 
 
 PLUGIN = Bridge()

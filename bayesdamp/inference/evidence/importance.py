@@ -1,4 +1,4 @@
-"""Importance sampling from a heavy-tailed fit to the posterior."""
+"""Importance sampling from a heavy-tailed distribution near the posterior."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fit_reflected_t
 from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
-PILOT = 1000
-FINAL = 4000
+PILOT, FINAL = 1000, 4000
+"""Number of draws by which a proposal is judged, and number of draws of the result."""
 ROUNDS = 5
-K_GOOD = 0.5
-K_LIMIT = 0.7
-FEWEST = 50
-"""Effective draws below which an evidence is not trusted."""
+"""Greatest number of fits of the proposal to weighted draws, plus one."""
+K_GOOD, K_LIMIT = 0.5, 0.7
+"""Pareto shapes of the weights up to which they are good, and reliable (Vehtari et al., JMLR 25, 2024)."""
+LEAST_EFFECTIVE = 50
+"""Effective draws below which an evidence is unreliable (conventional)."""
 
 
-def _good(log_weights: np.ndarray) -> bool:
-    """Return whether a pilot is good enough; on one of this size the fitted shape scatters by about 0.1."""
+def _are_good(log_weights: np.ndarray) -> bool:
+    """Return whether pilot weights are good; the limit allows for the scatter of their fitted shape, about 0.1."""
     return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT
 
 
 class Importance(EvidenceMethod):
-    """The mean importance weight of draws from a Student t about the mode (7 degrees of freedom).
+    """The mean importance weight of draws from a Student t about the mode, with 7 degrees of freedom.
 
-    A coefficient that may touch zero is a reflected score, whose posterior has mirror modes. Proposal and target are
-    therefore both reflected: nothing is lost at zero, and weights are those of the coefficient itself. Where the Pareto
-    shape or the effective number of the pilot weights is poor, these remedies are tried in turn: a fit to the truncated
-    normal distribution, if a wall is near; a curved ridge straightened; a fit to the weighted pilot draws, several
-    times. The reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
+    Coefficients that cannot be negative have reflected scores; proposal and target are both reflected at zero. If the
+    Pareto shape or the effective number of the pilot weights is poor, other proposals are tried in turn: a fit to the
+    truncated normal distribution, if a bound is near; the same with a curved ridge straightened; repeated fits to the
+    weighted pilot draws. The draws of the result are new. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
     """
 
     name = "importance"
@@ -42,7 +42,7 @@ class Importance(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance sampling from a heavy-tailed fit to the posterior."""
+        """Compute the evidence by importance sampling, after choosing a proposal with pilot draws."""
         rng = np.random.default_rng(seed)
         reflected = target.reflected
         shear = Shear.of_noise(target, mode)
@@ -50,35 +50,35 @@ class Importance(EvidenceMethod):
             proposal = ReflectedT(*expansion(target, mode, shear), reflected)
         else:
             proposal = fit_reflected_t(mode.linear.draws, reflected)
-        place = proposal, shear
-        y, log_weights = self._weights(target, mode, *place, rng, PILOT)
+        chosen = proposal, shear
+        y, log_weights = self._weights(target, mode, *chosen, rng, PILOT)
         evaluations = PILOT
         others = (
-            lambda: self._truncated(target, mode, *place),
-            lambda: None if (ridge := shear_of(target, mode)) is None else (place[0], ridge),
+            lambda: self._truncated(target, mode, *chosen),
+            lambda: None if (ridge := shear_of(target, mode)) is None else (chosen[0], ridge),
         )
         for other in others if mode.linear is None else ():
-            if _good(log_weights) or (tried := other()) is None:
+            if _are_good(log_weights) or (tried := other()) is None:
                 continue
             pilot, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
             if not effective_size(log_weights) >= effective_size(weights):
-                place, y, log_weights = tried, pilot, weights
+                chosen, y, log_weights = tried, pilot, weights
         for _ in range(ROUNDS - 1):
-            if _good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
-                break  # where a few draws have all the weight, the outcome says so
-            place = refitted, place[1]
-            y, log_weights = self._weights(target, mode, *place, rng, PILOT)
+            if _are_good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
+                break  # too few draws have weight, which the outcome reports
+            chosen = refitted, chosen[1]
+            y, log_weights = self._weights(target, mode, *chosen, rng, PILOT)
             evaluations += PILOT
-        final = FINAL if mode.linear is None else FINAL // 2  # motions with deviations take longer
-        y, log_weights = self._weights(target, mode, *place, rng, final)
+        final = FINAL if mode.linear is None else FINAL // 2  # a likelihood with deviations takes longer
+        y, log_weights = self._weights(target, mode, *chosen, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final
         outcome = OK
         if not k < K_LIMIT:
             outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-        elif not share * final >= FEWEST:  # where most draws have no weight, the shape shows nothing
-            few = f"a few draws have all the weight, as much as {share * final:.0f} equal ones"
+        elif not share * final >= LEAST_EFFECTIVE:  # with few draws of weight the Pareto shape means nothing
+            few = f"a few draws have all the weight (effective number {share * final:.0f})"
             outcome = f"not to be trusted: {few}"
         log_evidence = float(scipy.special.logsumexp(log_weights) - np.log(final))
         relative = np.exp(log_weights - log_evidence)
@@ -90,14 +90,14 @@ class Importance(EvidenceMethod):
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             outcome=outcome,
-            arrays={"y": place[1].scores(y), "log_weights": log_weights},
+            arrays={"y": chosen[1].scores(y), "log_weights": log_weights},
         )
 
     @staticmethod
     def _weights(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return straightened draws, (n, d), and their log weights, (n,)."""
+        """Return n draws of the proposal, (n, d), in straightened scores, and their log weights, (n,)."""
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
@@ -105,9 +105,9 @@ class Importance(EvidenceMethod):
     def _truncated(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
     ) -> tuple[ReflectedT, Shear] | None:
-        """Return a fit to the moments of the truncated normal distribution about the mode; None where no wall is near.
+        """Return a proposal with the moments of the truncated normal distribution about the mode.
 
-        Coefficients that compensate each other there do not do so on its mirror images.
+        None if no bound is near. Near bounds, the reflected normal of the other proposal has wrong correlations.
         """
         normal = truncated_about(target, mode, shear)
         if not normal.walls.size:
@@ -120,8 +120,8 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
-        """Return a fit to the weighted draws; None where so few of them have weight that they span no volume."""
-        # Truncated weights prevent that one lucky draw becomes the whole fit.
+        """Return a proposal fitted to the weighted draws; None if too few of them have weight."""
+        # The weights are truncated so that a single draw cannot dominate the fit.
         w = np.exp(log_weights - scipy.special.logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)
         w /= w.sum()

@@ -1,4 +1,4 @@
-"""Laplace's evidence: the normal at the mode, truncated where a coefficient is zero."""
+"""Laplace's approximation of the evidence, truncated where a coefficient is zero."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from bayesdamp.types import Evidence
 
 NORMAL = "no draws: right where the posterior is normal"
 LINEAR = "of the linear model: parameters and deviations integrated out about the best motion"
+"""Diagnostics of the evidence, without and with deviations from the laws."""
 
 
 class LaplaceEvidence(EvidenceMethod):
-    """The integral of the second-order expansion of the log posterior at its mode, over reflected scores from zero on.
+    """The integral of the second-order expansion of the log posterior at its mode, over non-negative reflected scores.
 
-    It takes a few likelihoods, no draws, and gives no error: it serves to prune candidates that are far behind. The
-    curvature is Gauss and Newton's. A mode at zero, where the gradient is not zero, leaves the tail of a normal.
+    It needs only a few likelihoods, but has no error estimate; it is used to prune candidates with small evidence. The
+    Hessian is the Gauss–Newton approximation. At a mode at zero the gradient is not zero, and the integral is over the
+    tail of a normal distribution.
     """
 
     name = "laplace"
@@ -24,7 +26,7 @@ class LaplaceEvidence(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by Laplace's approximation about the mode, without an error."""
+        """Compute the evidence by Laplace's approximation at the mode, without an error."""
         return Evidence(
             model=model,
             method=self.name,

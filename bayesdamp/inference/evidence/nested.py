@@ -1,4 +1,4 @@
-"""Nested sampling (nautilus), which is independent of importance and bridge sampling and decides between them."""
+"""Nested sampling by nautilus, which decides if importance and bridge sampling disagree."""
 
 from __future__ import annotations
 
@@ -18,37 +18,40 @@ if TYPE_CHECKING:
     from nautilus import Sampler
 
 LIVE = 500
+"""Number of live points (conventional)."""
 EFFECTIVE = 2500
-"""Effective draws at the end: an error of 0.02 nats."""
-MOST = 400_000
-"""Likelihoods after which a run gives up."""
-LEG = 20_000
-"""Likelihoods between checks of whether a run from the prior can finish."""
+"""Effective draws at which a run ends; the log evidence then has an error of 0.02 nats."""
+MAX_LIKELIHOODS = 400_000
+"""Number of likelihoods after which a run gives up."""
+LIKELIHOODS_PER_CHECK = 20_000
+"""Number of likelihoods between checks of whether a run from the prior can finish."""
 WIDER = 5.0
-"""Standard deviations of the normal distribution about a mode that is sampled, in those of the posterior's normal."""
+"""Width of the normal distribution about the mode from which a second run starts, as a multiple of the posterior's."""
 BATCH = 250
-"""Likelihoods in a batch."""
-MISSED = 3.0
-"""Nats by which the highest likelihood may be below the mode's; one of so many draws comes within a nat of it."""
+"""Number of likelihoods in a batch."""
+MAX_GAP_NATS = 3.0
+"""Greatest distance of the largest likelihood of all points below that of the mode. (Of `EFFECTIVE` draws some are
+within
+a nat of the mode, unless the run has missed it.)"""
 LOG_2PI = float(np.log(2 * np.pi))
-FAINTEST = -1e300
-"""Log density of a motion that escapes: the sampler does not accept infinities."""
+SMALLEST = -1e300
+"""Log density of an unbounded motion: the sampler does not accept infinities."""
 
 Map = Callable[[np.ndarray], np.ndarray]
 
 
 class Nested(EvidenceMethod):
-    """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) over the prior.
+    """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) from the prior.
 
-    The unit cube is mapped to normal scores, half-normal ones where they are reflected, so that no mirror modes arise.
-    Coefficients that share a scale have another prior, whose ratio to this one is part of the likelihood. A single
-    parameter gets an idle second one, because the sampler needs two. Bounds are ellipsoids, without the networks that
-    nautilus offers: networks need fewer likelihoods, but likelihoods are cheap here, and a small network was seen to
-    cut off the peak and to report the rest as finished. The highest likelihood is therefore compared with the mode's.
+    The unit cube is mapped to standard normal scores; reflected scores are half-normal, so there are no mirror modes.
+    The prior of coefficients with a common scale is different; its ratio to this one is part of the likelihood. A
+    single parameter gets a second one without effect, because the sampler needs two. Bounds are ellipsoids. (Neural
+    networks, which nautilus offers too, need fewer likelihoods, but a small network was seen to cut off the peak and to
+    report success. Therefore the largest likelihood is compared with that of the mode.)
 
-    Under wide priors, the posterior of a record of many cycles is too narrow to be found. Where the prior's volume
-    falls too slowly for the remaining likelihoods, the run starts again from a normal distribution about the mode that
-    is five times as wide as the posterior, and says so. The integral is the same, without other modes.
+    If the prior is so much wider than the posterior that the run cannot finish, a second run starts from a normal
+    distribution about the mode, five times as wide as the posterior. Its integral is the same, but it can miss other
+    modes.
     """
 
     name = "nested"
@@ -56,7 +59,7 @@ class Nested(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance nested sampling (nautilus; Lange 2023)."""
+        """Compute the evidence by importance nested sampling."""
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
@@ -64,32 +67,36 @@ class Nested(EvidenceMethod):
         except Refusal:
             expected = None
 
+        factor = WIDER * mode.factor
+
         def over_prior(z: np.ndarray) -> np.ndarray:
+            """Return the log of prior times likelihood, divided by the standard normal density."""
             return _finite(likelihood.log_posteriors(z) - standard_normal(z))
 
         def over_normal(z: np.ndarray) -> np.ndarray:
-            """Return the log of prior times likelihood over the density of the normal distribution about the mode."""
+            """Return the log of prior times likelihood, divided by the density of the wide normal about the mode."""
             left = np.linalg.solve(factor, (z - best).T)
             log = likelihood.folded(z) - standard_normal(left.T) + np.linalg.slogdet(factor)[1]
             return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), log, -np.inf))
 
-        top, factor = float(over_prior(mode.z[None])[0]), WIDER * mode.factor
+        top = float(over_prior(mode.z[None])[0])
+        # The posterior's volume is about exp(expected - top) of the prior's.
         needed = None if expected is None else top - expected
-        # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
-        sampler, done = _explored(
+        # The quantile of a half-normal at u is that of the normal at (1 + u)/2.
+        sampler, done = run_sampler(
             lambda u: ndtri(np.where(reflected, 0.5 * (1.0 + u), u)), over_prior, best.size, seed, needed
         )
-        count, how = sampler.n_like, ""
-        if not done and count < MOST:
+        count, fallback_note = sampler.n_like, ""
+        if not done and count < MAX_LIKELIHOODS:  # the run ended early, because it could not finish
             top = float(over_normal(best[None])[0])
-            sampler, done = _explored(lambda u: best + ndtri(u) @ factor.T, over_normal, best.size, seed)
+            sampler, done = run_sampler(lambda u: best + ndtri(u) @ factor.T, over_normal, best.size, seed)
             count += sampler.n_like
-            how = ", around the mode: from the prior the run would not finish"
+            fallback_note = ", around the mode: from the prior the run would not finish"
         effective, highest = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
         outcome = OK
         if not done:
             outcome = f"not to be trusted: not finished after {count} likelihoods"
-        elif top - highest > MISSED:
+        elif top - highest > MAX_GAP_NATS:
             gap = f"{top - highest:.0f} nats above all of its points"
             outcome = f"not to be trusted: it missed a mode {gap}"
         return Evidence(
@@ -97,32 +104,34 @@ class Nested(EvidenceMethod):
             method=self.name,
             log_evidence=float(np.asarray(sampler.log_z)),
             stderr=effective**-0.5,
-            diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
+            diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{fallback_note}",
             evaluations=int(count),
             outcome=outcome,
         )
 
 
 def standard_normal(z: np.ndarray) -> np.ndarray:
-    """Return the log density, (n,), of scores z, (n, d), under N(0, 1) in every direction."""
+    """Return the standard normal log density, (n,), of scores z, (n, d)."""
     return -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * LOG_2PI
 
 
 def _finite(log: np.ndarray) -> np.ndarray:
-    return np.maximum(np.nan_to_num(log, nan=-np.inf), FAINTEST)
+    """Replace −∞ and nan by a very small log density."""
+    return np.maximum(np.nan_to_num(log, nan=-np.inf), SMALLEST)
 
 
-def _explored(
+def run_sampler(
     points: Map, density: Map, d: int, seed: int, needed: float | None = None
 ) -> tuple[Sampler, bool]:
-    """Run a sampler, and return it and whether it finished.
+    """Run nautilus, and return the sampler and whether it finished.
 
-    needed: nats by which its volume has to fall; where that would take too many likelihoods, the run ends early.
+    points: map from the unit cube to scores. density: log density that is integrated. needed: nats by which the log
+    volume must decrease; the run ends early if this would take too many likelihoods.
     """
     from nautilus import Sampler
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # bounds that cannot be split further
+        warnings.simplefilter("ignore")  # warnings about bounds that cannot be split further
         sampler = Sampler(
             lambda u: points(u[..., :d]),
             density,
@@ -133,17 +142,21 @@ def _explored(
             vectorized=True,
             seed=seed,
         )
-        fallen = 0.0
+        log_compression = 0.0
         while True:
-            limit = MOST if needed is None else min(MOST, sampler.n_like + LEG)
+            limit = (
+                MAX_LIKELIHOODS
+                if needed is None
+                else min(MAX_LIKELIHOODS, sampler.n_like + LIKELIHOODS_PER_CHECK)
+            )
             done = bool(sampler.run(n_eff=EFFECTIVE, n_like_max=limit, discard_exploration=True))
-            if done or sampler.n_like >= MOST:
+            if done or sampler.n_like >= MAX_LIKELIHOODS:
                 return sampler, done
             known = sampler.shell_log_v[np.isfinite(sampler.shell_log_v)]
-            # Nats by which the volume of the innermost bound is below the prior's.
-            before, fallen = fallen, -float(known.min()) if known.size else 0.0
-            legs = (MOST - sampler.n_like) / LEG
-            slow = needed is not None and needed - fallen > legs * (fallen - before)
+            # Nats by which the log volume of the innermost bound is below that of the unit cube.
+            before, log_compression = log_compression, -float(known.min()) if known.size else 0.0
+            checks = (MAX_LIKELIHOODS - sampler.n_like) / LIKELIHOODS_PER_CHECK
+            slow = needed is not None and needed - log_compression > checks * (log_compression - before)
             if slow and not sampler.explored and before > 0.0:
                 return sampler, False
 

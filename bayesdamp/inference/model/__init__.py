@@ -1,1 +1,1 @@
-"""The posterior of one model on one record: parameters and priors, log density, its gradient and expansions."""
+"""The posterior of one model on one record: parameters and priors, log density, gradient and information."""

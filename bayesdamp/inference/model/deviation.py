@@ -1,8 +1,9 @@
-"""The likelihood with the deviations of the laws integrated out.
+"""The likelihood of a record with the deviations from the laws integrated out.
 
-Motions are exact in the parameters. Deviations act on them linearly, by their tangents at the mode. Under each
-combination of hyperparameters they therefore add a covariance of low rank to that of the noise, and the likelihood is
-the mixture over all combinations. Without knots it is the likelihood of exact laws under white noise of known variance.
+The motion is an exact function of the parameters. The deviations change it linearly, by their derivatives at the mode.
+For each combination of hyperparameters (sizes and correlation lengths) they therefore add a covariance of low rank to
+that of the noise, and the likelihood is the mixture over all combinations. Without knots it is the likelihood of exact
+laws with white noise of known variance.
 """
 
 from __future__ import annotations
@@ -23,26 +24,26 @@ from bayesdamp.types import Refusal
 
 @dataclass(frozen=True, eq=False)
 class Deviation(NoiseModel):
-    """Distribution of record minus motion: white noise of known variance plus the effect of the deviations.
+    """The distribution of record minus motion: white noise of known variance plus the effect of deviations.
 
     Attributes
     ----------
     motions : Trajectories
-        Motions with the deviations of the mode.
+        Motions, with the deviations at the mode.
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
-        Number of independent samples that the record is worth.
+        Effective number of independent samples.
     basis : ndarray, shape (m, k)
-        Orthonormal basis of the changes that deviations make to the record's m values.
+        Orthonormal basis of the changes of the record's m values by deviations.
     shift : ndarray, shape (m,)
-        Change by the deviations of the mode.
+        Change of the record by the deviations at the mode.
     log_prior : ndarray, shape (c,)
-        Log prior masses of the combinations of hyperparameters.
+        Log prior probabilities of the combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)
-        Maps from standard normal numbers to log g and h at the knots.
+        Factors that map standard normal numbers to g and h at the knots, for each combination.
     effects : ndarray, shape (c, k, k)
-        Their effects along the basis, in standard deviations of the noise.
+        Changes along the basis by unit standard normal numbers, in standard deviations of the noise.
     probabilities : ndarray, shape (c,)
         Probabilities of the combinations near the mode, which weight the curvature.
     """
@@ -61,9 +62,10 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inverse factors of the covariances along the basis, and the log normalisation of each.
+        """The inverse Cholesky factors of the covariances along the basis, and the log normalisations.
 
-        The factors are stacked, (c k, k). The normalisation is the prior mass over the root of the determinant, (c,).
+        The factors are stacked, (c k, k). A normalisation is the prior probability divided by the square root of the
+        determinant of the covariance, (c,).
         """
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
@@ -71,17 +73,17 @@ class Deviation(NoiseModel):
         return np.linalg.inv(lower).reshape(len(lower) * k, k), self.log_prior - log_scale
 
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Split residuals (m,) into their parts along and across the basis.
+        """Split residuals (m,) into parts along the basis and orthogonal to it, in standard deviations of the noise.
 
-        Returns the part along the basis in sds of the noise, (k,), the part across it, (m,), the first one whitened
-        under each combination, (c, k), and the log weight of each combination, (c,).
+        Returns the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each combination,
+        (c, k), and the log weight of each combination, (c,).
         """
-        left = (r + self.shift) / np.sqrt(self.variance)
-        along = left @ self.basis
+        scaled = (r + self.shift) / np.sqrt(self.variance)
+        along = scaled @ self.basis
         whitening, log_mass = self._whitening
         white = (whitening @ along).reshape(len(log_mass), along.size)
         each = log_mass - 0.5 * np.einsum("ci,ci->c", white, white)
-        return along, left - self.basis @ along, white, each
+        return along, scaled - self.basis @ along, white, each
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density of residuals (m,), with the deviations integrated out."""
@@ -92,11 +94,11 @@ class Deviation(NoiseModel):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density by each residual, (m,)."""
         _, across, white, each = self._parts(r)
-        pull = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
-        return -(self.basis @ pull + across) / np.sqrt(self.variance)
+        by_basis = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
+        return -(self.basis @ by_basis + across) / np.sqrt(self.variance)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v for shifts (..., m), under the probabilities of the combinations near the mode."""
+        """Return R v for shifts v (..., m). RᵀR is the information, averaged over the combinations near the mode."""
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
         white = along @ self._whitening[0].T * np.repeat(np.sqrt(self.probabilities), along.shape[-1])
@@ -107,7 +109,7 @@ class Deviation(NoiseModel):
         return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the same with the hyperparameters fixed at one combination."""
+        """Return the distribution for one combination of hyperparameters."""
         own = slice(combination, combination + 1)
         return replace(
             self,
@@ -118,7 +120,7 @@ class Deviation(NoiseModel):
         )
 
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw log g and h at the knots, (k,), given residuals (m,)."""
+        """Draw the deviations g and h at the knots, (k,), given residuals (m,)."""
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]
@@ -126,7 +128,7 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _conditional(self) -> np.ndarray:
-        """Inverse factors, (c, k, k), of the information about the deviations given the motion."""
+        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the motion."""
         information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
         return np.linalg.inv(np.linalg.cholesky(information))
 
@@ -139,14 +141,15 @@ class Deviation(NoiseModel):
         return {}
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return scores, (m,), under the most probable combination."""
+        """Return residuals whitened under the most probable combination, (m,)."""
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Raise Refusal: samples are independent only given a draw of the deviations."""
+        """Raise Refusal, because samples are independent only given the deviations."""
         raise Refusal("samples are independent only given the deviations")
 
 
 def _draw_index(log_weights: np.ndarray, rng: np.random.Generator) -> int:
+    """Draw an index with probabilities proportional to exp(log_weights)."""
     return int(rng.choice(log_weights.size, p=np.exp(log_weights - np.logaddexp.reduce(log_weights))))

@@ -1,7 +1,7 @@
-"""The log density of a record at scores of a target's parameters, its gradient and its curvature.
+"""The log likelihood and log posterior of a record as functions of scores, with gradient and information.
 
-The compiled kernel computes the motion, and its derivatives by the parameters from the variational equations. The
-noise's own parameters are few; derivatives by them are finite differences.
+The ODE solver computes the motion, and its derivatives by parameters from the variational equations. Derivatives by the
+few parameters of the noise are finite differences.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from bayesdamp.machine import at_once
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of
 
-WIDE = 1e-2
-"""Step, in scores, of second differences by the noise's parameters."""
+NOISE_STEP = 1e-2
+"""Step, in scores, of second differences by the parameters of the noise."""
 HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
 class Line:
-    """The motion as a linear function of its parameters.
+    """The motion linearised about one point.
 
     Attributes
     ----------
     residual : ndarray, shape (n,)
         Record minus motion at the point of expansion.
     slopes : ndarray, shape (k, n)
-        Derivatives of the motion by the inferred parameters that change it.
+        Derivatives of the motion by the inferred parameters on which it depends.
     at : ndarray, shape (k,)
         Values of these parameters at the point of expansion.
     """
@@ -44,20 +44,20 @@ class Line:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """The log density of the samples of a record, or of a part of them, and the prior of the scores.
+    """The likelihood of the samples of a record, or of a part of them, and the prior of the scores.
 
     Attributes
     ----------
     target : Target
         The record, its model and priors.
     reference : mapping of str to float
-        Values of all parameters near those of later calls; they set the scales of the solver.
+        Values of all parameters near those of later calls, which determine the scales of the solver.
     tolerance : float
-        Error of a motion, in the unit of the record.
+        Largest error of a motion, in the unit of the record.
     part : slice
-        Samples that count. The motion starts at the record's first sample.
+        Samples that are used. The motion always starts at the first sample of the record.
     scales : tuple of float
-        Scales that coefficients may share, in scores, all equally probable.
+        Values of the common prior scale of coefficients, in scores, all equally probable.
     """
 
     target: Target
@@ -68,30 +68,30 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the log density of a target near scores z, (d,), with motions solved within `tolerance`."""
+        """Return the likelihood of a target near scores z, (d,), with motions solved to `tolerance`."""
         return cls(target, target.all_values(z), tolerance, part, target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
-        """Return the same with the scale that coefficients share fixed at one value, in scores."""
+        """Return this likelihood with the common prior scale of coefficients fixed at one value, in scores."""
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:
-        """Return the same with the hyperparameters of the deviations fixed at one combination."""
+        """Return this likelihood with the hyperparameters of the deviations fixed at one combination."""
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
         return replace(self, target=replace(self.target, deviation=deviation))
 
     def on(self, part: slice) -> Likelihood:
-        """Return the same for a part of the samples."""
+        """Return this likelihood for a part of the samples."""
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
-        """Return the same with motions solved within another error, in the unit of the record."""
+        """Return this likelihood with motions solved to another tolerance, in the unit of the record."""
         return replace(self, tolerance=tolerance)
 
     @cached_property
     def y(self) -> np.ndarray:
-        """The samples that count, (n,)."""
+        """The samples that are used, (n,)."""
         return self.target.signal.y[self.part]
 
     @cached_property
@@ -101,7 +101,7 @@ class Likelihood:
 
     @cached_property
     def motions(self) -> Trajectories:
-        """Motions at the record's samples, up to the last that counts."""
+        """Motions at the times of the samples, up to the last one that is used."""
         if self.target.deviation is not None:
             return self.target.deviation.motions
         signal = self.target.signal
@@ -109,19 +109,19 @@ class Likelihood:
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def motion(self, z: np.ndarray) -> np.ndarray:
-        """Return the motion at scores z, (d,): shape (n,); not finite where it escapes."""
+        """Return the motion at scores z, (d,), in the unit of the record, (n,); not finite if it is unbounded."""
         return self.motions.record(self.target.all_values(z))[self.part.start :]
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Return record minus motion at scores z, (d,): shape (n,), in the unit of the record."""
+        """Return record minus motion at scores z, (d,), in the unit of the record, (n,)."""
         return self.y - self.motion(z)
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
-        """Return the same at many scores, (m, d): shape (m, n)."""
+        """Return the residuals at each of m points z, (m, d): shape (m, n)."""
         return np.stack([self.residual(row) for row in z])
 
     def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log density of scores z, (d,), as `log_prior` does, and its gradient, (d,)."""
+        """Return the log prior density of scores z, (d,), like `log_prior`, and its gradient, (d,)."""
         shared, gradient = self.target.shared, -z
         own = z[shared]
         if not own.size:
@@ -136,40 +136,40 @@ class Likelihood:
         return float(value), gradient
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density of scores z, (..., d), shape (...), as if reflected ones could have either sign."""
+        """Return the log prior density, (...), of scores z, (..., d), with reflected scores of either sign."""
         none = np.zeros(z.shape[-1], bool)
         return log_prior_of(z, none, self.target.shared, np.asarray(self.scales))
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
-        """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where it is not finite."""
+        """Return the log density (nats) of residuals (n,) for the noise at scores z, (d,); −∞ if it is not finite."""
         return self._log_density(residual, self.target.noise_values(z))
 
     def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
-        with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
+        with np.errstate(all="ignore"):  # a noise model may overflow at extreme scores
             value = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
         return value if np.isfinite(value) else -np.inf
 
     def log_likelihood(self, z: np.ndarray) -> float:
-        """Return the log density of the record at scores z, (d,), in nats; −∞ where the motion escapes."""
+        """Return the log likelihood (nats) at scores z, (d,); −∞ if the motion is unbounded."""
         return self.log_noise(self.residual(z), z)
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
-        """Return the same at many scores, (m, d): shape (m,)."""
+        """Return the log likelihood at each of m points z, (m, d): shape (m,)."""
         return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
-        """Return log prior plus log likelihood at scores z, (d,); −∞ where the motion escapes."""
+        """Return log prior plus log likelihood at scores z, (d,); −∞ if the motion is unbounded."""
         return self.log_likelihood(z) + self._prior(z)[0]
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
-        """Return the same at many scores, (m, d): shape (m,)."""
-        # Motions with deviations take so long that several threads save time.
+        """Return the log posterior at each of m points z, (m, d): shape (m,)."""
+        # A motion with deviations takes so long that several threads are faster.
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (m,), at scores, (m, d), whose reflected ones are not negative.
+        """Return the log posterior, (m,), of scores, (m, d), with reflected ones restricted to non-negative values.
 
-        Each reflected score has the mass of both mirror images on one side, which adds log 2.
+        Each restriction doubles the density, which adds log 2.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
@@ -184,14 +184,15 @@ class Likelihood:
         return self._gradient(self.line(z), z)
 
     def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
-        """Return the log posterior at scores z, (d,), with a linearised motion."""
-        return self.log_noise(self._moved(line, z).residual, z) + self._prior(z)[0]
+        """Return the log posterior at scores z, (d,), for a linearised motion."""
+        return self.log_noise(self._shift_line(line, z).residual, z) + self._prior(z)[0]
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient of the same, (d,)."""
-        return self._slope(self._moved(line, z), z)
+        """Return the gradient, (d,), of `log_posterior_along` at scores z, (d,)."""
+        return self._slope(self._shift_line(line, z), z)
 
-    def _moved(self, line: Line, z: np.ndarray) -> Line:
+    def _shift_line(self, line: Line, z: np.ndarray) -> Line:
+        """Return a linearised motion with its residual at scores z, (d,)."""
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
         return Line(line.residual - away @ line.slopes, line.slopes, line.at)
@@ -203,42 +204,42 @@ class Likelihood:
         information = np.diag(self.target.prior_precision(z, self.scales))
         if not np.isfinite(value):
             return value, gradient, information
-        moving, still = self.target.moving, self.target.still
+        moving, of_noise = self.target.moving, self.target.of_noise
         tangents = self.target.rates(z)[moving, None] * line.slopes
         roots = self.target.noise_model.information_root(tangents, self.gaps, self.target.noise_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
-        if still.size:
-            # Minus the second differences of the log density of the residuals, without negative curvature.
-            steps = WIDE * np.eye(z.size)[still]
-            of_noise = np.zeros((len(steps), len(steps)))
+        if of_noise.size:
+            # The negative second differences of the log density of the residuals; negative eigenvalues become zero.
+            steps = NOISE_STEP * np.eye(z.size)[of_noise]
+            block = np.zeros((len(steps), len(steps)))
             for i, a in enumerate(steps):
                 for j, b in enumerate(steps[: i + 1]):
                     corners = [self.log_noise(line.residual, z + s) for s in (a + b, a - b, b - a, -a - b)]
-                    bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
-                    of_noise[i, j] = of_noise[j, i] = -bend
-            if np.all(np.isfinite(of_noise)):
-                values, axes = np.linalg.eigh(of_noise)
-                information[np.ix_(still, still)] += (axes * np.maximum(values, 0.0)) @ axes.T
+                    second = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * NOISE_STEP**2)
+                    block[i, j] = block[j, i] = -second
+            if np.all(np.isfinite(block)):
+                values, axes = np.linalg.eigh(block)
+                information[np.ix_(of_noise, of_noise)] += (axes * np.maximum(values, 0.0)) @ axes.T
         return value, gradient, information
 
     def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Return residuals, (n,), as independent standard scores under the noise at scores z, (d,)."""
+        """Return whitened residuals, (n,): independent and standard normal if the noise is that at scores z, (d,)."""
         return self.target.noise_model.whiten(residual, self.gaps, self.target.noise_values(z))
 
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
-        """Return the noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,).
+        """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
 
-        The shift changes the log likelihood by half of this, in nats.
+        The expected change of the log likelihood by the shift is half of this, in nats.
         """
         root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
-        """Return the log density of the record at parameters by name, without the prior."""
+        """Return the log likelihood for parameter values by name."""
         return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
-        """Return the same and its derivatives by the inferred parameters, (d,), which are 0 where it is −∞."""
+        """Return the log likelihood and its derivatives by the inferred parameters, (d,), which are 0 if it is −∞."""
         motion, slopes = self._solved(p)
         value = self._log_density(self.y - motion, p)
         if not np.isfinite(value):
@@ -248,17 +249,17 @@ class Likelihood:
     def _slopes_by_parameters(
         self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
     ) -> np.ndarray:
-        """Return the derivatives, (d,), of the log density of residuals (n,); slopes: of the motion, (k, n)."""
+        """Return the derivatives, (d,), of the log density of residuals (n,). slopes: those of the motion, (k, n)."""
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))
         derivatives[target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
-        if target.still.size:
+        if target.of_noise.size:
             by_name = noise.parameter_slopes(residual, self.gaps, p)
-            derivatives[target.still] = [by_name[target.names[i]] for i in target.still]
+            derivatives[target.of_noise] = [by_name[target.names[i]] for i in target.of_noise]
         return derivatives
 
     def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the motion, (n,), and its derivatives by the inferred parameters that change it, (k, n)."""
+        """Return the motion, (n,), and its derivatives by the inferred parameters on which it depends, (k, n)."""
         motion, slopes = self.motions.with_slopes(p, self._moving_names)
         return motion[self.part.start :], slopes[:, self.part.start :]
 

@@ -1,8 +1,9 @@
-"""The target of one model on one record: its prior, motion and noise, and the default priors.
+"""The target of one model on one record: its priors, known parameters and noise model; and the default priors.
 
-Inferred parameters are monotone maps of normal scores z, shape (d,). The prior is N(0, 1) in each score, except for the
-coefficients whose priors share an unknown scale (`SharedHalfNormal`). Default priors are the same in every damping
-model, so that evidence can be compared.
+Each inferred parameter is a monotone function of a standard normal score z; all scores have the shape (d,). The prior
+is N(0, 1) in each score, except for coefficients whose priors have a common, unknown scale (`SharedHalfNormal`). A
+parameter with a half-normal prior depends on |z| only: its score is called reflected. Default priors are the same in
+every damping model, so that evidence can be compared.
 """
 
 from __future__ import annotations
@@ -31,42 +32,40 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Reference, Signal, System
 
 AT_ZERO = 1e-12
-"""Score at which the slope of a reflected map is taken in place of zero, where it has none."""
+"""Score at which the derivative of a reflected map is taken instead of zero, where it does not exist."""
 SMALL = 1e-6
-"""Share of a step over which its direction is measured."""
+"""Fraction of a step over which its direction is measured."""
 EPSILON_RANGE = (0.0005, 0.05)
-"""Range of the prior of ε where it is inferred, in shares of the peak velocity."""
+"""Range of the default prior of ε, as fractions of the peak velocity."""
 
 
 class Scores:
-    """Inferred parameters as monotone maps of scores, with the prior of these.
-
-    The prior is N(0, 1) in each score, except for coefficients whose priors share an unknown scale.
-    """
+    """Inferred parameters as monotone functions of standard normal scores, and the prior of the scores."""
 
     priors: Mapping[str, Prior]
-    """Of the inferred parameters, in the order of the scores."""
+    """Priors of the inferred parameters, in the order of the scores."""
     known: Mapping[str, float]
+    """Values of the other parameters."""
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
-    """Scales that coefficients may share, in scores, all equally probable."""
+    """Values of the common prior scale of coefficients, in scores, all equally probable."""
 
     @cached_property
     def reflected(self) -> np.ndarray:
-        """Which of the scores, (d,), have half-normal priors: z and −z give the same value."""
+        """Which scores, (d,), have half-normal priors, so that z and −z give the same value."""
         return np.array([p.reflected for p in self.priors.values()], bool)
 
     @cached_property
     def shared(self) -> np.ndarray:
-        """Which of the scores, (d,), are coefficients whose priors share an unknown scale."""
+        """Which scores, (d,), are coefficients whose priors have a common, unknown scale."""
         return np.array([isinstance(p, SharedHalfNormal) for p in self.priors.values()], bool)
 
     def prior_precision(
         self, z: np.ndarray, scales: Sequence[float] | np.ndarray = SHARED_SIGMAS
     ) -> np.ndarray:
-        """Return the factors, (d,), that turn scores, (d,), into minus the slope of the log prior.
+        """Return the precisions, (d,), of a normal distribution with the gradient of the prior at scores z, (d,).
 
-        A factor is 1, or the mean of 1/σ² over the scales for scores that share a scale. The log prior nowhere curves
-        more than this: it is the curvature of the normal that touches the prior at z from below.
+        A precision is 1, or for scores with a common scale the mean of 1/σ² over the scales. It is an upper bound of
+        the curvature of the log prior.
         """
         precision, shared = np.ones(z.size), self.shared
         if shared.any():
@@ -75,7 +74,7 @@ class Scores:
         return precision
 
     def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw scores from the prior, (n, d); reflected ones are not negative."""
+        """Draw scores from the prior, (n, d); reflected scores are not negative."""
         z = rng.standard_normal((count, len(self.priors)))
         if self.shared.any():
             z[:, self.shared] *= rng.choice(self.scales, count)[:, None]
@@ -95,11 +94,11 @@ class Scores:
         )
 
     def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return the end of a step from scores z to `new`, both (d,), along the restoring law's natural coordinates.
+        """Return the end of a step from scores z to `new`, (d,), that is straight in the law's natural coordinates.
 
-        To first order it is the same step. It stays in directions that the record determines poorly where the step
-        starts in one. The result is `new` where the law has no such coordinates, or not all of its parameters are
-        inferred.
+        Both steps agree to first order. A step along a curved ridge of the posterior, which is straight in the natural
+        coordinates, then stays on the ridge. The result is `new` if the law has no such coordinates, or if not all of
+        its parameters are inferred.
 
         References
         ----------
@@ -110,10 +109,10 @@ class Scores:
         if not set(law.parameters) <= set(names):
             return new
         order, known = list(priors), {"theta0": 0.0, **self.known}
-        places = [order.index(n) for n in names]
+        indices = [order.index(n) for n in names]
 
         def coordinates(z: np.ndarray) -> np.ndarray | None:
-            values = {n: float(priors[n].value(z[i])) for n, i in zip(names, places, strict=True)}
+            values = {n: float(priors[n].value(z[i])) for n, i in zip(names, indices, strict=True)}
             natural = law.natural({**known, **values})
             return None if natural is None else np.array([natural[n] for n in names])
 
@@ -129,13 +128,13 @@ class Scores:
         if not np.all(np.isfinite(along)):
             return new
         curved = new.copy()
-        curved[places] = along
+        curved[indices] = along
         return curved
 
 
 @dataclass(frozen=True)
 class Target(Scores):
-    """The posterior of one model on one record.
+    """The posterior of one model on one record, apart from the settings of the solver.
 
     Attributes
     ----------
@@ -146,13 +145,13 @@ class Target(Scores):
     noise : str
         Name of the noise model.
     priors : mapping of str to Prior
-        Of every inferred parameter, in the order of the scores.
+        Priors of the inferred parameters, in the order of the scores.
     known : mapping of str to float
         Values of the other parameters.
     scales : tuple of float
-        Scales that coefficients with a `SharedHalfNormal` prior may share, in scores, all equally probable.
+        Values of the common scale of `SharedHalfNormal` priors, in scores, all equally probable.
     deviation : Deviation or None
-        Effect of deviations of the laws on the record; None where the laws hold exactly.
+        Effect of deviations from the laws on the record; None under exact laws.
     """
 
     signal: Signal
@@ -172,7 +171,7 @@ class Target(Scores):
 
     @cached_property
     def noise_model(self) -> NoiseModel:
-        """The noise model, which includes the deviations where there are any."""
+        """The noise model, which includes the deviations, if any."""
         return NOISES.get(self.noise) if self.deviation is None else self.deviation
 
     @property
@@ -182,40 +181,40 @@ class Target(Scores):
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Places, (k,), of the scores that change the motion; the others are of the noise."""
+        """Indices, (k,), of the scores on which the motion depends; the others are parameters of the noise."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
 
     @cached_property
-    def still(self) -> np.ndarray:
-        """Places, (s,), of the scores of the noise."""
+    def of_noise(self) -> np.ndarray:
+        """Indices, (s,), of the scores of the noise parameters."""
         return np.setdiff1d(np.arange(len(self.priors)), self.moving)
 
-    def followed(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return the end of a step from scores z along the law's natural coordinates, all (d,)."""
+    def follow_step(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Return the end of a step from scores z, (d,), that is straight in natural coordinates (see `retracted`)."""
         return self.retracted(self.oscillator.restoring, z, z + step)
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of parameter values, (d,), within ±6; a missing value gives its prior's centre."""
+        """Return the scores of parameter values, (d,), limited to ±6. A missing value gets the centre of its prior."""
         z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the inferred parameters at scores z, (..., d): arrays (...) by name."""
+        """Return the inferred parameters at scores z, (..., d), as arrays (...) by name."""
         return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return every parameter, known and inferred, at scores z, (d,)."""
+        """Return all parameters, known and inferred, at scores z, (d,)."""
         values = self._given.copy()
         for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             values[name] = value(score, *numbers)
         return values
 
     def noise_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return the noise's parameters and constants at scores z, (d,)."""
+        """Return the parameters and constants of the noise at scores z, (d,)."""
         values = self._noise_given.copy()
-        for place in self.still.tolist():
-            name, value, numbers = self._maps[place]
-            values[name] = value(float(z[place]), *numbers)
+        for i in self.of_noise.tolist():
+            name, value, numbers = self._maps[i]
+            values[name] = value(float(z[i]), *numbers)
         return values
 
     @cached_property
@@ -229,7 +228,7 @@ class Target(Scores):
 
     @cached_property
     def _maps(self) -> list[tuple[str, Callable[..., float], tuple[float, ...]]]:
-        """Each parameter's name, its value as a function of a score and the prior's numbers, and these numbers."""
+        """For each parameter: its name, the function from its score to its value, and further arguments for it."""
         return [(n, type(p).transform, p.numbers) for n, p in self.priors.items()]
 
 
@@ -254,20 +253,20 @@ def build_target(
     system : System
         What is known of the oscillator, and priors in place of the defaults.
     features : Features
-        Of the record; default priors depend on them.
+        Features of the record, on which default priors depend.
     reference : Reference
-        Amplitude and frequency that the priors are relative to.
+        Amplitude and frequency with which the default priors scale.
     noise : str
         Name of the noise model.
     term_priors : mapping of str to Prior, optional
-        Priors of the damping terms' coefficients, by the terms' names, in place of the defaults.
+        Priors of coefficients by the names of damping terms, instead of the default ones.
 
     Raises
     ------
     ValueError
-        Where a parameter has neither a value nor a prior.
+        If a parameter has neither a value nor a prior.
     Refusal
-        Where the noise model does not apply to the record.
+        If the noise model does not apply to the record.
     """
     osc, noise_model = Oscillator(damping, system.restoring), NOISES.get(noise)
     by_term = term_priors or {}
@@ -285,7 +284,7 @@ def build_target(
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
-    """Return the default priors of damping terms: coefficients first, then the terms' own parameters."""
+    """Return the default priors of damping terms: of the coefficients, then of the terms' further parameters."""
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]
     coefficients = {t.parameter: SharedHalfNormal(per_ratio=1.0 / t.ratio_per_unit(a, w)) for t in every}
@@ -293,10 +292,10 @@ def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prio
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
-    """Return the default prior of a parameter. Raises KeyError for a name without one.
+    """Return the default prior of a parameter. Raises KeyError if the name has none.
 
-    Priors of angles are wide compared with the record's amplitude and centred on its midline. Gravity may have either
-    sign and be as large as the stiffness.
+    Priors of angles are centred on the midline of the record and have twice its amplitude as standard deviation.
+    Gravity may have either sign and be as large as the stiffness.
     """
     a, w = reference.amplitude, reference.frequency
     of_damping = damping_priors([term.name for term in osc.terms], reference)

@@ -1,4 +1,4 @@
-"""Noise models: one class in one module each, found by name."""
+"""Noise models: one class in one module each, looked up by name."""
 
 from bayesdamp.inference.noise._noise import (
     CORRELATED,

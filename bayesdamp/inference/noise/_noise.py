@@ -1,6 +1,6 @@
-"""Noise models: their base classes, and a model on given residuals.
+"""The base classes of noise models, and the fit of a noise model to residuals.
 
-Of the latter: its most probable parameters, its evidence, and the working residuals of a least-squares fit.
+The fit gives the most probable parameters and the evidence of the model, and working residuals for least squares.
 """
 
 from __future__ import annotations
@@ -19,23 +19,25 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 DIFFERENCE = 1e-5
-"""Step of central differences, relative to the noise's scale: close to the cube root of the rounding error, at which
-rounding and truncation are equally large."""
+"""Step of central differences, relative to the scale of the noise: near the cube root of the rounding error, where
+errors
+of rounding and of truncation are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
 STEP = 0.02
-"""Step of second differences, in scores."""
+"""Step of second differences, in standard normal scores."""
 SHIFT = 0.3
-"""Shift for the observed information, in median absolute residuals (conventional)."""
+"""Step of the differences that give the observed information, in median absolute residuals (conventional)."""
 LEAST_INFORMATION = 0.3
-"""Smallest observed information, as a share of the expected one: by chance it can be negative (conventional)."""
-FARTHEST = 6.0
-"""Largest score at which a search for the noise's parameters starts."""
+"""Smallest observed information that is used, as a fraction of the expected one; by chance it can be negative
+(conventional)."""
+LARGEST_SCORE = 6.0
+"""Largest standard normal score at which a search for the noise parameters starts."""
 
 
 class NoiseModel(ABC):
-    """Distribution of the residuals, which are the record minus the motion.
+    """A distribution of residuals, which are record minus motion.
 
-    The methods have these arguments, where (...) stands for any leading axes, such as draws:
+    The arguments of all methods, where (...) stands for any leading axes, such as draws:
 
     r: residuals in the unit of the record, shape (..., n); the last axis is time.
     gaps: times between samples in s, shape (n - 1,).
@@ -44,24 +46,25 @@ class NoiseModel(ABC):
 
     name: str
     parameters: tuple[str, ...]
+    """Names of the inferred parameters."""
     constants: tuple[str, ...] = ()
-    """Numbers that are read from the record, such as its recording step; they are not inferred."""
+    """Names of numbers that are read from the record, such as its recording step, and not inferred."""
     tied: tuple[str, str] | None = None
-    """Two parameters of which the data determine a combination much better than the second one."""
+    """Two parameters, if the record determines a combination of them much better than the second one alone."""
     heavy_tailed: bool = False
     """Whether the model allows for outliers, so that they are not reported as a misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the constants. Raises Refusal where the model does not apply to the record."""
+        """Return the constants. Raises Refusal if the model does not apply to the record."""
         return {}
 
     @abstractmethod
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return default priors. They depend on the record's features alone: all dampings have the same ones."""
+        """Return the default priors, which depend only on the features of the record, not on the damping model."""
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters from residuals, (n,), as the start of a search."""
+        """Estimate the parameters from residuals, (n,), as a start of a search."""
 
     @abstractmethod
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -86,25 +89,22 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return scores, shape (..., n), that are independent and standard normal if the model holds."""
+        """Return whitened residuals, shape (..., n), independent and standard normal if the model is right."""
 
     @abstractmethod
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of each residual given all others, shape (..., n).
-
-        Leave-one-out cross-validation uses it.
-        """
+        """Return the log density of each residual given all others, shape (..., n), for cross-validation."""
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise of one record, shape (n,). Raises Refusal where the model cannot be drawn from."""
-        raise Refusal(f"noise {self.name!r} cannot be drawn from")
+        """Draw the noise of one record, shape (n,). Raises Refusal if the model cannot do this."""
+        raise Refusal(f"noise {self.name!r} cannot be simulated")
 
 
 class IndependentNoise(NoiseModel):
-    """Noise whose residuals are independent and have a common scale `noise_sd`. `log_density` defines it.
+    """Independent residuals with a common scale `noise_sd`. A subclass must define only `log_density`.
 
-    The other methods have defaults. Override `slope` where the derivative is known, which is faster, and
-    `information_root` and `whiten` where the noise is far from normal.
+    Override `slope` if the derivative is known, which is faster, and `information_root` and `whiten` if the noise is
+    far from normal.
     """
 
     parameters = ("noise_sd",)
@@ -114,7 +114,7 @@ class IndependentNoise(NoiseModel):
         """Return the log density of each residual in nats, shape (..., n); the values in p broadcast to r."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for the scale, with the record's roughness as its median and sigma 1."""
+        """Return a lognormal prior for the scale, with the noise of the record as its median and sigma 1."""
         return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
@@ -126,26 +126,26 @@ class IndependentNoise(NoiseModel):
         return np.sum(self.log_likelihoods(r, gaps, p), axis=-1)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log densities: the other residuals do not matter."""
+        """Return the log density of each residual; it does not depend on the others."""
         return self.log_density(r, by_sample(p))
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Differentiate the log density by central differences."""
+        """Return the derivative of each log density by central differences."""
         p = by_sample(p)
         above, below = r + DIFFERENCE * p["noise_sd"], r - DIFFERENCE * p["noise_sd"]
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Divide by the scale, as for normal noise."""
+        """Return v divided by the scale, as for normal noise."""
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Divide by the scale, as for normal noise."""
+        """Return the residuals divided by the scale, as for normal noise."""
         return r / by_sample(p)["noise_sd"]
 
 
 def by_sample(p: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Add a last axis of length 1 to each parameter, so that it broadcasts against residuals."""
+    """Return the parameters with a last axis of length 1, so that they broadcast against residuals."""
     return {name: np.asarray(value, float)[..., None] for name, value in p.items()}
 
 
@@ -154,14 +154,14 @@ NOISES: Registry[NoiseModel] = Registry("bayesdamp.inference.noise", "noise mode
 
 @dataclass(frozen=True)
 class FittedNoise:
-    """A noise model with the parameters that are most probable for given residuals.
+    """A noise model with its most probable parameters for given residuals.
 
     Attributes
     ----------
     name : str
-        The noise model.
+        Name of the noise model.
     values : mapping of str to float
-        Its parameters and constants, in the unit of the record.
+        Values of its parameters and constants, in the unit of the record.
     log_evidence : float
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation.
     """
@@ -171,20 +171,25 @@ class FittedNoise:
     log_evidence: float = float("nan")
 
     def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
-        """Compute the variance of white Gaussian noise that gives as much information about a shift of the record.
+        """Return the variance of white normal noise with the same information about a shift of the record.
 
-        For a shift that oscillates at one frequency, least squares under white noise of this variance is as good as
-        generalised least squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one,
-        from differences of the slope.
+        For a shift that oscillates at one frequency, least squares with this variance is as good as generalised least
+        squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from differences
+        of the slope.
 
         Parameters
         ----------
         residual : ndarray, shape (n,)
             Record minus motion.
         direction : ndarray, shape (n,)
-            The shift.
+            The shift, up to a factor.
         gaps : ndarray, shape (n - 1,)
             Times between the samples, in s.
+
+        Returns
+        -------
+        float
+            The variance, in the unit of the record squared.
         """
         noise = NOISES.get(self.name)
         step = SHIFT * float(np.median(np.abs(residual)) / np.max(np.abs(direction))) * direction
@@ -195,10 +200,10 @@ class FittedNoise:
         return 1.0 / max(observed, LEAST_INFORMATION * expected)
 
     def working_residuals(self, residual: np.ndarray, gaps: np.ndarray, variance: float) -> np.ndarray:
-        """Compute residuals, (n,), whose least-squares gradient is that of the log density.
+        """Return modified residuals, (n,), whose least-squares gradient is that of the log density of the noise.
 
-        A least-squares fit of the motion plus these, repeated until they no longer change, is at the mode of the
-        noise's density (P. J. Huber, Robust Statistics, 1981, section 7.8, "modified residuals").
+        A least squares fit to the motion plus these residuals, repeated until they no longer change, maximises the
+        density of the noise (P. J. Huber, Robust Statistics, 1981, section 7.8).
 
         Parameters
         ----------
@@ -207,21 +212,27 @@ class FittedNoise:
         gaps : ndarray, shape (n - 1,)
             Times between the samples, in s.
         variance : float
-            As `variance` computes it.
+            Variance of the least squares fit, from the method `variance`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The modified residuals, −variance · d log density / d residual.
         """
         return -variance * NOISES.get(self.name).slope(residual, gaps, self.values)
 
 
 @dataclass(frozen=True)
 class SampleNoise:
-    """The noise of a record's samples.
+    """The noise model of a record's samples, and the evidence of all noise models.
 
     Attributes
     ----------
     fitted : FittedNoise
-        The model that the answer uses, and its parameters.
+        The noise model that the answer uses.
     weighed : tuple of FittedNoise
-        All models that apply to the record, on the residual of the sum of all terms, or of amplitudes and phases.
+        All noise models that apply to the record, fitted to the residual of the sum of all terms, or to that of
+        amplitudes and phases.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
@@ -229,17 +240,17 @@ class SampleNoise:
 
     @property
     def name(self) -> str:
-        """The noise model that the answer uses."""
+        """Name of the noise model that the answer uses."""
         return self.fitted.name
 
     @property
     def likeliest(self) -> str:
-        """The noise model of highest evidence, which may be the correlated one that the answer allows for otherwise."""
+        """Name of the noise model with the largest evidence. (For correlated noise the answer uses another method.)"""
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
     @property
     def ahead(self) -> float:
-        """Nats by which the answer's model is ahead of Gaussian noise; nan where that was not weighed."""
+        """Log Bayes factor (nats) of the answer's noise model against Gaussian noise; nan if one was not fitted."""
         logs = {model.name: model.log_evidence for model in self.weighed}
         return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 
@@ -257,20 +268,25 @@ def fit_noise(
     Parameters
     ----------
     name : str
-        The noise model.
+        Name of the noise model.
     residual : ndarray, shape (n,)
         Record minus motion.
     signal : Signal
-        The record of the residuals.
+        The record.
     features : Features
-        Features of the record; default priors depend on them.
+        Features of the record, on which default priors depend.
     known, priors : mapping, optional
-        Values and priors of the noise's parameters in place of the default priors.
+        Known values and priors of noise parameters, instead of the default priors.
+
+    Returns
+    -------
+    FittedNoise
+        The most probable parameters, and the evidence by Laplace's approximation.
 
     Raises
     ------
     Refusal
-        Where the model does not apply to the record.
+        If the model does not apply to the record.
     """
     noise = NOISES.get(name)
     constants = {**noise.read(signal), **{n: v for n, v in (known or {}).items() if n in noise.parameters}}
@@ -282,20 +298,32 @@ def fit_noise(
         own = {n: float(p.value(x)) for (n, p), x in zip(inferred.items(), z, strict=True)}
         return {**own, **constants}
 
-    def depth(z: np.ndarray) -> float:
+    def negative_log_density(z: np.ndarray) -> float:
         with np.errstate(all="ignore"):
             density = float(noise.log_likelihood(residual, gaps, values(z))) - 0.5 * float(z @ z)
         return -density if np.isfinite(density) else 1e300
 
     start = noise.start(residual, gaps)
-    z = np.array([float(np.clip(p.score(start[n]), -FARTHEST, FARTHEST)) for n, p in inferred.items()])
+    z = np.array(
+        [float(np.clip(p.score(start[n]), -LARGEST_SCORE, LARGEST_SCORE)) for n, p in inferred.items()]
+    )
     if not z.size:
-        return FittedNoise(name, values(z), -depth(z))
-    z = scipy.optimize.minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
+        return FittedNoise(name, values(z), -negative_log_density(z))
+    z = scipy.optimize.minimize(
+        negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
+    ).x
     axes = STEP * np.eye(z.size)
     mixed = [
-        [depth(z + a + b) - depth(z + a - b) - depth(z - a + b) + depth(z - a - b) for b in axes]
+        [
+            negative_log_density(z + a + b)
+            - negative_log_density(z + a - b)
+            - negative_log_density(z - a + b)
+            + negative_log_density(z - a - b)
+            for b in axes
+        ]
         for a in axes
     ]
     sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * STEP**2))
-    return FittedNoise(name, values(z), (-depth(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf)
+    return FittedNoise(
+        name, values(z), (-negative_log_density(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf
+    )

@@ -1,4 +1,4 @@
-"""Correlated normal noise with an exponential kernel."""
+"""Normal noise with exponentially decaying correlation."""
 
 from __future__ import annotations
 
@@ -13,31 +13,32 @@ from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features
 
 FASTEST, SLOWEST = 5e-4, 2.0
-"""Limits of the correlation time, in periods. Noise that is correlated over more than two periods acts as a shifted
-zero, and lets a restoring law fit that cannot have the record's motion."""
+"""Range of the correlation time, in periods. Noise that is correlated over more than two periods acts like an offset of
+the
+sensor, so that a wrong restoring law can fit the record."""
 
 
 class Correlated(NoiseModel):
-    """cov(r_i, r_j) = noise_sd² exp(−|t_i − t_j| / noise_time), the first sample stationary.
+    """Stationary normal noise with the covariance noise_sd² exp(−|t_i − t_j| / noise_time).
 
-    This is AR(1) with ρ = exp(−Δt / noise_time) on a uniform clock, and also holds with jitter and gaps.
+    On an even clock this is AR(1) with ρ = exp(−Δt / noise_time); it also holds for uneven times and gaps.
     """
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
     tied = ("noise_sd", "noise_time")
-    """Where the noise is slow, its differences from sample to sample determine noise_sd²/noise_time. Where it is fast,
-    they determine noise_sd, and of noise_time only that it is short."""
+    """Slow noise determines noise_sd²/noise_time well. Fast noise determines noise_sd, and only an upper limit of
+    noise_time."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior about the record's roughness for the sd, and a log-uniform one for the time."""
+        """Return a lognormal prior for noise_sd about the noise of the record, and a log-uniform one for noise_time."""
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
             "noise_time": LogUniform(low=FASTEST * features.period, high=SLOWEST * features.period),
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the sd from the residuals, and the time from their correlation at one lag."""
+        """Estimate noise_sd from the residuals, and noise_time from their correlation at lag 1."""
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
             "noise_sd": float(np.sqrt(np.mean(r**2))),
@@ -45,12 +46,12 @@ class Correlated(NoiseModel):
         }
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the innovations of the exponential kernel over their sds (Ornstein and Uhlenbeck 1930)."""
+        """Return the innovations (r_i − ρ r_{i−1}), each divided by its standard deviation."""
         p = by_sample(p)
         return _innovations(r, *_decay(gaps, p)) / p["noise_sd"]
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return Σ log N(innovation; 0, σ²(1 − ρ²)), which is exact for an exponential kernel."""
+        """Return Σ log N(r_i − ρ r_{i−1}; 0, σ²(1 − ρ²)), with the stationary density of r_0."""
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
         square = np.sum(np.square(_innovations(r, lost, fresh)), axis=-1)
@@ -59,7 +60,7 @@ class Correlated(NoiseModel):
         return -0.5 * square / sd**2 - log_scale
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −K⁻¹ r, with K the covariance matrix: the innovations through the transposed whitening."""
+        """Return −K⁻¹ r, where K is the covariance matrix, by applying the transposed whitening to the innovations."""
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
         slopes = -_innovations(r, lost, fresh)
@@ -73,7 +74,7 @@ class Correlated(NoiseModel):
         lost, fresh = _decay(gaps, {"noise_time": np.asarray(time)})
         innovations = _innovations(r, lost, fresh)
         steps, rho = innovations[1:] / sd, 1 - lost
-        # By ρ, the log density of each step changes by this; ρ changes with the time by ρ Δt/time².
+        # The derivative of each log density by ρ; and dρ/dtime = ρ Δt/time².
         by_rho = (steps * r[:-1] / sd + rho * (1 - steps**2) / fresh) / fresh
         return {
             "noise_sd": float(innovations @ innovations / sd**2 - r.size) / sd,
@@ -81,11 +82,11 @@ class Correlated(NoiseModel):
         }
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Whiten the shift: the noise is normal, and whitening is linear."""
+        """Return the whitened shift; whitening is linear, and the noise is normal."""
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the conditional densities from the precision matrix K⁻¹.
+        """Return the log conditional densities, from the precision matrix K⁻¹.
 
         Given all others, r_i is normal with mean r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and
         Vehtari, Comput. Stat. 36, 2021).
@@ -100,7 +101,7 @@ class Correlated(NoiseModel):
         return -0.5 * score**2 - np.log(sd) + 0.5 * np.log(precision) - 0.5 * LOG_2PI
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw a stationary Ornstein–Uhlenbeck process at the samples."""
+        """Draw a stationary Ornstein–Uhlenbeck process at the times of the samples."""
         lost, fresh = _decay(gaps, by_sample(p))
         r = rng.standard_normal(gaps.size + 1)
         for i in range(gaps.size):
@@ -109,15 +110,15 @@ class Correlated(NoiseModel):
 
 
 def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 − ρ and √(1 − ρ²) over each gap, (..., n − 1). Both keep their digits where ρ is close to 1."""
+    """Return 1 − ρ and √(1 − ρ²) for each gap, (..., n − 1), without loss of digits if ρ is close to 1."""
     lost = -np.expm1(-gaps / p["noise_time"])
     return lost, np.sqrt(lost * (2 - lost))
 
 
 def _innovations(r: np.ndarray, lost: np.ndarray, fresh: np.ndarray) -> np.ndarray:
-    """Return the first residual, and (r_{i+1} − ρ r_i)/√(1 − ρ²): standard normal, times σ, shape (..., n).
+    """Return the first residual, then (r_{i+1} − ρ r_i)/√(1 − ρ²): independent N(0, σ²) values, shape (..., n).
 
-    The difference of neighbours is taken first, which loses no digits where the noise is slow.
+    The differences of neighbours are computed first, to lose no digits for slow noise.
     """
     steps = (r[..., 1:] - r[..., :-1] + lost * r[..., :-1]) / fresh
     innovations = np.empty((*steps.shape[:-1], r.shape[-1]))

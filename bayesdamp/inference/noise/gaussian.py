@@ -14,7 +14,7 @@ LOG_2PI = math.log(2 * math.pi)
 
 
 class Gaussian(IndependentNoise):
-    """r_i ~ N(0, noise_sd²), independent."""
+    """Independent normal residuals, r_i ~ N(0, noise_sd²)."""
 
     name = "gaussian"
 
@@ -29,7 +29,7 @@ class Gaussian(IndependentNoise):
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
         """Return Σ r²/σ³ − n/σ."""
-        sd = p["noise_sd"]  # its powers overflow far out, where samplers may come
+        sd = p["noise_sd"]  # divided one by one, because powers overflow at extreme values
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:

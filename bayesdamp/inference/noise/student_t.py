@@ -14,14 +14,14 @@ from bayesdamp.records.oscillation.features import Features
 
 
 class StudentT(IndependentNoise):
-    """r_i / noise_sd ~ Student's t with noise_dof degrees of freedom, independent; noise_sd is the scale."""
+    """Independent residuals; r_i / noise_sd has Student's t distribution with noise_dof degrees of freedom."""
 
     name = "student_t"
     parameters = ("noise_sd", "noise_dof")
     heavy_tailed = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return the prior of the scale, and a lognormal one about 6 for the degrees of freedom."""
+        """Return the prior of the scale, and a lognormal prior with median 6 for the degrees of freedom."""
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
@@ -46,14 +46,14 @@ class StudentT(IndependentNoise):
         return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the normal scores with the same cumulative probabilities."""
+        """Return the standard normal quantiles of the cumulative probabilities of the residuals."""
         p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]
         tail = 0.5 * betainc(0.5 * dof, 0.5, dof / (dof + t**2))
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw Student's t with ν degrees of freedom, times σ."""
+        """Draw from Student's t with ν degrees of freedom, times σ."""
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 

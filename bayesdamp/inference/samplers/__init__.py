@@ -1,4 +1,4 @@
-"""Samplers of a posterior: one class in one module each, found by name."""
+"""Samplers of a posterior: one class in one module each, looked up by name."""
 
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.plugins import Registry

@@ -1,4 +1,4 @@
-"""From an approximation of a posterior to draws with a measure of their quality."""
+"""Build a `Posterior` from draws of an approximation, and judge the approximation by importance weights."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ K_LIMIT = 0.7
 2024)."""
 
 MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
-"""Largest change of a mean by the importance weights, in sds, and of an sd, as a factor."""
+"""Largest effect of the importance weights on a mean, in standard deviations, and on a standard deviation, as a factor
+(conventional)."""
 
 
 def approximate_posterior(
@@ -30,28 +31,32 @@ def approximate_posterior(
     settings: Settings,
     more: Mapping[str, object] | None = None,
 ) -> Posterior:
-    """Return independent draws of an approximation as they are, with their importance weights.
+    """Return the posterior from independent draws of an approximation, which are not reweighted.
 
-    The diagnostics contain the Pareto shape of the weights and the effective number of draws, which is used for both
-    effective sample sizes. The draws are not reweighted. The outcome says where the shape is poor, or where weights
-    that can be trusted change a mean or an sd too much.
+    The effective sample sizes of all summaries are that of the importance weights. The outcome reports a poor
+    approximation: a large Pareto shape of the weights, or weights that change a mean or standard deviation too much.
 
     Parameters
     ----------
     sampler : str
         Name of the sampler.
     target : Target
-        Whose posterior is approximated.
+        The posterior that is approximated.
     mode : Mode
-        Its mode.
+        Mode of the posterior.
     z : ndarray, shape (chains · draws, d)
-        Draws of the scores.
+        Draws of the standard normal scores.
     log_density : ndarray, shape (chains · draws,)
         Log density of the approximation at z, up to a constant.
     settings : Settings
         Number of chains and draws.
     more : mapping, optional
         Further diagnostics.
+
+    Returns
+    -------
+    Posterior
+        The draws in natural units, with their log weights among the statistics.
     """
     likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
@@ -63,8 +68,8 @@ def approximate_posterior(
     if not shape < K_LIMIT:
         poor = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
         outcome = f"a poor approximation: {poor} ({size:.0f} effective of {weights.size} draws)"
-    elif moved := _moved(values, normalise(weights)):
-        outcome = f"a poor approximation: {moved}"
+    elif change := _large_change(values, normalise(weights)):
+        outcome = f"a poor approximation: {change}"
     return Posterior(
         sampler=sampler,
         names=target.names,
@@ -80,15 +85,17 @@ def approximate_posterior(
     )
 
 
-def _moved(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
-    """Return a sentence on the first parameter whose mean or sd the weights, (n,), change too much, or nothing."""
+def _large_change(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
+    """Return a clause on the first parameter whose mean or sd the weights (n,) change too much; "" if there is none."""
     for name, draws in values.items():
         x = draws.reshape(-1)
         mean = float(weights @ x)
         sd = float(np.sqrt(weights @ (x - mean) ** 2))
         if abs(mean - x.mean()) > MEAN_LIMIT * sd:
             away = abs(mean - float(x.mean())) / sd
-            return f"by its importance weights the mean of {name} is {away:.1f} sds off"
+            return f"according to its importance weights, the mean of {name} is wrong by {away:.1f} sd"
         if not 1 / SD_LIMIT < x.std() / sd < SD_LIMIT:
-            return f"by its importance weights the sd of {name} is {sd / x.std():.2f} times that of its draws"
+            return (
+                f"according to its importance weights, the sd of {name} is {sd / x.std():.2f} times as large"
+            )
     return ""

@@ -1,4 +1,4 @@
-"""The base class of the samplers, their settings, and where their chains start: over-dispersed about the seeds."""
+"""The base class of samplers, their settings, and over-dispersed starts of their chains."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
 WARMUP = 50
-"""Draws that chains need to forget that they start in a linear model."""
-SPREAD = 1.5
-"""Sds of the scatter around a seed: starts are wider than the posterior even where all seeds agree."""
+"""Warm-up draws of chains that start with draws of a linear model (conventional)."""
+SCATTER = 1.5
+"""Standard deviation of starts about a seed, in those of the posterior: starts are wider than the posterior."""
 REACH = 5.0
-"""Nats per parameter below the centre from which a chain still reaches the mode."""
-SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
-"""Shares of the way from the centre to a seed at which a start is tried; the farthest one within reach is used."""
+"""Distance of a start below the log density of the centre, at most, in nats per parameter (conventional)."""
+FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
+"""Fractions of the way from the centre to a seed at which a start is tried; the first one within reach is used."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample.
+    """Number of chains and draws, and the seed.
 
     Attributes
     ----------
     chains : int
         Number of chains.
     warmup, draws : int
-        Draws of each chain that are discarded, and that are returned.
+        Number of draws of each chain that are discarded, and that are returned.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     grows : bool
-        Whether a sampler adds draws where these are too few.
+        Whether the sampler adds draws if these are too few.
     """
 
     chains: int = 4
@@ -51,14 +51,14 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the warm-up: short where chains start with draws of the linear model, as nothing is adapted."""
+        """Return the warm-up draws; few if chains start with draws of a linear model, because nothing is adapted."""
         return self.warmup if mode.linear is None else min(self.warmup, WARMUP)
 
 
 class Sampler(ABC):
-    """Draws from the posterior of a target, started and whitened at its mode.
+    """A method that draws from the posterior of a target, starting at its mode.
 
-    `approximate` states whether the draws are independent ones of a distribution that only resembles the posterior.
+    `approximate` states whether the draws are independent draws of an approximation of the posterior.
     """
 
     name: str
@@ -66,15 +66,15 @@ class Sampler(ABC):
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws in natural units with their diagnostics; the outcome says where not to trust them.
+        """Return draws in natural units with their diagnostics. The outcome reports unreliable draws.
 
-        Raises Refusal where the method cannot work on this target.
+        Raises Refusal if the method cannot be applied to this target.
         """
 
-    def summarised(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Sample, and add the seconds that it took.
+    def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Sample, and add the duration.
 
-        Where the sampler gives no summaries, a summary of each parameter is added, and the outcome of these.
+        If the sampler returns no summaries, add a summary of each parameter, and an outcome that follows from these.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)
@@ -91,7 +91,7 @@ class Sampler(ABC):
 
 @dataclass(frozen=True)
 class Start:
-    """One chain's start: its seed, and the distances of the seed and of the start from the centre, in sds."""
+    """The start of a chain: its seed, and the distances of seed and start from the centre, in standard deviations."""
 
     seed: Seed
     seed_distance: float
@@ -101,34 +101,33 @@ class Start:
 def seeded_starts(
     target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, list[Start]]:
-    """Return starts of chains or walkers.
+    """Return starts of chains or walkers, over-dispersed about the seeds of the search for the mode.
 
-    Each is the start of a seed's climb, scattered by more than the posterior's sd. Where that is out of reach, it is
-    moved towards the centre until it is within reach. Seeds that are farthest from each other come first, so that few
-    chains cover their spread; one of the first two is a draw from the prior where there is one. Where laws may hold
-    approximately, starts are draws of the linear model.
+    A start is a seed plus scatter. If its log density is too low (`REACH`), it is moved towards the centre. Seeds that
+    are far from each other come first, so that few chains cover their range; one of the first two is a draw from the
+    prior, if there is one. With deviations from the laws, starts are draws of the linear model.
 
     Parameters
     ----------
     target : Target
-        Whose posterior is sampled.
+        The posterior that is sampled.
     mode : Mode
-        Its mode, with the climbs that led to it.
+        Mode of the posterior, with the searches that found it.
     at : Whitening
-        Its coordinates.
+        Whitened coordinates at the mode.
     count : int
         Number of starts.
     settings : Settings
-        With the seed of the random numbers.
+        The settings, with the seed of the random numbers.
 
     Returns
     -------
     u : ndarray, shape (count, d)
         The starts in whitened coordinates.
-    height : ndarray, shape (count,)
-        Their log posterior.
+    log_density : ndarray, shape (count,)
+        Log posterior density of the starts, in whitened coordinates unless they are draws of the linear model.
     starts : list of Start
-        Where each is from.
+        Seed and distances of each start.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:
@@ -140,18 +139,22 @@ def seeded_starts(
     given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
-    order = _spread_out(seeds, [seed.drawn for seed in given])
-    scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
+    order = _order_seeds(seeds, [seed.drawn for seed in given])
+    scatter = SCATTER * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
-    # The last resort but one is the scatter alone, and the last one is the centre.
+    # Further tries are a small scatter about the centre, and the centre itself.
     tries = np.stack(
-        [*(share * seeds[chosen] + scatter for share in SHARES), 0.3 * scatter, np.zeros_like(scatter)]
+        [
+            *(fraction * seeds[chosen] + scatter for fraction in FRACTIONS),
+            0.3 * scatter,
+            np.zeros_like(scatter),
+        ]
     )
     z = at.scores(tries)
     z = np.where(reflected, np.abs(z), z)
-    height = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
-    height += at.shear.log_volume(at.shear.straight(z))
-    good = height > height[-1, 0] - REACH * z.shape[-1]
+    log_density = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+    log_density += at.shear.log_volume(at.shear.straight(z))
+    good = log_density > log_density[-1, 0] - REACH * z.shape[-1]
     good[-1] = True
     first, each = np.argmax(good, axis=0), np.arange(count)
     u = at.whitened(z[first, each])
@@ -159,13 +162,14 @@ def seeded_starts(
         Start(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
         for c, x in zip(chosen, u, strict=True)
     ]
-    return u, height[first, each], starts
+    return u, log_density[first, each], starts
 
 
-def _spread_out(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
-    """Return the order of seeds, (m, d): first the farthest from the centre, then one from the prior, then the others.
+def _order_seeds(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
+    """Return the order in which seeds, (m, d), are used: far apart first.
 
-    drawn: whether the prior gave each.
+    The seed farthest from the centre comes first, then a draw from the prior, then in each step the seed that is
+    farthest from all before it. drawn: whether each seed is a draw from the prior.
     """
     size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
     prior = [i for i, from_prior in enumerate(drawn) if from_prior]
@@ -179,15 +183,15 @@ def _spread_out(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
     return order
 
 
-def agreement(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
-    """Return each chain's start with the largest shift of its means from those of all chains, in sds.
+def compare_chains(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
+    """Return the start of each chain, with the largest difference of its means from those of all chains, in sds.
 
     Parameters
     ----------
     starts : sequence of Start
-        One for each chain.
+        Start of each chain.
     draws : ndarray, shape (chains, draws, d)
-        In natural units.
+        Draws in natural units.
     """
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd

@@ -1,4 +1,4 @@
-"""The affine-invariant ensemble sampler emcee, in independent ensembles, run until it is resolved."""
+"""The affine-invariant ensemble sampler emcee, in independent ensembles, run until there are enough draws."""
 
 from __future__ import annotations
 
@@ -16,44 +16,46 @@ from bayesdamp.numerics.orthant import ReflectedT
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
+"""Number of independent ensembles."""
 BLOCK = 200
-NOWHERE = -1e300
-"""Log density outside the support: emcee takes differences, and those of infinities are not numbers."""
-LONGEST = 40
-"""Largest number of blocks of sampling."""
+"""Steps between checks of whether there are enough draws."""
+OUTSIDE = -1e300
+"""Log density outside the support. It is finite because emcee computes differences."""
+MOST_BLOCKS = 40
+"""Greatest number of blocks."""
 
 
 class Emcee(Sampler):
-    """Goodman and Weare's ensembles with a mix of moves; likelihoods in batches.
+    """Ensembles of walkers (Goodman and Weare 2010) with a mixture of moves and batches of likelihoods.
 
-    Half of the moves propose from a Student t about the mode, which in whitened scores is close to the posterior
-    wherever that is regular; differential evolution and stretch moves serve where it is not. (emcee's snooker move, up
-    to its release 3.1.6, does not leave the posterior as it is: alone it makes a normal's sd a fifth too small.)
+    Half of the moves are proposals from a Student t about the mode, which is close to a regular posterior; differential
+    evolution and stretch moves are for other posteriors. (emcee's snooker move, up to release 3.1.6, is not used: it
+    does not preserve the posterior; alone it makes the sd of a normal a fifth too small.)
 
-    It runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000 effective draws
-    and the series is fifty autocorrelation times long, or says that it did not get there. Where draws are not to be
-    added, each walker makes the number of draws that was asked for.
+    Two independent ensembles of at least `chains` walkers run until each parameter has 1,000 effective draws and the
+    chains are fifty autocorrelation times long; otherwise the outcome says so. If the settings do not allow further
+    draws, each walker makes the requested number of draws.
     """
 
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Move walkers about the mode by affine-invariant moves (Goodman and Weare 2010), until draws suffice."""
+        """Sample with two ensembles that start about the mode, until there are enough draws."""
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected
         at = whitening_of(target, mode)
         proposal = ReflectedT(at.centre, at.factor, reflected)
 
-        # Reflected scores stay on their non-negative side, so that walkers do not get caught in mirror modes.
+        # Reflected scores stay non-negative, so that walkers do not divide among mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = at.scores(u)
             values = mode.likelihood.log_posteriors(z) + at.log_volume(u)
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
-            return np.where(inside, values, NOWHERE)
+            return np.where(inside, values, OUTSIDE)
 
         def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-            """Draw from the heavy-tailed Laplace fit, and return the Metropolis–Hastings factors too."""
+            """Draw from the Student t about the mode, and return the log Metropolis–Hastings factors."""
             old, new = at.straight(u), proposal.draw(rng, len(u))
             moved = np.linalg.solve(at.factor, (new - at.centre).T).T
             return moved, proposal.log_density(old) - proposal.log_density(new)
@@ -67,14 +69,14 @@ class Emcee(Sampler):
         for k in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
-            own = replace(settings, seed=settings.seed + 7919 * k)
-            start, *_ = seeded_starts(target, mode, at, walkers, own)
+            seeded = replace(settings, seed=settings.seed + 7919 * k)
+            start, *_ = seeded_starts(target, mode, at, walkers, seeded)
             state = sampler.run_mcmc(start, warmup)
             sampler.reset()
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
-        for block in [BLOCK] * LONGEST if settings.grows else [settings.draws]:
+        for block in [BLOCK] * MOST_BLOCKS if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
             sizes = [effective(v) for v in target.values(at.scores(draws)).values()]
@@ -82,7 +84,7 @@ class Emcee(Sampler):
             if resolved:
                 break
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
-        energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
+        log_density = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
         values, full = target.values(z), target.values(at.scores(draws))
         summaries = {n: summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
@@ -95,7 +97,7 @@ class Emcee(Sampler):
             sampler=self.name,
             names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
-            log_likelihood=energy - mode.likelihood.log_prior(z),
+            log_likelihood=log_density - mode.likelihood.log_prior(z),
             stats={"acceptance_rate": acceptance * np.ones(z.shape[1])},
             diagnostics={"walkers": walkers, "thinned_by": thin},
             outcome=outcome,

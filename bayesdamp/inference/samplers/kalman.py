@@ -1,4 +1,4 @@
-"""Online estimation: an unscented Kalman filter with static damping parameters, and its restarts."""
+"""An unscented Kalman filter with static damping parameters, for online estimates, and its repetition."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Posterior, Refusal
 
 HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
-"""Mean and sd of a reflected score under its prior."""
-PASSES = 20
+"""Mean and standard deviation of a reflected score under its half-normal prior."""
+MOST_PASSES = 20
+"""Greatest number of passes over the record."""
 SETTLED = 0.01
-"""Shift of the final mean between two passes, in its sds, at which restarting ends."""
-SHOWN = 300
-"""Number of times at which a running estimate is stored."""
+"""Change of the final mean from one pass to the next, in standard deviations, at which the filter has converged."""
+STORED_TIMES = 300
+"""Number of times at which running estimates are stored."""
 
 
 @dataclass(frozen=True)
 class Online:
-    """The filter's estimates of the k moving scores.
+    """Online estimates of the k scores that determine the motion.
 
-    Means and sds after each sample, (n, k), and the last covariance, (k, k).
+    means, sds (n, k): after each sample. covariance (k, k): after the last sample.
     """
 
     means: np.ndarray
@@ -39,12 +40,12 @@ class Online:
 
 
 def filter_online(target: Target, mode: Mode) -> Online:
-    """Run the filter once from the priors, with each sample used once and in its turn.
+    """Run the unscented Kalman filter once over the record, starting from the priors.
 
-    The state is (scores, θ, θ̇) without process noise. Its sigma points, 2(k + 2) at √(k + 2) sds with equal weights
-    (Julier and Uhlmann's with κ = 0), are drawn again after each sample and moved to the next one by the kernel. A
-    reflected score starts with mean and sd of a half-normal: about zero the filter would see no slope. A scale that
-    coefficients share is fixed at 1, a damping ratio of 0.1. The sd of the noise is that of the mode.
+    The state is (scores, θ, θ̇) without process noise. After each sample, 2(k + 2) sigma points at √(k + 2) standard
+    deviations with equal weights (Julier and Uhlmann, κ = 0) are computed and propagated to the next sample by the ODE
+    solver. A reflected score starts with the mean and sd of a half-normal prior, because at zero its derivative is
+    zero. The common scale of coefficients is fixed at 1 (a damping ratio of 0.1). The noise has its value at the mode.
     """
     index, signal = target.moving, target.signal
     k, order = index.size, QUANTITIES.index(signal.quantity)
@@ -54,10 +55,10 @@ def filter_online(target: Target, mode: Mode) -> Online:
     noise, z, motions = target.all_values(mode.z)["noise_sd"], mode.z.copy(), mode.likelihood.motions
 
     def values(u: np.ndarray) -> dict[str, float]:
-        z[index] = u  # the noise's own scores stay at the mode
+        z[index] = u  # the scores of the noise stay at the mode
         return target.all_values(z)
 
-    def moved(x: np.ndarray, gap: float) -> tuple[np.ndarray, float]:
+    def propagate(x: np.ndarray, gap: float) -> tuple[np.ndarray, float]:
         p = {**values(x[:k]), "theta0": float(x[k]), "omega0": float(x[k + 1])}
         state = motions.after(p, gap)
         return np.concatenate([x[:k], state[:2]]), float(state[order])
@@ -69,11 +70,12 @@ def filter_online(target: Target, mode: Mode) -> Online:
     covariance = (points - mean).T @ (points - mean) / (2 * k)
     means, sds = np.empty((signal.t.size, k)), np.empty((signal.t.size, k))
     for i, (y, gap) in enumerate(zip(signal.y.tolist(), np.r_[0.0, np.diff(signal.t)].tolist(), strict=True)):
-        # By eigenvectors of the correlations: at first θ and θ̇ follow from the scores, and no Cholesky factor exists.
+        # At first θ and θ̇ are functions of the scores, so the covariance is singular and has no Cholesky factor:
+        # sigma points are along the eigenvectors of the correlation matrix.
         sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         lengths, axes = np.linalg.eigh(covariance / sd[:, None] / sd)
         away = math.sqrt(mean.size) * sd[:, None] * axes * np.sqrt(np.maximum(lengths, 0.0))
-        pairs = [moved(x, gap) for x in np.concatenate([mean + away.T, mean - away.T])]
+        pairs = [propagate(x, gap) for x in np.concatenate([mean + away.T, mean - away.T])]
         points, predicted = np.array([x for x, _ in pairs]), np.array([v for _, v in pairs])
         mean, expected = points.mean(axis=0), float(predicted.mean())
         about, off = points - mean, predicted - expected
@@ -90,11 +92,11 @@ def filter_online(target: Target, mode: Mode) -> Online:
 
 
 @dataclass(frozen=True)
-class Restarted:
-    """The last pass of the restarted filter.
+class Repeated:
+    """The last pass of the repeated filter.
 
-    Means (n, k) and covariances (n, k, k) of the moving scores after each sample, without truncation at zero; `final`:
-    the distribution after the whole record; `passes`: their number.
+    means (n, k), covariances (n, k, k): of the scores after each sample, without truncation at zero. final: the
+    distribution after the whole record. passes: number of passes.
     """
 
     means: np.ndarray
@@ -104,39 +106,36 @@ class Restarted:
 
 
 class Kalman(Sampler):
-    """Running estimates of static parameters together with θ and θ̇, and the posterior at their end.
+    """A Kalman filter that estimates static parameters while the record goes on, and their posterior at its end.
 
-    The first pass is the online one: an unscented Kalman filter from the priors, without process noise. Priors are wide
-    compared with a record, so the filter cannot correct later what it infers from the early samples: its damping is off
-    by up to several sds. The filter is therefore run again from the priors over the same record, with its sigma points
-    one sd to each side of where the pass before ended, until the final mean settles (iterated posterior linearisation:
-    García-Fernández, Svensson and Särkkä, IEEE Transactions on Automatic Control 62, 2017). Static parameters and no
-    process noise make such a pass a linear Kalman filter whose measurements are the trajectories of the sigma points.
-    Coefficients are reflected at zero: the final normal is truncated there.
+    The first pass gives the online estimates, by an unscented Kalman filter that starts from the priors. Because the
+    priors are wide, its linearisation in the early samples is poor, and its damping is wrong by up to several standard
+    deviations. The filter is therefore repeated over the record from the priors, with sigma points one standard
+    deviation about the result of the pass before, until the final mean converges (iterated posterior linearisation:
+    García-Fernández, Svensson and Särkkä, IEEE Transactions on Automatic Control 62, 2017). Without process noise such
+    a pass is a linear Kalman filter on the trajectories of the sigma points. The final normal distribution is truncated
+    where a coefficient is zero.
 
-    The sd of the noise is not filtered: it is drawn from its Laplace approximation at the mode. The scale that the
-    coefficients' priors share is fixed: in the first pass at a damping ratio of 0.1, in the others where it is most
-    probable given the mode. Apart from these, only the length of the solver's steps is taken from the mode. Noise is
-    independent and normal.
+    The noise must be independent and normal. Its standard deviation is drawn from Laplace's approximation at the mode.
+    The common prior scale of coefficients is fixed: in the first pass at a damping ratio of 0.1, then at its most
+    probable value given the mode.
     """
 
     name = "kalman"
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
+        """Return draws from the final distribution of the filter. Raises Refusal for exact friction or other noise."""
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
-                "kalman needs ε above 0, because its sigma points do not stick; give epsilon, or leave it free"
+                "kalman needs ε above 0, because sigma points cannot represent sticking; give epsilon, or leave it free"
             )
         if target.deviation is not None:
-            raise Refusal(
-                'not applicable: kalman assumes that laws hold exactly; give deviation "none" to use it'
-            )
+            raise Refusal('not applicable: kalman assumes exact laws; use deviation "none"')
         if target.noise != "gaussian":
-            raise Refusal(f"kalman assumes independent and normal noise, and here it is {target.noise}")
+            raise Refusal(f"kalman assumes independent, normal noise, but the noise model is {target.noise}")
         online = filter_online(target, mode)
-        last = _restart(target, mode, online)
+        last = _repeat(target, mode, online)
         index = target.moving
         rng = np.random.default_rng(settings.seed)
         n = settings.chains * settings.draws
@@ -148,66 +147,68 @@ class Kalman(Sampler):
         names = tuple(target.names[i] for i in index)
         passes = {"passes": last.passes}
         posterior = approximate_posterior(self.name, target, mode, z, log_density, settings, more=passes)
-        # Means and sds in natural units against time, (m, k): coefficients are truncated at zero, each on its own.
-        at = np.unique(np.linspace(0, target.signal.t.size - 1, SHOWN).astype(int))
+        # Running means and sds in natural units, (m, k); each coefficient is truncated at zero separately.
+        at = np.unique(np.linspace(0, target.signal.t.size - 1, STORED_TIMES).astype(int))
         sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
         arrays = {"running/t": target.signal.t[at]}
         for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
-            pairs = [natural(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)]
+            pairs = [
+                natural_moments(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)
+            ]
             arrays[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
             arrays[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
         return replace(posterior, running=names, arrays=arrays)
 
 
-def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
-    """Run passes from the priors with sigma points where the pass before ended.
+def _repeat(target: Target, mode: Mode, online: Online) -> Repeated:
+    """Repeat the filter from the priors, with sigma points about the result of the pass before, until it converges.
 
-    Raises Refusal where they do not settle.
+    Raises Refusal if it does not converge.
     """
     index = target.moving
     k, y = len(index), target.signal.y
     reflected = target.reflected[index]
     noise = target.all_values(mode.z)["noise_sd"]
-    # One shared scale represents all of them near the mode.
+    # The common scale is fixed at its most probable value near the mode.
     scale = mode.near.scales[0]
     prior = np.diag(np.where(target.shared[index], scale**-2.0, 1.0))
-    # The first pass may end on the mirrored side of a reflected score.
+    # The first pass may end at a negative value of a reflected score, which is equivalent.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
     if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
-        raise Refusal("the filter lost the motion in its first pass: its covariance is no longer positive")
+        raise Refusal("the Kalman filter diverged in its first pass: its covariance is no longer positive")
     now = TruncatedNormal(side * online.means[-1], side[:, None] * online.covariance * side, reflected)
-    for passes in range(1, PASSES + 1):
+    for passes in range(1, MOST_PASSES + 1):
         mean, factor = now.moments
         points = np.tile(mode.z, (2 * k + 1, 1))
         points[:, index] = np.concatenate([mean[None], mean + factor.T, mean - factor.T])
         motions = y - mode.likelihood.residuals(points)
         if not np.all(np.isfinite(motions)):
-            raise Refusal("the restarted filter met a motion that escapes")
-        # Each sample as a linear function of the scores: its expected value, slope and residual variance.
+            raise Refusal("the repeated Kalman filter reached parameters with an unbounded motion")
+        # Approximate each sample as a linear function of the scores: expected value, slope, and residual variance.
         middle, above, below = motions[0], motions[1 : k + 1], motions[k + 1 :]
         expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
-        rise = 0.5 * (above - below)
+        half_difference = 0.5 * (above - below)
         whole = 0.5 * np.sum((above - expected) ** 2 + (below - expected) ** 2, axis=0)
-        left = whole + (1 - k) * (middle - expected) ** 2 - np.sum(rise**2, axis=0)
-        slope, variance = np.linalg.solve(factor.T, rise).T, np.maximum(left, 0.0)
+        left = whole + (1 - k) * (middle - expected) ** 2 - np.sum(half_difference**2, axis=0)
+        slope, variance = np.linalg.solve(factor.T, half_difference).T, np.maximum(left, 0.0)
         weight = 1.0 / (noise**2 + variance)
-        pull = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
-        gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
-        covariances = np.linalg.inv(prior + gathered)
-        means = np.einsum("nij,nj->ni", covariances, pull)
+        weighted_sum = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
+        information = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
+        covariances = np.linalg.inv(prior + information)
+        means = np.einsum("nij,nj->ni", covariances, weighted_sum)
         now = TruncatedNormal(means[-1], covariances[-1], reflected)
         new, width = now.moments
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
-            return Restarted(means, covariances, now, passes)
-    raise Refusal(f"the restarted filter did not settle in {PASSES} passes")
+            return Repeated(means, covariances, now, passes)
+    raise Refusal(f"the repeated Kalman filter did not converge in {MOST_PASSES} passes")
 
 
-def natural(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and sd of a parameter whose score is normal, (m,), and truncated at zero where it is reflected."""
+def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and sd (m,) of a parameter whose score is normal; truncated at zero if it is reflected."""
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean
-    share = log_ndtr(mean / sd) if prior.reflected else np.zeros(mean.size)
-    tail = share[:, None] + np.log(0.5 * (1 - x))
+    log_inside = log_ndtr(mean / sd) if prior.reflected else np.zeros(mean.size)
+    tail = log_inside[:, None] + np.log(0.5 * (1 - x))
     values = np.asarray(prior.value(mean[:, None] - sd[:, None] * ndtri_exp(tail)))
     first = values @ (0.5 * w)
     return first, np.sqrt((values - first[:, None]) ** 2 @ (0.5 * w))

@@ -1,4 +1,4 @@
-"""Variational inference: the full-rank normal distribution closest to the posterior, in coordinates without walls."""
+"""Variational inference: the full-rank normal distribution nearest to the posterior, in unbounded coordinates."""
 
 from __future__ import annotations
 
@@ -15,28 +15,32 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior, Refusal
 
 FIRST, SECOND = 0.9, 0.999
-"""Decay of Adam's moments (its authors' values)."""
+"""Decay rates of Adam's first and second moments (the values of its authors)."""
 DRAWS = 8
-"""Draws for a gradient."""
+"""Number of draws for a gradient."""
 BLOCK = 50
+"""Number of Adam steps between checks of convergence."""
 BLOCKS = 60
+"""Greatest number of blocks."""
 RATE = 0.04
+"""Adam's first learning rate."""
 SETTLED = 0.1
-"""Largest shift between the parameters' means over two blocks of steps (in the sds of the start; of a width, in its
-logarithm) at which the step is halved. Training ends once it has been halved often enough."""
+"""Largest difference between the means over two successive blocks at which the learning rate is halved: of a mean in
+standard deviations of the start, of a width in its logarithm."""
 HALVINGS = 3
+"""Number of halvings of the learning rate after which training ends."""
 
 
 @dataclass(frozen=True)
-class Mapped:
-    """Scores of points v, with the volume change of the map and its derivatives.
+class MappedPoints:
+    """Points v mapped to scores, with the derivatives and the change of volume of the map.
 
     Attributes
     ----------
     z : ndarray, shape (n, d)
         The scores.
     slopes : ndarray, shape (n, d, d)
-        Their derivatives by v.
+        Derivatives of the scores by v.
     log_volume : ndarray, shape (n,)
         Log determinant of the derivatives.
     volume_slopes : ndarray, shape (n, d)
@@ -51,16 +55,17 @@ class Mapped:
 
 @dataclass(frozen=True)
 class Unbounded:
-    """A triangular map from v in R^d to the scores (Genz, Journal of Computational and Graphical Statistics 1, 1992).
+    """A triangular map from v in R^d to scores (Genz, Journal of Computational and Graphical Statistics 1, 1992).
 
-    It is built from a truncated normal, which a standard normal v becomes; exactly so with at most one wall near.
+    It maps a standard normal v to a given truncated normal distribution; exactly if at most one wall is near. A wall is
+    the bound where a reflected score is zero.
 
     Attributes
     ----------
     order : ndarray of int, shape (d,)
-        The scores with those at walls first.
+        Indices of the scores, those with walls first.
     mean, factor : ndarray, shapes (d,) and (d, d)
-        Of the normal in this order.
+        Mean and Cholesky factor of the normal distribution in this order.
     walls : int
         Number of walls.
     """
@@ -72,18 +77,19 @@ class Unbounded:
 
     @staticmethod
     def of(normal: TruncatedNormal) -> Unbounded:
-        """Return the coordinates in which this normal is round."""
+        """Return the coordinates in which a truncated normal is (nearly) standard normal."""
         rest = np.setdiff1d(np.arange(normal.mean.size), normal.walls)
-        # The wall that truncates most comes first: what it leaves hardly meets the others.
+        # The wall that truncates most comes first: the others then truncate little.
         near = normal.walls[np.argsort((normal.mean / np.sqrt(np.diag(normal.covariance)))[normal.walls])]
         order = np.r_[near, rest].astype(int)
         factor = np.linalg.cholesky(normal.covariance[np.ix_(order, order)])
         return Unbounded(order, normal.mean[order], factor, normal.walls.size)
 
-    def mapped(self, v: np.ndarray) -> Mapped:
+    def to_scores(self, v: np.ndarray) -> MappedPoints:
         """Map points v, (n, d), to scores.
 
-        At each wall in turn, the normal quantile of v is taken in the part of the conditional normal that lies inside.
+        For each score with a wall in turn, the standard normal v becomes the same quantile of the conditional normal
+        distribution that is truncated at the wall.
         """
         n, d = v.shape
         factor = self.factor
@@ -104,51 +110,50 @@ class Unbounded:
         z, slopes = np.empty((n, d)), np.empty((n, d, d))
         z[:, self.order] = self.mean + x @ factor.T
         slopes[:, self.order] = factor @ by_v
-        return Mapped(z, slopes, log_volume, volume_slopes)
+        return MappedPoints(z, slopes, log_volume, volume_slopes)
 
 
 def _hazard(x: np.ndarray) -> np.ndarray:
-    """Return φ(x)/Φ(−x) of the standard normal distribution."""
+    """Return the hazard φ(x)/Φ(−x) of the standard normal distribution."""
     return np.exp(-0.5 * x**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(-x))
 
 
 class Variational(Sampler):
-    """The normal distribution with the highest evidence lower bound.
+    """The normal distribution with the largest evidence lower bound, in the coordinates of `Unbounded`.
 
-    It is found with Adam by full-rank reparameterised gradients that stick the landing (Roeder, Wu and Duvenaud,
-    NeurIPS 30, 2017), in coordinates without a wall where a coefficient is zero. There Laplace's approximation is the
-    standard normal, where it starts. It has converged where the means of all parameters over two successive blocks of
-    steps agree, at four lengths of step; otherwise it refuses.
+    It starts at Laplace's approximation, which is standard normal in these coordinates, and is optimised by Adam with
+    reparameterised gradients without the score term (Roeder, Wu and Duvenaud, NeurIPS 30, 2017). It has converged if
+    the means of all parameters over two successive blocks agree, at each of four learning rates.
 
-    A normal that is too wide lowers the bound more than one that is too narrow, so the answer on a posterior that is
-    not normal is too narrow: its importance weights show by how much. It needs a thousand gradients and more, and is
-    not faster than whitened NUTS.
+    For a posterior that is not normal, the result is too narrow; its importance weights show by how much. It needs more
+    than a thousand gradients and is not faster than NUTS.
     """
 
     name = "variational"
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of the full-rank normal distribution closest to the posterior, with importance weights."""
+        """Return draws of the nearest normal distribution, with importance weights. Raises Refusal if it diverges."""
         at = Unbounded.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)
         n, d = settings.chains * settings.draws, mean.size
         normal = np.random.default_rng(settings.seed).standard_normal((n, d))
-        points = at.mapped(mean + normal @ factor.T)
+        points = at.to_scores(mean + normal @ factor.T)
         log_density = -0.5 * np.sum(normal**2, axis=1) - points.log_volume
         more = {"steps": steps, "elbo": bound}
         return approximate_posterior(self.name, target, mode, points.z, log_density, settings, more=more)
 
 
 def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
-    """Return mean (d,) and factor (d, d) of the normal in the unbounded coordinates, steps, and the bound in nats.
+    """Optimise the normal distribution in unbounded coordinates.
 
-    Raises Refusal where it does not converge.
+    Returns its mean (d,), its Cholesky factor (d, d), the number of steps and the bound in nats. Raises Refusal if it
+    does not converge.
     """
     d = at.mean.size
     rng = np.random.default_rng(seed)
-    # The normal's mean, (d,), the logarithms of its Cholesky factor's diagonal, (d,), and the elements below that, with
-    # Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
+    # x: the mean (d,), the logarithms of the diagonal of the Cholesky factor (d,), and its elements below the diagonal.
+    # first, second: Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
     x, first, second = np.zeros((3, 2 * d + d * (d - 1) // 2))
     before, steps, halvings, rate = None, 0, 0, RATE
     for _ in range(BLOCKS):
@@ -165,7 +170,7 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
         now = np.mean(trace, axis=0)
         if not np.all(np.isfinite(now)):
             raise Refusal(
-                "variational inference met motions that escape: it needs a finite density everywhere it samples"
+                "variational inference reached parameters with unbounded motions, where the density is not finite"
             )
         if before is not None and np.max(np.abs(now - before)) < SETTLED:
             if halvings == HALVINGS:
@@ -179,27 +184,29 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
 def _bound_gradient(
     mode: Mode, at: Unbounded, x: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
-    """Return estimates of the bound's gradient by a normal's parameters, both (k,), and of the bound in nats."""
+    """Return estimates of the gradient of the bound by the parameters x, (k,), and of the bound in nats."""
     d = at.mean.size
     factor = _factor(x, d)
     normal = rng.standard_normal((DRAWS, d))
-    points = at.mapped(x[:d] + normal @ factor.T)
-    heights, slopes = zip(*(mode.likelihood.gradient(z) for z in points.z), strict=True)
-    if not np.all(np.isfinite(heights)):
+    points = at.to_scores(x[:d] + normal @ factor.T)
+    log_densities, slopes = zip(*(mode.likelihood.gradient(z) for z in points.z), strict=True)
+    if not np.all(np.isfinite(log_densities)):
         return np.full(x.size, np.nan), np.nan
-    pull = np.einsum("ni,nij->nj", np.array(slopes), points.slopes) + points.volume_slopes
-    # The gradient of the normal's own density by its parameters has mean zero: without it there is less noise.
-    pull = pull + np.linalg.solve(factor.T, normal.T).T
-    by_factor = pull.T @ normal / DRAWS
+    by_points = np.einsum("ni,nij->nj", np.array(slopes), points.slopes) + points.volume_slopes
+    # The gradient of the log density of the normal by its parameters (the score term) has mean zero and is left out.
+    by_points = by_points + np.linalg.solve(factor.T, normal.T).T
+    by_factor = by_points.T @ normal / DRAWS
     gradient = np.concatenate(
-        [pull.mean(axis=0), np.diag(by_factor) * np.diag(factor), by_factor[np.tril_indices(d, -1)]]
+        [by_points.mean(axis=0), np.diag(by_factor) * np.diag(factor), by_factor[np.tril_indices(d, -1)]]
     )
-    own = -0.5 * np.sum(normal**2, axis=1) - 0.5 * d * np.log(2 * np.pi) - np.sum(np.log(np.diag(factor)))
-    return gradient, float(np.mean(np.array(heights) + points.log_volume - own))
+    log_normal = (
+        -0.5 * np.sum(normal**2, axis=1) - 0.5 * d * np.log(2 * np.pi) - np.sum(np.log(np.diag(factor)))
+    )
+    return gradient, float(np.mean(np.array(log_densities) + points.log_volume - log_normal))
 
 
 def _factor(x: np.ndarray, d: int) -> np.ndarray:
-    """Return the Cholesky factor, (d, d), of a normal's parameters, (k,)."""
+    """Return the Cholesky factor, (d, d), from the parameters x, (k,), of a normal distribution."""
     factor = np.diag(np.exp(x[d : 2 * d]))
     factor[np.tril_indices(d, -1)] = x[2 * d :]
     return factor

@@ -1,4 +1,4 @@
-"""The highest mode of a candidate on a record, from every start that there is, with the checks of its fit."""
+"""Find the highest posterior mode of a candidate from all available starts, and check its fit."""
 
 from __future__ import annotations
 
@@ -15,62 +15,67 @@ from bayesdamp.interface.model import (
     start_from_features,
     start_from_regression,
 )
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.records import NOT_APPLICABLE
-from bayesdamp.pipeline.tasks import Product, cell_seed
+from bayesdamp.pipeline.tasks import Product, task_seed
 from bayesdamp.serial import split
 from bayesdamp.store.contents import EstimateContent, MaximumContent, ModeContent, RefusedSeed
 from bayesdamp.types import OK, Refusal, Seed
 
 
-def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
-    """Return seeds with their values, and the outcomes of methods that have none.
+def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
+    """Return the starts of the search for the mode by their seeds, and the outcomes of estimators without values.
 
-    Seeds are every estimator's values at each of its stages, and values from the record's frequency and decay. With no
-    estimator in the study, least squares' values are used. Raises Refusal where there is no start.
+    The starts are the values of every estimator at each of its stages, and values from the record's frequency and
+    decay. If the study has no estimator, least squares is used. With many candidates, the fit of all terms in the
+    answer is a start too. Raises Refusal if there is no start.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
-    for method in branch.methods:
-        cell = branch.store.read(f"estimate/{branch.path}/{method}")
-        for stage in EstimateContent.of(cell).stages:
+    for method in candidate.methods:
+        result = candidate.store.read(f"estimate/{candidate.path}/{method}")
+        for stage in EstimateContent.of(result).stages:
             seed = Seed(method, stage.stage)
             if stage.values and np.all(np.isfinite(list(stage.values.values()))):
                 seeds[seed] = stage.values
             else:
                 refused.append(RefusedSeed(seed, stage.outcome))
-        if cell.outcome != OK:
-            refused.append(RefusedSeed(Seed(method), cell.outcome))
-    problem = branch.problem
+        if result.outcome != OK:
+            refused.append(RefusedSeed(Seed(method), result.outcome))
+    problem = candidate.problem
     if not seeds:
-        seeds |= start_from_regression(branch.record.signal, problem)[0]
-    decays = start_from_features(branch.record.signal, branch.record.features, problem)
+        seeds |= start_from_regression(candidate.record.signal, problem)[0]
+    decays = start_from_features(candidate.record.signal, candidate.record.features, problem)
     seeds = decays | seeds
-    fit = branch.answer.fits.get(branch.restoring) if branch.many and branch.answer else None
-    if branch.answer and fit:
-        seeds = start_from_all_terms(fit, branch.answer.terms, problem, decays) | seeds
+    fit = (
+        candidate.answer.fits.get(candidate.restoring)
+        if candidate.has_many_rivals and candidate.answer
+        else None
+    )
+    if candidate.answer and fit:
+        seeds = start_from_all_terms(fit, candidate.answer.terms, problem, decays) | seeds
     if not seeds:
-        raise Refusal("no estimator found a place to start from")
+        raise Refusal("no estimator returned values from which the search for the mode could start")
     return seeds, tuple(refused)
 
 
-def compute_mode(branch: Branch) -> Product:
-    """Return the highest mode with the checks of its fit. Raises Refusal where there is none."""
-    if not branch.record.content.noisy:
+def compute_mode(candidate: StudyCandidate) -> Product:
+    """Return the highest mode with the checks of its fit. Raises Refusal if the search finds none."""
+    if not candidate.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
-    seeds, refused = seeds_of(branch)
-    mode = branch.case.mode(
-        branch.noise,
-        branch.epsilon,
+    seeds, refused = seeds_of(candidate)
+    mode = candidate.case.mode(
+        candidate.noise,
+        candidate.epsilon,
         seeds,
-        draws=0 if branch.many else PRIOR_STARTS,
-        seed=cell_seed(branch.study, f"seeds/{branch.path}"),
-        thrifty=branch.many,
+        draws=0 if candidate.has_many_rivals else PRIOR_STARTS,
+        seed=task_seed(candidate.study, f"seeds/{candidate.path}"),
+        thrifty=candidate.has_many_rivals,
     )
-    fit, target = Fit.at_mode(branch.record.signal, branch.case.model, mode), mode.likelihood.target
-    seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    checks, residuals = check_fit(target, mode, branch.record.features.period, seed)
-    arrays = {"t": branch.record.signal.t, **residuals}
+    fit, target = Fit.at_mode(candidate.record.signal, candidate.case.model, mode), mode.likelihood.target
+    seed = task_seed(candidate.study, f"checks/{candidate.spec.name}/{candidate.repeat}")
+    checks, residuals = check_fit(target, mode, candidate.record.features.period, seed)
+    arrays = {"t": candidate.record.signal.t, **residuals}
     maxima, numbers = basins(mode)
     climbs = []
     for search, number in zip(mode.searches, numbers, strict=True):
@@ -79,8 +84,8 @@ def compute_mode(branch: Branch) -> Product:
         own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
         climbs.append({**own, "distance": distance, "mode": number})
     scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
-    # Later tasks read the mode from its cell, as a run that was cut off in between does: the solver's plan is made
-    # again there, and evidence on the plan that found the mode differs by some 1e-8 nats.
+    # Later tasks read the mode from its stored result, never from memory: the solver's plan is then made again, which
+    # changes evidence by some 1e-8 nats, and an interrupted run must give the same numbers.
     content = {
         **vars(checks),
         "climbs": climbs,

@@ -1,4 +1,4 @@
-"""A branch's posteriors: their draws in a file, their summaries, and the damping against amplitude."""
+"""Sample the posterior of a candidate, and compute its summaries and its damping against amplitude."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayesdamp.interface.posterior import draw
 from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import verdict_of
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import write_bytes
@@ -23,36 +23,37 @@ from bayesdamp.types import OK, Ratio
 CURVE = "equivalent_ratio"
 LEVELS = np.array([0.025, 0.5, 0.975])
 SPREAD = (np.arange(100) + 0.5) / 100
-"""Levels of the quantiles that represent the draws of a curve, with equal weight."""
+"""Levels of 100 quantiles that represent the draws of a curve with equal weight."""
 CURVE_POINTS = 25
+"""Number of amplitudes at which the damping is computed."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
-"""In the file of draws: energy-weighted mean of the sizes of the deviations over the record."""
-FAINTEST = 0.02
-"""Least amplitude, as a share of the first, at which the damping is computed against amplitude."""
+"""Names, in the file of draws, of the sizes of the deviations g and h: energy-weighted means over the record."""
+SMALLEST = 0.02
+"""Smallest amplitude of the curves as a fraction of the first amplitude (conventional)."""
 
 
-def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
+def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Product:
     """Draw with one sampler, write the draws to a file, and summarise them. Raises Refusal."""
-    s, signal = branch.study.posterior, branch.record.signal
-    posterior, u = draw(branch.fit, sampler, Settings(s.chains, s.warmup, s.draws, seed % 2**31))
-    whole, law = posterior, branch.fit.law
+    s, signal = candidate.study.posterior, candidate.record.signal
+    posterior, u = draw(candidate.fit, sampler, Settings(s.chains, s.warmup, s.draws, seed % 2**31))
+    whole, law = posterior, candidate.fit.law
     if law is not None:
         u = u.reshape(-1, u.shape[-1])
         sizes = np.stack([x.reshape(posterior.draws.shape[:2]) for x in law.sizes(u)], axis=-1)
         draws = np.concatenate([posterior.draws, sizes], axis=-1)
         whole = replace(posterior, names=(*posterior.names, *SIZES), draws=draws)
-    folder = branch.store.folder
-    file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
-    write_bytes(file, diagnostics.saved(whole))
-    motions = _motions(branch, {n: posterior.draws[..., i] for i, n in enumerate(posterior.names)})
+    folder = candidate.store.folder
+    file = folder / "posterior" / f"{candidate.path.replace('/', '.')}.{sampler}.nc"
+    write_bytes(file, diagnostics.to_netcdf(whole))
+    motions = _motions(candidate, {n: posterior.draws[..., i] for i, n in enumerate(posterior.names)})
     ratios: tuple[Ratio, ...] = ()
     if law is not None:
-        verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
+        verdict = verdict_of(candidate.store, candidate.spec.name, candidate.repeat)
         amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
         ratios = law.ratios(amplitudes, u, s.sensor)
     summary = dict(posterior.summaries)
     derived = derive(motions)
-    # Draws without such a motion (no stable equilibrium, an escape) would bias the mean of the others.
+    # A quantity that some draws do not have (no stable equilibrium, an escape) gets no summary: it would be biased.
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
     for n, v in derived.items():
         if n not in partial:
@@ -63,7 +64,7 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
             posterior, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, arrays={}, summaries={}
         ),
         units={
-            n: unit.get(n) or parameter_unit(n, branch.restoring, signal.unit, signal.quantity)
+            n: unit.get(n) or parameter_unit(n, candidate.restoring, signal.unit, signal.quantity)
             for n in summary
         },
         summary=summary,
@@ -72,47 +73,53 @@ def compute_posterior(branch: Branch, sampler: str, seed: int) -> Product:
         file=file.relative_to(folder).as_posix(),
         ratios=ratios,
     )
-    arrays = {"draws": posterior.draws, **_curves(branch, motions, u), **posterior.arrays}
+    arrays = {"draws": posterior.draws, **_curves(candidate, motions, u), **posterior.arrays}
     return Product(content, arrays, posterior.outcome, posterior.seconds)
 
 
-def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
-    """Return the curves of a candidate that was not sampled, from the weighted draws of its evidence.
+def weighted_curves(candidate: StudyCandidate, seed: int) -> dict[str, np.ndarray]:
+    """Return the curves of a candidate that was not sampled, from the weighted draws of its importance sampling.
 
-    They are those of a posterior's cell; empty where there are no importance draws to be trusted.
+    The arrays are named as in the result of a posterior; there are none if the candidate has no reliable importance
+    draws.
     """
-    cell = branch.store.find(f"evidence/{branch.path}/importance")
-    if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
+    result = candidate.store.find(f"evidence/{candidate.path}/importance")
+    if result is None or result.outcome != OK or "log_weights" not in result.arrays:
         return {}
     rng = np.random.default_rng(seed)
-    chosen = resample(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
-    z, target = cell.arrays["y"].astype(float)[chosen], branch.fit.engine[0]
-    u = NO_DRAWS[0] if branch.fit.law is None else branch.fit.law.with_deviations(z, seed)
-    return _curves(branch, _motions(branch, target.values(z)), u)
+    chosen = resample(result.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
+    z, target = result.arrays["y"].astype(float)[chosen], candidate.fit.engine[0]
+    u = NO_DRAWS[0] if candidate.fit.law is None else candidate.fit.law.with_deviations(z, seed)
+    return _curves(candidate, _motions(candidate, target.values(z)), u)
 
 
-def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
-    """Return the motions of draws under exact laws."""
-    (target, _), record = branch.fit.engine, branch.record
+def _motions(candidate: StudyCandidate, inferred: Mapping[str, np.ndarray]) -> Motions:
+    """Return the motions of draws under exact laws. inferred: draws by parameter."""
+    (target, _), record = candidate.fit.engine, candidate.record
     values = {**target.known, **inferred}
     return Motions(
-        target.oscillator, values, record.features.rest, record.content.scales.amplitude, branch.spec.inertia
+        target.oscillator,
+        values,
+        record.features.rest,
+        record.content.scales.amplitude,
+        candidate.spec.inertia,
     )
 
 
-def _curves(branch: Branch, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return decrement and equivalent ratio over a record's amplitudes, (m,), without those that have no motion.
+def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the curves of decrement and equivalent damping ratio over the record's range of amplitudes.
 
-    u: draws with their deviations, (n, K), where laws may hold approximately.
+    Amplitudes at which a curve is not defined are left out. u: draws with their deviations, (n, K), if the fit has
+    deviations.
     """
-    record, law = branch.record.features, branch.fit.law
-    least = max(min(record.amplitude, record.final_amplitude), FAINTEST * record.amplitude)
+    record, law = candidate.record.features, candidate.fit.law
+    least = max(min(record.amplitude, record.final_amplitude), SMALLEST * record.amplitude)
     grid = np.geomspace(least, record.amplitude, CURVE_POINTS)
     levels = (*LEVELS, *SPREAD)
     curves = against_amplitude(motions, grid, levels)
     if law is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]
-        drawn = law.ratio_draws(grid, few, branch.study.posterior.sensor)
+        drawn = law.ratio_draws(grid, few, candidate.study.posterior.sensor)
         finite = np.all(np.isfinite(drawn), axis=0)
         ratio = np.full((len(levels), grid.size), np.nan)
         if finite.any():

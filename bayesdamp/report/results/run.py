@@ -18,10 +18,10 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
-from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.store.cells import Place
+from bayesdamp.store import TABLES, Store, TaskResult, read_table
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent, ModeContent, WeighedCandidate
 from bayesdamp.store.files import read_description
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, summed
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import DampingRatio, number
@@ -102,8 +102,8 @@ class RunFolder:
         self.answered: dict[tuple[str, Sequence[str]], RecordAnswer | None] = {}
         self._figures: Path | None = self.folder / "figures"
         self._store = Store(self.folder, self.info.get("cells"))
-        self._places = {name: Place.of(name) for name in self._store.names()}
-        self._read: dict[str, CellResult | None] = {}
+        self._places = {name: TaskName.of(name) for name in self._store.names()}
+        self._read: dict[str, TaskResult | None] = {}
         path = self.folder / VERDICT_JSON
         try:
             self.verdicts = load_verdicts(path)
@@ -113,13 +113,13 @@ class RunFolder:
             raise InputError(f"{path}: this file is damaged; run the study again") from None
 
     @classmethod
-    def of_cells(cls, info: Row, cells: Sequence[CellResult]) -> Self:
+    def of_cells(cls, info: Row, cells: Sequence[TaskResult]) -> Self:
         """Return a run without a folder, from run information and results in memory."""
         run = cls.__new__(cls)
         run.info, run.answered, run.verdicts, run._figures = info, {}, [], None
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
         run._read = {cell.name: cell for cell in cells}
-        run._places = {name: Place.of(name) for name in run._read}
+        run._places = {name: TaskName.of(name) for name in run._read}
         return run
 
     @cached_property
@@ -201,7 +201,7 @@ class RunFolder:
                 repeats.setdefault(signal, set()).add(repeat)
         return repeats
 
-    def cell(self, *parts: object) -> CellResult | None:
+    def cell(self, *parts: object) -> TaskResult | None:
         """Return a stored result by the parts of its name; None if there is none that can be read."""
         name = "/".join(map(str, parts))
         if name not in self._places:
@@ -211,7 +211,7 @@ class RunFolder:
             self._read[name] = self._store.find(name)
         return self._read[name]
 
-    def cells(self, *parts: object) -> list[CellResult]:
+    def cells(self, *parts: object) -> list[TaskResult]:
         """Return all readable results whose names begin with these parts."""
         prefix = "".join(f"{part}/" for part in parts)
         results = (self.cell(name) for name in self._places if name.startswith(prefix))
@@ -354,7 +354,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     ranked = ranking(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
     models = {r["model"] for r in rows if r["signal"] == signal}
-    models |= {cell.place.candidate for cell in run.cells("mode", signal, repeat)}
+    models |= {cell.parts.candidate for cell in run.cells("mode", signal, repeat)}
     first = [row["model"] for row in ranked.rows] if ranked else []
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
 

@@ -103,7 +103,7 @@ class EstimatesSection(SignalSection):
                 }
                 content.append(folded("The other parameters", Table.of(others, columns, (0, 1, 2, 4))))
             curves = {
-                f"{words.method(cell.place.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
+                f"{words.method(cell.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
                 for cell in (run.cells("estimate", signal, repeats[0], model) if is_drawn(run, place) else ())
                 for name, curve in cell.arrays.items()
                 if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
@@ -230,7 +230,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     for cell in run.cells("estimate", signal, run.repeats(signal)[0], model):
         for stage in EstimateContent.of(cell).stages:
             if stage.details:
-                by_method[cell.place.method] = stage.details
+                by_method[cell.parts.method] = stage.details
     parts: list[object] = []
     damping = []
     for method, d in by_method.items():

@@ -24,7 +24,7 @@ from bayesdamp.report.results.run import (
     rows_of,
 )
 from bayesdamp.report.sections import SignalSection, by_signal, folded, paragraph, stack
-from bayesdamp.store import CellResult
+from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.types import OK
 
@@ -174,7 +174,7 @@ class SensitivitySection(SignalSection):
         return stack(*parts, paragraph(_ONE_NOISE, "small") if run.under_law else "")
 
 
-def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
     """Return the stored results of one kind of sensitivity task, for the models that have one."""
     cells = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in cells.items() if c is not None and c.outcome == OK}

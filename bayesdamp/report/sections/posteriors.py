@@ -82,13 +82,13 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     """
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
-    for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.place.method != "nuts"):
+    for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.parts.method != "nuts"):
         array = cell.arrays.get("draws")
         content = PosteriorContent.of(cell)
         names = content.posterior.names
         if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
             continue
-        draws[cell.place.method] = {name: array[:, :, i] for i, name in enumerate(names)}
+        draws[cell.parts.method] = {name: array[:, :, i] for i, name in enumerate(names)}
         units = {**content.units, **units}
     if not draws:
         return []
@@ -146,7 +146,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         if without:
             names = fmt.listing(words.symbol(n).text for n in without)
             why = f"they do not exist for {max(without.values())} draws (no stable equilibrium, or the motion escapes)"
-            sentences.add((cell.place.method, f"{names} not shown: {why}"))
+            sentences.add((cell.parts.method, f"{names} not shown: {why}"))
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
     return parts
@@ -193,7 +193,7 @@ class RunningSection(SignalSection):
                 draw = partial(
                     running, model, names, cell.arrays["running/t"], last, first, content.units, true
                 )
-                by = words.method(cell.place.method)
+                by = words.method(cell.parts.method)
                 caption = f"{signal}, {words.model(model)}: running estimate of the damping by {by}."
                 figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
                 parts.append(folded(words.model(model), figure) if parts else figure)
@@ -243,7 +243,7 @@ class SeedsSection(SignalSection):
             for cell in run.cells("posterior", signal, repeat, model):
                 starts = PosteriorContent.of(cell).posterior.starts
                 if starts:
-                    caption = f"Chains of {words.method(cell.place.method)}"
+                    caption = f"Chains of {words.method(cell.parts.method)}"
                     tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
             parts.append(stack(summary, folded(f"Starting points and chains of {name}", *tables)))
         more = parts[SHOWN:]

@@ -15,7 +15,7 @@ from bayesdamp.report.drawing import colour
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
 from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
-from bayesdamp.store import CellResult
+from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import JointContent, PopulationContent
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
@@ -57,7 +57,7 @@ class SpecimensSection(Section):
         parts: list[object] = []
         for cell in run.cells("joint"):
             parts += [] if parts else [paragraph(HOW)]
-            joint, name = JointContent.maybe(cell), cell.place.record
+            joint, name = JointContent.maybe(cell), cell.parts.record
             parts += [heading(f"Repeats of {name}"), paragraph(joint_sentence(run, cell))]
             if joint is not None:
                 parts += [paragraph(LAWS[joint.deviation]), _candidates(joint)]
@@ -83,7 +83,7 @@ class SpecimensSection(Section):
         return stack(*parts)
 
 
-def joint_sentence(run: RunFolder, cell: CellResult) -> str:
+def joint_sentence(run: RunFolder, cell: TaskResult) -> str:
     """Return sentences on how much the records of a specimen differ, and whether one damping fits all of them."""
     joint = JointContent.maybe(cell)
     if joint is None:
@@ -112,7 +112,7 @@ def joint_sentence(run: RunFolder, cell: CellResult) -> str:
     return f"{'. '.join(sentences)}."
 
 
-def population_sentence(cell: CellResult) -> str:
+def population_sentence(cell: TaskResult) -> str:
     """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning."""
     content = PopulationContent.maybe(cell)
     if content is None:
@@ -174,7 +174,7 @@ def _candidates(joint: JointContent) -> Table:
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
 
-def _population(run: RunFolder, cell: CellResult) -> list[object]:
+def _population(run: RunFolder, cell: TaskResult) -> list[object]:
     """Return sentences, a table and a figure on the population of the specimens."""
     parts: list[object] = [paragraph(population_sentence(cell))]
     content = PopulationContent.maybe(cell)

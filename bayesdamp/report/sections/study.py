@@ -13,7 +13,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
 from bayesdamp.report.sections import Section, fill, folded, stack
-from bayesdamp.store.cells import Place
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
 
@@ -168,7 +168,7 @@ class ProvenanceSection(Section):
         if known:
             kinds: dict[str, list[float]] = {}
             for name, seconds in known.items():
-                kinds.setdefault(Place.of(name).kind, []).append(seconds)
+                kinds.setdefault(TaskName.of(name).kind, []).append(seconds)
             kinds["all"] = list(known.values())
             of_kind: dict[str, Callable[[str], str]] = {
                 "stage": str,

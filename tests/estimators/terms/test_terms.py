@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.estimators import ESTIMATORS, names_for_all, run
-from bayesdamp.estimators._protocol import refusal, table
+from bayesdamp.estimators._protocol import reason_not_applicable, table
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.types import Problem, Signal, System
 from tests.estimators.truths import NETS
@@ -97,7 +97,7 @@ def test_who_cannot_says_why_in_a_sentence() -> None:
     for name, term in ((n, t) for n, ts in REFUSED.items() for t in sorted(ts)):
         (found,) = run(name, record(term, 1500), Problem((term,), SYSTEM), stages=("initial",), seed=1)
         assert not found.values, name
-        assert found.outcome == refusal(ESTIMATORS.get(name), (term,))
+        assert found.outcome == reason_not_applicable(ESTIMATORS.get(name), (term,))
         assert term in found.outcome
         assert len(found.outcome) < 160
         assert "weighed and simulated only" not in found.outcome

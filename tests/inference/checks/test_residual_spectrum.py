@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.inference import residual_tests
-from bayesdamp.inference.residual_tests import standing_out
+from bayesdamp.inference.residual_tests import find_spectral_line
 
 T = np.arange(300) * 0.02
 PERIOD = 0.5
@@ -28,7 +28,9 @@ def white(seed: int) -> np.ndarray:
 def test_chances_are_those_of_white_noise() -> None:
     """1,000 series of noise after a fit, seeds fixed. Bonferroni's bound over four parts: at or below the nominal
     share, by at most three binomial standard deviations above it (two tests: 0.3 %), and not empty at a fifth."""
-    chances = np.array([standing_out(T, fitted(white(s)), PERIOD, ABSORBED).chance for s in range(1000)])
+    chances = np.array(
+        [find_spectral_line(T, fitted(white(s)), PERIOD, ABSORBED).chance for s in range(1000)]
+    )
     for share in (0.01, 0.05):
         assert np.mean(chances < share) <= share + 3 * np.sqrt(share * (1 - share) / chances.size)
     assert np.mean(chances < 0.2) > 0.1
@@ -42,15 +44,15 @@ def test_what_is_left_is_named() -> None:
         (1.5 * T / T[-1], residual_tests.SLOW),
         (0.8 * np.sin(2 * np.pi * T / 0.142), residual_tests.LINE.format(ratio=3.5)),
     ):
-        result = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
+        result = find_spectral_line(T, fitted(white(1) + added), PERIOD, ABSORBED)
         assert (result.chance < 1e-3, result.words) == (True, words)
-    assert standing_out(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
+    assert find_spectral_line(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
 
 
 def test_what_a_fit_absorbs_does_not_count() -> None:
     """Counted among the waves all the same, the little that is left would hide (the negative control)."""
     left = fitted(white(2) + 0.15 * T**2 * np.cos(PHASE))
     assert (
-        standing_out(T, left, PERIOD, ABSORBED).chance
-        < standing_out(T, left, PERIOD, np.empty((T.size, 0))).chance
+        find_spectral_line(T, left, PERIOD, ABSORBED).chance
+        < find_spectral_line(T, left, PERIOD, np.empty((T.size, 0))).chance
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.mode import whitening
+from bayesdamp.inference.mode import covariance_factor
 from bayesdamp.types import Refusal
 
 
@@ -13,11 +13,11 @@ def test_whitening_of_stiff_and_loose_directions():
     """The lower factor of the inverse, to rounding, where the inverse itself has lost its positivity to it."""
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
     mild = turn @ np.diag([1.0, 4.0, 30.0, 900.0]) @ turn.T
-    np.testing.assert_allclose(whitening(mild), np.linalg.cholesky(np.linalg.inv(mild)), rtol=1e-9)
+    np.testing.assert_allclose(covariance_factor(mild), np.linalg.cholesky(np.linalg.inv(mild)), rtol=1e-9)
     scale = np.diag([1.0, 1e8, 1e3, 1e-2])
-    factor = whitening(scale @ mild @ scale)
-    np.testing.assert_allclose(factor, np.linalg.inv(scale) @ whitening(mild), rtol=1e-9)
+    factor = covariance_factor(scale @ mild @ scale)
+    np.testing.assert_allclose(factor, np.linalg.inv(scale) @ covariance_factor(mild), rtol=1e-9)
     np.testing.assert_allclose(np.triu(factor, 1), 0.0)
     for bad in (np.diag([1.0, -1.0]), np.diag([1.0, np.nan])):
         with pytest.raises(Refusal, match="no curvature"):
-            whitening(bad)
+            covariance_factor(bad)

@@ -23,7 +23,7 @@ def test_nested_sampling_against_a_sum(around: bool, monkeypatch: pytest.MonkeyP
     law = one_parameter().law
     assert law is not None
     if around:
-        monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
+        monkeypatch.setattr(nested, "LIKELIHOODS_PER_CHECK", 1)  # it asks at once
         monkeypatch.setattr(nested, "log_evidence_about", lambda _: -1e9)  # a billion nats to go
     found = evidence("nested", law.mode)
     assert found.outcome == "ok"

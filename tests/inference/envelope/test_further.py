@@ -14,6 +14,6 @@ def test_a_normal_likelihood_has_the_integral_of_its_closed_form(count, mean, sd
     v = sd**2 / (1 + sd**2)
     truth = count * (0.5 * np.log(v) - 0.5 * mean**2 / (1 + sd**2))
     assert explored.log_integral == pytest.approx(truth, abs=0.1)
-    drawn = explored.resampled(64)
+    drawn = explored.resample(64)
     assert drawn.mean(axis=0) == pytest.approx(np.full(count, mean / (1 + sd**2)), abs=0.4 * np.sqrt(v))
     assert drawn.std(axis=0) == pytest.approx(np.full(count, np.sqrt(v)), rel=0.4)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from bayesdamp.inference.evidence._method import adopted, disagreement
+from bayesdamp.inference.evidence._method import choose_evidence, disagreement
 from bayesdamp.types import Evidence
 
 
@@ -17,11 +17,13 @@ def of(method: str, value: float, stderr: float = 0.01, outcome: str = "ok") -> 
 def test_agreement_needs_no_referee():
     results = [of("importance", -3.0), of("bridge", -3.04)]
     assert disagreement(results) == ""
-    evidence = adopted(results)
+    evidence = choose_evidence(results)
     assert (evidence.method, evidence.outcome) == ("combined", "ok")
     assert evidence.log_evidence == pytest.approx(-3.02)
     assert evidence.stderr == pytest.approx(0.01 / math.sqrt(2))
-    assert adopted([results[0], of("bridge", -3.03, 0.02)]).log_evidence == pytest.approx((-12 - 3.03) / 5)
+    assert choose_evidence([results[0], of("bridge", -3.03, 0.02)]).log_evidence == pytest.approx(
+        (-12 - 3.03) / 5
+    )
 
 
 def test_three_standard_errors_call_it():
@@ -34,12 +36,12 @@ def test_three_standard_errors_call_it():
 def test_a_poor_diagnostic_calls_it():
     results = [of("importance", -3.0, outcome="not to be trusted"), of("bridge", -3.0)]
     assert disagreement(results) == "the diagnostic of importance is poor"
-    assert adopted(results).diagnostic == "by bridge"
-    assert adopted([*results, of("nested", -2.9)]).log_evidence == -2.9
+    assert choose_evidence(results).diagnostic == "by bridge"
+    assert choose_evidence([*results, of("nested", -2.9)]).log_evidence == -2.9
 
 
 def test_the_referee_counts_and_says_why():
-    evidence = adopted([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
+    evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
     assert (evidence.log_evidence, evidence.stderr, evidence.outcome) == (-3.4, 0.02, "ok")
     assert evidence.diagnostic.startswith(
         "nested sampling counts: importance and bridge are 35.4 standard errors"
@@ -48,7 +50,7 @@ def test_the_referee_counts_and_says_why():
 
 def test_without_a_referee_a_quarrel_is_not_settled():
     for more in ([], [of("nested", -3.4, outcome="not to be trusted: not finished")]):
-        evidence = adopted([of("importance", -3.0), of("bridge", -3.5), *more])
+        evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), *more])
         assert evidence.outcome.startswith("not settled: importance and bridge are")
     poor = [of(method, -3.0, outcome="not to be trusted") for method in ("importance", "bridge")]
-    assert adopted(poor).outcome == "not settled: the diagnostic of importance and bridge is poor"
+    assert choose_evidence(poor).outcome == "not settled: the diagnostic of importance and bridge is poor"

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod, nested
-from bayesdamp.inference.evidence.bridge import span
+from bayesdamp.inference.evidence.bridge import bridge
 from bayesdamp.inference.mode import log_evidence_near
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.numerics.orthant import ReflectedT
@@ -50,7 +50,7 @@ def test_against_quadrature(case, method):
 @pytest.mark.parametrize("case", CASES)
 def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     """As where from the prior it would take too long. Negative control: with the half-normal priors' two left out."""
-    monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
+    monkeypatch.setattr(nested, "LIKELIHOODS_PER_CHECK", 1)  # it asks at once
     monkeypatch.setattr(nested, "log_evidence_about", lambda *_: -1e9)  # and has a billion nats to go
     monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
     target, mode = problem(case)
@@ -112,7 +112,7 @@ def chain_ratio(shuffled: bool) -> float:
             x[:, i] = 0.9 * x[:, i - 1] + np.sqrt(1 - 0.81) * x[:, i]
         if shuffled:
             x = rng.permutation(x.ravel()).reshape(x.shape)
-        collected.append(span(x + 0.5, rng.standard_normal(1000) - 0.5))
+        collected.append(bridge(x + 0.5, rng.standard_normal(1000) - 0.5))
     return float(
         np.var([s.log_evidence for s in collected], ddof=1) / np.mean([s.stderr**2 for s in collected])
     )

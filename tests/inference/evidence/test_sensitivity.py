@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import truncnorm
 
-from bayesdamp.inference.checks import Ahead, carried_on
+from bayesdamp.inference.checks import Prediction, predict_second_half
 from bayesdamp.inference.evidence.importance import Importance
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -56,9 +56,9 @@ def importance(case: str) -> Evidence:
     return Importance().evidence("m", target, mode, 1)
 
 
-def halves(target: Target, mode: Mode) -> tuple[Evidence, Ahead]:
+def halves(target: Target, mode: Mode) -> tuple[Evidence, Prediction]:
     half = target.signal.t.size // 2
-    return predict("m", first_half(mode), partial(carried_on, mode.likelihood, half=half), 1)
+    return predict("m", first_half(mode), partial(predict_second_half, mode.likelihood, half=half), 1)
 
 
 def test_widths_against_quadrature():

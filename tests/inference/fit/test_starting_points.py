@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Start, agreement
+from bayesdamp.inference.samplers._sampler import Start, compare_chains
 from bayesdamp.inference.search import basins, find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
@@ -74,7 +74,7 @@ def test_a_chain_that_stays_apart_is_seen():
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((4, 1000, 2))
     starts = [Start(Seed(f"seed {i}"), 3.0, 2.0) for i in range(4)]
-    assert all(row.shift < 0.15 for row in agreement(starts, draws))
+    assert all(row.shift < 0.15 for row in compare_chains(starts, draws))
     draws[2] += 3.0
-    shifts = [row.shift for row in agreement(starts, draws)]
+    shifts = [row.shift for row in compare_chains(starts, draws)]
     assert shifts[2] == max(shifts) > 1.0

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from bayesdamp.inference.mode import BUDGET
+from bayesdamp.inference.mode import MOST_CHANGE
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target, build_target, default_prior
 from bayesdamp.inference.search import find_mode
@@ -81,9 +81,9 @@ def test_error_budget():
     """A motion a thousand times more exact changes the log likelihood by less than the budget."""
     for name in problems.NAMES:
         mode = problems.mode(name)
-        assert mode.likelihood_error < BUDGET
+        assert mode.likelihood_error < MOST_CHANGE
         finer = mode.likelihood.within(max(mode.step_error, 1e-9) / 1000)
-        assert abs(mode.likelihood.log_posterior(mode.z) - finer.log_posterior(mode.z)) < BUDGET, name
+        assert abs(mode.likelihood.log_posterior(mode.z) - finer.log_posterior(mode.z)) < MOST_CHANGE, name
 
 
 def test_a_part_of_the_record():
@@ -96,7 +96,7 @@ def test_a_part_of_the_record():
         residuals = np.concatenate([p.residual(mode.z) for p in parts])
         np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
         off = sum(p.log_likelihood(mode.z) for p in parts) - whole.log_likelihood(mode.z)
-        assert abs(off) < BUDGET if independent else abs(off) > 1e-3
+        assert abs(off) < MOST_CHANGE if independent else abs(off) > 1e-3
 
 
 def test_escape_has_no_likelihood_and_no_nan():
@@ -309,14 +309,14 @@ def test_a_step_follows_the_natural_coordinates_of_its_law():
         assert found is not None
         return np.array([found[n] for n in names])
 
-    end, d = target.followed(z, step), 1e-5
+    end, d = target.follow_step(z, step), 1e-5
     expected = natural(z) + (natural(z + d * step) - natural(z - d * step)) / (2 * d)
     assert natural(end) == pytest.approx(expected, rel=1e-4, abs=1e-4)
     assert end[0] == z[0] + step[0]  # of the damping
     assert natural(z + step) != pytest.approx(expected, rel=1e-3, abs=1e-3)
     likelihood, other = sharing()
     straight = 0.1 * np.ones(other.size)
-    assert likelihood.target.followed(other, straight) == pytest.approx(other + straight, abs=1e-12)
+    assert likelihood.target.follow_step(other, straight) == pytest.approx(other + straight, abs=1e-12)
 
 
 def test_scores_and_values_go_back_and_forth():

@@ -63,7 +63,7 @@ def test_what_the_filter_refuses():
     kalman, touching = SAMPLERS.get("kalman"), problems.target("touching_zero")
     exact = replace(touching, known={**touching.known, "epsilon": 0.0})
     for target, why in (
-        (problems.target("coulomb_correlated"), "independent and normal"),
+        (problems.target("coulomb_correlated"), "independent, normal noise"),
         (exact, "ε above 0"),
     ):
         with pytest.raises(Refusal, match=why):

@@ -28,15 +28,15 @@ class CutOff:
 
     walls: np.ndarray
     offsets: np.ndarray
-    force: float = 1.0
+    scale: float = 1.0
 
-    def height(self, u: np.ndarray) -> float:
+    def log_density(self, u: np.ndarray) -> float:
         """Return the log density up to a constant."""
         return -0.5 * float((u - MEAN) @ PRECISION @ (u - MEAN))
 
-    def slope(self, u: np.ndarray) -> np.ndarray:
+    def force(self, u: np.ndarray) -> np.ndarray:
         """Return the force."""
-        return -self.force * (PRECISION @ (u - MEAN))
+        return -self.scale * (PRECISION @ (u - MEAN))
 
 
 def off(u: np.ndarray, mean: np.ndarray, square: np.ndarray, errors: np.ndarray) -> float:
@@ -63,7 +63,7 @@ def test_a_normal_between_two_walls(force: float) -> None:
     mean, square, errors = by_rejection()
     space, start = CutOff(*TWO, force), MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
     chains = [Chain(space, 0.6, np.random.default_rng([1, k])) for k in range(CHAINS)]
-    u = np.stack([c.sampled(start, space.height(start), COUNT + 100)[0][100:] for c in chains])
+    u = np.stack([c.sample(start, space.log_density(start), COUNT + 100)[0][100:] for c in chains])
     assert np.all(u @ TWO[0].T + TWO[1] > -1e-12)
     assert off(u, mean, square, errors) < SIGMAS
     sd = np.sqrt(np.diag(COVARIANCE))

@@ -110,7 +110,7 @@ def test_too_few_draws_are_added_to():
     where these do not suffice either."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     few = Settings(chains=4, warmup=100, draws=130, seed=2)
-    run = Nuts().attempt(mode, whitening_of(target, mode), few)
+    run = Nuts().run_chains(mode, whitening_of(target, mode), few)
     first, result = run.posterior(mode), Nuts().sample(target, mode, few)
     assert "too few draws" in first.outcome
     assert result.outcome == OK

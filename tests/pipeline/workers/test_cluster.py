@@ -59,7 +59,7 @@ def test_a_run_that_waits_for_workers_can_be_ended(tmp_path: Path) -> None:
 
 def _draws() -> bytes:
     posterior = Posterior("nuts", ("zeta",), np.arange(100.0).reshape(2, 50, 1), np.zeros((2, 50)), {})
-    return diagnostics.saved(posterior)
+    return diagnostics.to_netcdf(posterior)
 
 
 def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None:

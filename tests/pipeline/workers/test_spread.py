@@ -14,7 +14,7 @@ import pytest
 
 from bayesdamp.machine import processes
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.pipeline.workers import pool_of, spread
+from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use
 from bayesdamp.store import Store, read_table
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
@@ -122,14 +122,14 @@ def spread_out(folder: Path, names: str, pool) -> tuple[list[str], list[str]]:
     reported: list[str] = []
     lost: list[str] = []
 
-    def under_way(name: str, given_up: Collection[str]) -> str | None:
+    def next_task(name: str, given_up: Collection[str]) -> str | None:
         left = (t for t in (f"{name}1", f"{name}2") if t not in given_up and not (folder / t).exists())
         return next(left, None)
 
     def submit(name: str, given_up: Collection[str]) -> Future[list[str]]:
         return pool.submit(job, folder, name, given_up)
 
-    spread(list(names), pool, submit, under_way, lambda _, task: lost.append(task), reported.extend)
+    run_in_pool(list(names), pool, submit, next_task, lambda _, task: lost.append(task), reported.extend)
     return sorted(reported), lost
 
 
@@ -160,7 +160,7 @@ def test_a_task_that_kills_its_dask_worker_costs_itself_and_no_more(scheduler, t
     cloudpickle.register_pickle_by_value(sys.modules[__name__])  # the workers do not have this file
     (tmp_path / "b1.kill").write_text("always")
     try:
-        with pool_of(1, scheduler) as pool:
+        with open_pool(1, scheduler) as pool:
             reported, lost = spread_out(tmp_path, "abc", pool)
     finally:
         cloudpickle.unregister_pickle_by_value(sys.modules[__name__])

@@ -1,4 +1,4 @@
-"""The cells of a candidate on a record: their keys, and the functions that compute them."""
+"""List the tasks of a candidate on a record with their keys, and compute them."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answering import answer_key, likelihood_of
-from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
+from bayesdamp.pipeline.candidates.evidence import compute_evidence, evidence_parts
 from bayesdamp.pipeline.candidates.modes import compute_mode
 from bayesdamp.pipeline.candidates.posteriors import compute_posterior
-from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_cells
-from bayesdamp.pipeline.candidates.weighing import compute_evidence, evidence_parts
+from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_sources
 from bayesdamp.pipeline.records import signal_key
-from bayesdamp.pipeline.tasks import Product, cell_seed, task_key, uses_library
+from bayesdamp.pipeline.tasks import Product, task_key, task_seed, uses_library
 from bayesdamp.serial import split
-from bayesdamp.store.cells import Place
 from bayesdamp.store.contents import EstimateContent
+from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, Refusal
 
 
-def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
-    """Run both stages of one estimator; the arrays are its curves."""
-    use = branch.study.estimators
+def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Product:
+    """Run one estimator in all its stages. The arrays of the result are its curves (such as training losses)."""
+    use = candidate.study.estimators
     stages = run_estimator(
         use.method(method),
-        branch.record.signal,
-        branch.problem,
+        candidate.record.signal,
+        candidate.problem,
         options=use.options.get(method),
         stages=use.stages,
         seed=seed,
@@ -43,60 +43,60 @@ def compute_estimate(branch: Branch, method: str, seed: int) -> Product:
     return Product(EstimateContent(tuple(replace(stage, trace={}) for stage in stages)), trace)
 
 
-SEEDED = {
+COMPUTE = {
     "estimate": compute_estimate,
     "posterior": compute_posterior,
     "evidence": compute_evidence,
     "sensitivity": compute_sensitivity,
 }
-"""The tasks that draw random numbers, with a seed that follows from the cell's name."""
+"""Functions that compute a task from a seed, by the kind of task; the seed follows from the task's name."""
 
 
-def cells_of(branch: Branch) -> dict[str, str]:
-    """Return the key of each cell by its name, in an order in which they can run."""
-    study, spec, repeat, model = branch.study, branch.spec, branch.repeat, branch.model
-    record_key = signal_key(study, spec, repeat, branch.store)
-    forces = [*map(TERMS.source, branch.terms), LAWS.source(branch.restoring)]
-    system = spec.under(branch.restoring)
+def task_keys(candidate: StudyCandidate) -> dict[str, str]:
+    """Return the key of each task of a candidate by its name, in an order in which they can be computed."""
+    study, spec, repeat, model = candidate.study, candidate.spec, candidate.repeat, candidate.model
+    record_key = signal_key(study, spec, repeat, candidate.store)
+    forces = [*map(TERMS.source, candidate.terms), LAWS.source(candidate.restoring)]
+    system = spec.under(candidate.restoring)
     other = () if system is spec.system else (split(system),)
     use = study.estimators
-    chosen = {n: dict(use.options.get(n, {})) for n in branch.methods}
+    chosen = {n: dict(use.options.get(n, {})) for n in candidate.methods}
     keys: dict[str, str] = {}
     for name, options in chosen.items():
         method = use.method(name)
         library = PAPER_TERMS if uses_library(method) else ()
         own = [ESTIMATORS.source(method), *map(TERMS.source, library), *forces]
         key = task_key("estimate", record_key, model, method, use.stages, options, own, *other)
-        keys[f"estimate/{branch.path}/{name}"] = key
+        keys[f"estimate/{candidate.path}/{name}"] = key
     settings = study.posterior
     if not (settings.samplers or study.evidence.methods):
         return keys
-    priors = {t: str(study.models.prior.get(t)) for t in branch.terms}
-    # The noise and the width of friction come from the answer, and so do the laws that hold approximately.
-    answered = answer_key(study, spec, repeat, branch.store)
+    priors = {t: str(study.models.prior.get(t)) for t in candidate.terms}
+    # Noise model, width of friction and deviations come from the answer.
+    answered = answer_key(study, spec, repeat, candidate.store)
     named = [*forces, *map(NOISES.source, study.noises), ESTIMATORS.source(REGRESSION)]
     parts = (model, answered, priors, use.stages, chosen, *other)
     mode_key = task_key("mode", record_key, list(keys.values()), named, *parts)
-    keys[f"mode/{branch.path}"] = mode_key
+    keys[f"mode/{candidate.path}"] = mode_key
     density = (answered, model) if likelihood_of(study) == "law" else (mode_key,)
     length = (settings.chains, settings.warmup, settings.draws)
     for name in settings.samplers:
         key = task_key("posterior", *density, name, *length, SAMPLERS.source(name))
-        keys[f"posterior/{branch.path}/{name}"] = key
-    for name, parts in evidence_parts(study, branch.path, keys).items():
-        own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
+        keys[f"posterior/{candidate.path}/{name}"] = key
+    for name, parts in evidence_parts(study, candidate.path, keys).items():
+        own = [EVIDENCES.source(TaskName.of(name).method), SAMPLERS.source("nuts")]
         keys[name] = task_key("evidence", *density, *parts, own)
-    for name, source in sensitivity_cells(branch, keys).items():
+    for name, source in sensitivity_sources(candidate, keys).items():
         keys[name] = task_key("sensitivity", *density, source, name)
     return keys
 
 
-def compute(branch: Branch, name: str) -> Product:
-    """Compute one cell. Raises Refusal where its record shows no oscillation, or a method cannot work on it."""
-    record = branch.record.cell
+def compute(candidate: StudyCandidate, name: str) -> Product:
+    """Compute one task. Raises Refusal if the record shows no oscillation or the method is not applicable to it."""
+    record = candidate.record.result
     if record.outcome != OK:
         raise Refusal(following(record.name, record.outcome))
-    place = Place.of(name)
-    if place.kind == "mode":
-        return compute_mode(branch)
-    return SEEDED[place.kind](branch, place.method, cell_seed(branch.study, name))
+    parts = TaskName.of(name)
+    if parts.kind == "mode":
+        return compute_mode(candidate)
+    return COMPUTE[parts.kind](candidate, parts.method, task_seed(candidate.study, name))

@@ -1,4 +1,4 @@
-"""One candidate on one record: the values that its tasks read from the study and from the store."""
+"""One candidate on one record: what its tasks read from the study and from the store."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayesdamp.interface.model import FIXED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answering import ANSWERED, law_of, likelihood_of, stated_priors
+from bayesdamp.pipeline.answering import ANSWER, likelihood_of, stated_priors, stored_fit
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
@@ -22,10 +22,11 @@ from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts
 
 
-class Branch:
-    """One candidate on one record: its estimates, mode, posteriors and evidence, each a cell.
+class StudyCandidate:
+    """One candidate (a damping sum under a restoring law) on one record, with the inputs of its tasks.
 
-    model: the candidate's name, of which `terms` and `restoring` are the two parts.
+    model: name of the candidate. terms, restoring: its damping terms and its restoring law. path:
+    `SIGNAL/REPEAT/CANDIDATE`, the part of a task's name that all its tasks have.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
@@ -36,7 +37,7 @@ class Branch:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """The estimators that run on it."""
+        """The estimators that the study applies to this candidate and repeat."""
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
 
@@ -47,11 +48,11 @@ class Branch:
 
     @property
     def problem(self) -> Problem:
-        """The candidate as estimators need it."""
+        """The candidate in the form that estimators take."""
         return Problem(self.terms, self.record.system(self.restoring))
 
     def specify(self, deviation: str) -> Model:
-        """Return the candidate as a model; deviation: "none" or "law". Raises Refusal where that is impossible."""
+        """Return the candidate as a `Model`. deviation: "none" or "law". Raises Refusal if the settings do not fit."""
         study, record, system = self.study, self.record, self.record.system(self.restoring)
         damping, scales = "+".join(self.terms), record.content.scales
         model = Model(
@@ -59,7 +60,7 @@ class Branch:
         )
         priors = {n: p for n, p in stated_priors(study).items() if n in model.parameters}
         free = {n: p for n, p in system.free.items() if n in model.parameters}
-        if "epsilon" in free:  # a model infers it only where it has a prior
+        if "epsilon" in free:  # a model infers ε only with a stated prior
             default = default_prior(
                 "epsilon", Oscillator(self.terms, self.restoring), study.noises[0], scales, record.features
             )
@@ -78,45 +79,48 @@ class Branch:
 
     @cached_property
     def case(self) -> Case:
-        """The candidate on the record, where laws hold exactly."""
+        """The candidate on the record, under exact laws."""
         record = self.record
         return Case(record.signal, self.specify("none"), record.features, record.content.scales)
 
     @cached_property
     def answer(self) -> AnswerContent | None:
-        """The answer on the record; None where nothing was weighed."""
-        answer = AnswerContent.maybe(self.store.find(f"{ANSWERED}/{self.spec.name}/{self.repeat}"))
+        """The answer on the record; None if no candidate was compared."""
+        answer = AnswerContent.maybe(self.store.find(f"{ANSWER}/{self.spec.name}/{self.repeat}"))
         return answer if answer is not None and answer.candidates else None
 
     @property
     def noise(self) -> str:
-        """The noise model: of those that the study allows, the likeliest in the answer."""
+        """The noise model with the largest evidence in the answer, of those that the study allows."""
         weighed = self.answer.noises if self.answer else ()
         allowed = [noise for noise in weighed if noise.name in self.study.noises]
         return max(allowed, key=lambda n: n.log_evidence).name if allowed else self.study.noises[0]
 
     @property
     def epsilon(self) -> float | None:
-        """The width of friction (rad/s) that the answer assumes, where it is neither known nor inferred."""
+        """The width ε of friction (rad/s) that the answer assumes; None if ε is inferred or there is no answer."""
         inferred = "epsilon" in self.spec.under(self.restoring).free
         return self.answer.epsilon if self.answer and not inferred else None
 
     @cached_property
     def fit(self) -> Fit:
-        """The fit that is sampled and weighed, at its mode or from the answer's search. Raises Refusal without one."""
+        """The fit that samplers and evidence methods use: at the mode, or with deviations from the answer.
+
+        Raises Refusal if there is no fit.
+        """
         signal, deviation = self.record.signal, likelihood_of(self.study)
         if deviation != "none":
-            end = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
-            law = rebuild_single(signal, self.restoring, end)
+            stored = stored_fit(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
+            law = rebuild_single(signal, self.restoring, stored)
             return Fit.at_law(signal, self.specify(deviation), law)
-        cell = self.store.read(f"mode/{self.path}")
-        if cell.outcome != OK:
-            raise Refusal(following(cell.name, cell.outcome))
-        stored = join(StoredMode, ModeContent.of(cell).stored, cell.arrays, "stored")
-        mode = restore_mode(self.case.target(self.noise, self.epsilon), stored)
+        result = self.store.read(f"mode/{self.path}")
+        if result.outcome != OK:
+            raise Refusal(following(result.name, result.outcome))
+        stored_mode = join(StoredMode, ModeContent.of(result).stored, result.arrays, "stored")
+        mode = restore_mode(self.case.target(self.noise, self.epsilon), stored_mode)
         return Fit.at_mode(signal, self.case.model, mode)
 
     @property
-    def many(self) -> bool:
-        """Whether there are so many candidates that one good start of each must do."""
+    def has_many_rivals(self) -> bool:
+        """Whether there are so many candidates (the study prunes) that each search has only one start."""
         return self.study.models.prune is not None

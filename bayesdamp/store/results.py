@@ -1,0 +1,320 @@
+"""The folder of a run: the stored results of its tasks, one file each, and its lock.
+
+Each file is written in one step. Files in the folder that a run did not write are never replaced or removed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from bayesdamp.store.files import (
+    BROKEN,
+    TEMPORARY,
+    create,
+    is_disk_full,
+    name_in_errors,
+    pack,
+    special_kind,
+    unpack,
+    write_bytes,
+)
+from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
+from bayesdamp.types import OK, InputError
+
+MARK = ".bayesdamp"
+"""Name of the file that marks a folder as the folder of a run."""
+MARK_TEXT = "bayesdamp run\n"
+"""Content of the mark."""
+FOLDERS = ("cells", "figures", "posterior")
+"""Folders in the folder of a run; `cells` has the results of tasks."""
+LOCK = ".lock"
+FILES = (LOCK, "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
+HEAD = "cell.json"
+"""Name of the first member in the archive of a result: its name, key, outcome, seconds and values."""
+_ZIP_HEADER = 30
+"""Bytes before the name of the first member in a zip archive (format specification, local file header)."""
+_ELSEWHERE = "choose another folder with --out"
+_FOREIGN = f"where a run's own files belong; {_ELSEWHERE}, or remove it"
+
+
+def claim(folder: Path, tables: Iterable[str] = ()) -> None:
+    """Mark a folder as the folder of a run, after checking that it contains nothing that a run would overwrite.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run, which need not exist.
+    tables
+        Names of the tables that a run writes.
+
+    Raises
+    ------
+    InputError
+        The folder contains files with such names that no run wrote, or links in place of a run's files.
+    OSError
+        The folder cannot be written.
+    """
+    present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
+    if MARK not in present:
+        taken = sorted(present & {*FOLDERS, *FILES, *tables})
+        # A run that was cloned from a repository has a run.json but may have no mark.
+        try:
+            path = folder / "run.json"
+            description = json.loads(path.read_bytes()) if is_regular(path) else None
+        except (ValueError, RecursionError):
+            description = None
+        has_run = isinstance(description, dict) and {"name", "seed", "study"} <= description.keys()
+        if taken and not has_run:
+            what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
+            raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
+        with suppress(FileExistsError):
+            create(folder / MARK, MARK_TEXT.encode())
+    if not _is_marked(folder):
+        raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+    for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
+        kind = special_kind(entry)
+        if kind is not None:
+            raise InputError(f"{entry}: is {kind}, {_FOREIGN}")
+    for name in FOLDERS:
+        for entry in _entries(folder / name):
+            if entry.is_symlink():
+                raise InputError(f"{entry}: is a link, {_FOREIGN}")
+
+
+def _is_marked(folder: Path) -> bool:
+    path = folder / MARK
+    if not is_regular(path):
+        return False
+    with path.open("rb") as handle:
+        return handle.read(len(MARK_TEXT)) == MARK_TEXT.encode()
+
+
+def is_regular(path: Path) -> bool:
+    """Return whether a path is an existing regular file, not a link or a device."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+def _entries(top: Path) -> Iterator[Path]:
+    """Iterate over a folder and everything below it, without following links."""
+    if not top.is_symlink() and not top.is_dir():
+        return
+    yield top
+    for below, folders, files in os.walk(top, followlinks=False):
+        yield from (Path(below, name) for name in (*folders, *files))
+
+
+def remove_temporary(folder: Path) -> None:
+    """Remove the temporary files of a killed run, which have names that no other file has."""
+    files = (folder / name for name in os.listdir(folder))
+    for path in (*files, *(entry for name in FOLDERS for entry in _entries(folder / name))):
+        if TEMPORARY.fullmatch(path.name) and is_regular(path):
+            path.unlink(missing_ok=True)
+
+
+def remove_results(folder: Path) -> None:
+    """Remove the stored results of a run, but no other files in their folder."""
+    top = folder / "cells"
+    entries = list(_entries(top))
+    if not _is_marked(folder) or any(path.is_symlink() for path in entries):
+        return
+    for path in entries:
+        if path.suffix != ".npz" or not is_regular(path):
+            continue
+        # A stored result begins with its own name, even if the file is truncated.
+        name = path.relative_to(top).as_posix().removesuffix(".npz")
+        beginning = f'{HEAD}{{"name": {json.dumps(name)},'.encode()
+        with path.open("rb") as handle:
+            is_cell = handle.read(_ZIP_HEADER + len(beginning))[_ZIP_HEADER:] == beginning
+        if is_cell:
+            path.unlink(missing_ok=True)
+
+
+def remove_listed(folder: Path, listed: Iterable[str]) -> None:
+    """Remove the regular files with the listed names from a folder, unless the folder is a link."""
+    if folder.is_symlink():
+        return
+    for name in listed:
+        path = folder / name
+        if path.name == name and is_regular(path):
+            path.unlink(missing_ok=True)
+
+
+def open_lock(folder: Path) -> IO[str]:
+    """Open the lock file for reading and writing.
+
+    Raises InputError if it is a link (also a hard link) or a device, and OSError if it cannot be opened.
+    """
+    path = folder / LOCK
+    if not os.path.lexists(path):
+        path.touch()
+    if not is_regular(path) or path.lstat().st_nlink > 1:
+        raise InputError(f"{path}: is a link or not a regular file; {_ELSEWHERE}, or remove it")
+    return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
+
+
+@dataclass(frozen=True)
+class TaskName:
+    """The parts of a task's name, such as `estimate/bench/0/viscous/least_squares`.
+
+    kind: kind of task. record: name of the signal or specimen. repeat: number of the repeat. candidate: the damping
+    sum, with the restoring law if several are compared. method: the estimator, sampler, evidence method or kind of
+    sensitivity. A part that a name does not have is empty, or None for the repeat.
+    """
+
+    kind: str
+    record: str = ""
+    repeat: int | None = None
+    candidate: str = ""
+    method: str = ""
+
+    @classmethod
+    def of(cls, name: str) -> TaskName:
+        """Split the name of a task into its parts."""
+        kind, *rest = name.split("/")
+        record = rest.pop(0) if rest else ""
+        repeat = int(rest.pop(0)) if rest and rest[0].isdigit() else None  # a specimen has none
+        candidate, method = (*rest, "", "")[:2]
+        return cls(kind, record, repeat, candidate, method)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """The stored result of one task.
+
+    name: name of the task, such as `estimate/bench/0/viscous/least_squares` (see `TaskName`).
+    key: hash of everything that the result depends on; a result is reused only under the same key.
+    meta: the values, as JSON (nan and infinities included); tuples come back as lists.
+    arrays: numeric arrays by name.
+    outcome: "ok", or the reason why there is no result.
+    seconds: duration of the computation.
+    """
+
+    name: str
+    key: str
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    outcome: str = OK
+    seconds: float = 0.0
+
+    @property
+    def parts(self) -> TaskName:
+        """The parts of its task's name."""
+        return TaskName.of(self.name)
+
+
+class Store:
+    """The results of a run's tasks, each an `.npz` file under `cells/`. Nothing is created before the first write.
+
+    only: the keys of the results that are visible, by task name; None for all. A folder may also contain results of an
+    earlier version of the study.
+    """
+
+    def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
+        self.folder = Path(folder)
+        self.only = only
+        self._results = self.folder / "cells"
+        self._keys: dict[tuple[object, ...], tuple[tuple[object, ...], str]] = {}
+
+    def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
+        """Return the key of a task; it is computed once for the objects `of` that it depends on."""
+        identity = (task_name, *map(id, of))
+        if identity not in self._keys:
+            self._keys[identity] = of, compute()  # storing the objects keeps their ids valid
+        return self._keys[identity][1]
+
+    def has(self, task_name: str, key: str) -> bool:
+        """Return whether an undamaged result is stored under this key."""
+        result = self.find(task_name)
+        return result is not None and result.key == key
+
+    def read(self, task_name: str, *, arrays: bool = True) -> TaskResult:
+        """Return the result of a task, with or without its arrays. Raises KeyError if it is missing or damaged."""
+        if self.only is not None and task_name not in self.only:
+            raise KeyError(task_name)
+        try:
+            path = self._path(task_name)
+            if not is_regular(path):  # reading a device or a pipe could block
+                raise FileNotFoundError(path)
+            head, stored = unpack(path, HEAD, arrays=arrays)
+            result = TaskResult(
+                task_name, head["key"], head["meta"], stored, head["outcome"], head["seconds"]
+            )
+        except BROKEN as fault:
+            raise KeyError(task_name) from fault
+        if self.only is not None and self.only[task_name] != result.key:
+            raise KeyError(task_name)
+        return result
+
+    def find(self, task_name: str, *, arrays: bool = True) -> TaskResult | None:
+        """Return the result of a task like `read`, or None if it is missing or damaged."""
+        try:
+            return self.read(task_name, arrays=arrays)
+        except KeyError:
+            return None
+
+    def write(self, result: TaskResult) -> None:
+        """Store a result in one step: other processes see the old file or the new one, never a part of it."""
+        head = {"name": result.name, "key": result.key, "outcome": result.outcome}
+        head |= {"seconds": float(result.seconds), "meta": result.meta}
+        write_bytes(self._path(result.name), pack(HEAD, head, result.arrays))
+
+    def names(self) -> list[str]:
+        """Return the names of all tasks with a stored result, sorted; some results may be damaged."""
+        paths = (p.relative_to(self._results).as_posix() for p in self._results.rglob("*.npz"))
+        names = (path.removesuffix(".npz") for path in paths)
+        return sorted(name for name in names if self.only is None or name in self.only)
+
+    def clear(self) -> None:
+        """Remove all stored results of a marked folder, but no other files."""
+        remove_results(self.folder)
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Lock the folder for writing, and remove the temporary files of a killed run.
+
+        Raises InputError if another process has the lock, or if the folder contains files that no run wrote. The system
+        releases the lock of a process that dies.
+        """
+        try:
+            claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
+            handle = open_lock(self.folder)
+        except OSError as fault:
+            if is_disk_full(fault):
+                raise
+            raise InputError(f"{self.folder}: cannot write a run here ({fault.strerror})") from fault
+        with handle:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as fault:
+                handle.seek(0)
+                holder = handle.read().strip() or "unknown"
+                raise InputError(
+                    f"{self.folder}: another run (process {holder}) is writing here; "
+                    "wait until it is done or choose another folder with --out"
+                ) from fault
+            with name_in_errors(self.folder):
+                handle.truncate(0)
+                os.write(
+                    handle.fileno(), str(os.getpid()).encode()
+                )  # unbuffered: a full disk is reported once
+            remove_temporary(self.folder)
+            yield
+
+    def _path(self, task_name: str) -> Path:
+        parts = task_name.split("/")
+        if any(not p or p[0] == "." or "\\" in p or "\0" in p for p in parts):
+            raise ValueError(f"not the name of a task: {task_name!r}")
+        return self._results.joinpath(*parts[:-1], parts[-1] + ".npz")
