@@ -280,6 +280,7 @@ def _largest_rise(decays: _Decays) -> float:
     astray = np.flatnonzero(np.abs(gaps[end - first - 1 :] - usual) > 0.4 * usual)
     last = end + int(astray[0]) if astray.size else last
     ranges = np.abs(np.diff(turns.values[first:last]))
+    ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # not across a hole
     if ranges.size < 4 * AVERAGED:
         return 0.0
     smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED, mode="nearest")

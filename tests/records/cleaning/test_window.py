@@ -118,6 +118,19 @@ def test_a_record_that_is_free_throughout_is_kept_whole() -> None:
             assert stop >= t[-1] - 1.0
 
 
+def test_a_hole_does_not_cut_what_follows_it() -> None:
+    """A hole of a whole number of cycles, across which the record does not swing.
+
+    The control: where the noise is as large as the last swings, these are left out.
+    """
+    t = np.arange(0, 400, 0.06)
+    t = t[(t < 160) | (t > 180)]
+    y, noise = np.exp(-t / 130) * np.cos(W * t), np.random.default_rng(0).standard_normal(t.size)
+    stops = [ends(Record(t, y + sd * noise, 0.0, 400.0))[1] for sd in (0.001, 0.03)]
+    assert stops[0] > 399
+    assert stops[1] < 390
+
+
 def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
     """A plate that is struck every 2 s and hums on in the noise until it is struck again."""
     t = np.arange(0, 2 * strikes + 1, 1 / 2000)
