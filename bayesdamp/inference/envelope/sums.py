@@ -466,7 +466,7 @@ class Ranking:
         return self.sums[int(np.argmax(self.log_exact))]
 
     @property
-    def fit_reflected_t(self) -> EnvelopeCandidate:
+    def fitted(self) -> EnvelopeCandidate:
         """The most probable candidate of the most probable sum."""
         of_best = (c for c in self.candidates if c.name == self.best.name)
         return max(of_best, key=lambda c: c.total + c.log_share)
