@@ -42,9 +42,9 @@ def test_a_wrong_law_is_one_line(tmp_path) -> None:
     wrong = {
         "did you mean 'duffing'": TWO_LAWS.replace(both, '["linear", "dufing"]'),
         "cubic": TWO_LAWS.replace(both, '["linear", "pendulum"]'),
-        "translation, which pendulum is not": metres.replace(", cubic = 1.0", "").replace(
-            '"duffing"', '"pendulum"'
-        ),
+        "a translation, but the restoring law pendulum needs an angle": metres.replace(
+            ", cubic = 1.0", ""
+        ).replace('"duffing"', '"pendulum"'),
     }
     assert not_refused((partial(write_study, tmp_path, text), said) for said, text in wrong.items()) == []
     assert write_study(tmp_path, metres)
