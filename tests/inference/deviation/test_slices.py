@@ -12,6 +12,7 @@ import bayesdamp as bd
 from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.slices import SlicedProposal
 from validation.experiments.laws import Case, case
 
 
@@ -109,3 +110,18 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     assert sliced.mean() == pytest.approx(whole, abs=0.1)
     monkeypatch.setattr(sampling, "sliced", lambda *_: None)
     assert abs(evidence().mean() - whole) > 0.5
+
+
+def test_volume_of_moved_scores_is_that_of_their_jacobian() -> None:
+    """By central differences, at draws that have moved within their slices. Control: without the volume it is wrong."""
+    comparison, result = weighed()
+    proposal = sampling.proposal_of(comparison, under_exact_laws(result))
+    assert isinstance(proposal, SlicedProposal)
+    rng = np.random.default_rng(3)
+    w = proposal.spread(proposal.draws(5, rng)[0], rng)
+    steps = 1e-6 * np.eye(w.shape[1])
+    volume = proposal._scores(w)[1]
+    for row, log in zip(w, volume, strict=True):
+        columns = (proposal.scores(row + steps) - proposal.scores(row - steps)) / 2e-6
+        assert np.linalg.slogdet(columns)[1] == pytest.approx(log, abs=1e-4)
+    assert np.abs(volume).max() > 0.01
