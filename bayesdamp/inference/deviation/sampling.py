@@ -1,4 +1,4 @@
-"""The candidates that matter, sampled: posteriors and evidence of the motions themselves, not of a linear model.
+"""Sample the most probable candidates: posteriors and evidence with exact motions instead of a linear model.
 
 Sampling starts from a linear model, in straight coordinates where the restoring law has them, and from one in each of
 several slices where a damping term has a parameter of its own. A record determines the angle at rest and the
@@ -98,7 +98,7 @@ def motions_near(result: CandidateResult, start: LinearProposal | SlicedProposal
 
 @dataclass(frozen=True)
 class LinearProposal:
-    """A linear posterior of scores and deviations u, (K,), as one linear model in the coordinates of `parameters`."""
+    """A linear posterior as the proposal of scores and deviations u, (K,), in the coordinates of `parameters`."""
 
     parameters: Parameters
     model: LinearModel
@@ -106,32 +106,32 @@ class LinearProposal:
 
     @property
     def log_evidence(self) -> float:
-        """In nats."""
+        """Log evidence of the linear model, in nats."""
         return self.posterior.log_evidence
 
     @property
     def middle(self) -> np.ndarray:
-        """Mean of u under the most probable hyperparameters, (K,)."""
+        """Posterior mean of u under the most probable hyperparameters, (K,)."""
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u, (count, K), and return each draw's combination of hyperparameters, (count,)."""
+        """Draw u, (count, K). Return also the index of each draw's hyperparameters, (count,)."""
         return self.posterior.draws(self.parameters.positive, count, rng)
 
     def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
-        """Return u, (n, K), after a random step that leaves this posterior unchanged where it ends in its support."""
+        """Return draws after a Crank–Nicolson step, (n, K). Its stationary distribution is this proposal."""
         return self.posterior.moved(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return which rows of u, (n, K), have no negative score that must be positive, (n,)."""
+        """Return for each draw, (n, K), whether all scores that must not be negative are not, (n,)."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return u itself."""
+        """Return u itself: draws are made in these coordinates."""
         return u
 
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
-        """Return the log of posterior over linear posterior, (n,), from the motions' sums of squares, (n,)."""
+        """Return the log importance weights of draws u, (n,), from the sums of squares of their motions, (n,)."""
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior
 
@@ -207,7 +207,7 @@ def sampled_result(
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(w: np.ndarray) -> np.ndarray:
-        """Return the log of the motions' posterior over the linear one, of draws (n, K): (n,)."""
+        """Return the log importance weights of draws w, (n, K): (n,)."""
         return start.log_ratio(w, np.array(at_once(squares, start.scores(w))), result.variance)
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
