@@ -23,7 +23,7 @@ WIDTH = 1.0
 """Width of a slice, in posterior sds of a. At this spacing the sum over slices has no visible error: for a normal
 density the relative error of the sum is 2 exp(−2π²)."""
 NARROW = 0.05
-"""Posterior sd of a, in prior sds, below which one linear model is enough (measured at 0.01: 98 % of the draws count)."""
+"""Posterior sd of a, in prior sds, below which one linear model is enough (measured at 0.01: 98 % of draws count)."""
 FARTHEST = 4.0
 """Largest |a|, in prior sds (conventional)."""
 DEEP = 8.0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.draws import candidate_probabilities
 from bayesdamp.inference.deviation.findings import Findings, compute_findings
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.types import Signal
@@ -69,3 +71,19 @@ def energy_weighted_slope(amplitude: np.ndarray, ratio: np.ndarray) -> float:
     x, y = np.log(amplitude), np.log(ratio)
     weight = np.sqrt(amplitude**2 * np.abs(np.gradient(x)))
     return float(np.polyfit(x, y, 1, w=weight)[0])
+
+
+def test_a_rival_has_a_ninetieth_of_the_prior_however_many_are_compared() -> None:
+    """By hand, from the evidence. Control: with the prior of a sum the rival would be log 90 nats further ahead."""
+    t = np.linspace(0.0, 20.0, 400)
+    y = 0.3 * np.exp(-0.05 * t) * np.cos(3.0 * t) + 0.003 * np.random.default_rng(5).standard_normal(t.size)
+    every = compare_signal(Signal(t, y), damping=["viscous", "quadratic"], restoring=["linear"])
+    rival, best = every.forms[0], every.best
+    assert len(every.forms) > 1
+    further = len(rival.candidate.damping) - len(best.candidate.damping)
+    truth = rival.log_evidence - best.log_evidence + further * math.log(0.125) + math.log(0.1 / 9)
+    for forms in (every.forms, every.forms[:1]):
+        p = candidate_probabilities(replace(every, forms=forms), exact=False)
+        ahead = math.log(p[rival.candidate]) - math.log(p[best.candidate])
+        assert ahead == pytest.approx(truth, abs=1e-6)
+        assert abs(ahead - truth - math.log(90)) > 4
