@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.linear import DampingLikelihood, grid_of
-from bayesdamp.inference.deviation.repeats import RunLikelihood, join_runs
+from bayesdamp.inference.deviation.repeats import RecordLikelihood, join_runs
 from bayesdamp.inference.deviation.specimen import SpecimenComparison
 from bayesdamp.inference.envelope.candidates import KNOTS, EnvelopeCandidate
 from bayesdamp.inference.envelope.decay import Curve, Decay
@@ -371,7 +371,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
         terms = name.split("+")
         priors = {t: SharedHalfNormal(1.0) for t in terms}
         runs = [
-            RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
+            RecordLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
             for likelihood in likelihoods
         ]
         model = name, ""

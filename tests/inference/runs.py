@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from scipy.stats import halfnorm
 
 from bayesdamp.inference.deviation.linear import DampingLikelihood
-from bayesdamp.inference.deviation.repeats import SPREAD, RunLikelihood
+from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood
 
 NODES, MASSES = np.polynomial.legendre.leggauss(60)
 LARGEST = 0.6
@@ -23,7 +23,7 @@ def run_of(
     covariance: np.ndarray,
     log: float | np.ndarray = 0.0,
     shared: Sequence[str] = (),
-) -> RunLikelihood:
+) -> RecordLikelihood:
     """A run whose likelihood is a normal about a place, (k,), exp(log) high, under every combination of sizes that log,
     (c,), has. shared: parameters that are no coefficients."""
     at, information = np.asarray(place, float), np.linalg.inv(np.atleast_2d(covariance))
@@ -34,10 +34,10 @@ def run_of(
         np.tile(information @ at, (count, 1)),
         np.tile(information, (count, 1, 1)),
     )
-    return RunLikelihood(tuple(names), np.array([n not in shared for n in names]), at, likelihood)
+    return RecordLikelihood(tuple(names), np.array([n not in shared for n in names]), at, likelihood)
 
 
-def log_likelihood(run: RunLikelihood, x: np.ndarray, combo: int = 0) -> np.ndarray:
+def log_likelihood(run: RecordLikelihood, x: np.ndarray, combo: int = 0) -> np.ndarray:
     """Of parameters x, (..., k): (...)."""
     result = run.likelihood
     square = np.einsum("...i,ij,...j->...", x, result.information[combo], x)
@@ -54,7 +54,7 @@ class Summed(NamedTuple):
 
 
 def by_quadrature(
-    runs: Sequence[RunLikelihood],
+    runs: Sequence[RecordLikelihood],
     grid: np.ndarray,
     log_prior: np.ndarray,
     spread: float | None = None,
@@ -76,7 +76,7 @@ def by_quadrature(
     """
     if spread is None:
         spreads = 0.5 * LARGEST * (NODES + 1)
-        prior = np.log(0.5 * LARGEST * MASSES) + halfnorm.logpdf(spreads, scale=SPREAD)
+        prior = np.log(0.5 * LARGEST * MASSES) + halfnorm.logpdf(spreads, scale=SPREAD_SCALE)
     else:
         spreads, prior = np.array([spread]), np.zeros(1)
     # Of a run's log factor t: the mass of its normal in each cell, (t, s): right for spreads below a cell too.

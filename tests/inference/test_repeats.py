@@ -11,7 +11,7 @@ from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
 from bayesdamp.inference.deviation.quick import compare_signal
-from bayesdamp.inference.deviation.repeats import SPREAD, Repeats, RunLikelihood, join_runs
+from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood, Repeats, join_runs
 from bayesdamp.inference.deviation.specimen import damping_run
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
@@ -28,7 +28,7 @@ MONTE_CARLO = 4 / np.sqrt(4000)
 """Four standard errors of a mean of draws, in sds: a false alarm once in 16,000 seeds."""
 
 
-def run_at(place: float, sd: float, log: float | np.ndarray = 0.0) -> RunLikelihood:
+def run_at(place: float, sd: float, log: float | np.ndarray = 0.0) -> RecordLikelihood:
     return run_of(["zeta"], [place], np.array([[sd**2]]), log)
 
 
@@ -123,7 +123,7 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
     for spread in spreads:
         kernel = norm.logpdf(steps / spread) - logsumexp(norm.logpdf(steps / spread), axis=1, keepdims=True)
         together.append(logsumexp(sum(logsumexp(log + kernel, axis=1) for log in logs) + log_prior))
-    weights = norm.pdf(spreads / SPREAD) / norm.pdf(spreads / SPREAD).sum()
+    weights = norm.pdf(spreads / SPREAD_SCALE) / norm.pdf(spreads / SPREAD_SCALE).sum()
     wanted = logsumexp(together, b=weights)
     priors = damping_priors(["viscous"], Reference(0.3, omega))
     each = [join_runs([run], priors, EXACTLY).log_evidence for run in runs]

@@ -1,7 +1,7 @@
-"""Compute probabilities of candidates, and from draws of them numbers with intervals.
+"""Compute the probabilities of candidates, draw from their posteriors, and summarise the draws.
 
-The numbers are damping ratios from the work of the damping on undamped orbits, shares of the dissipated energy, and the
-sizes of what the laws do not explain.
+The quantities are damping ratios (from the work of the damping on undamped orbits), fractions of the dissipated energy,
+and the sizes of deviations and residuals that the laws do not explain.
 """
 
 from __future__ import annotations
@@ -25,26 +25,28 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
 
-MOMENTS = 4000
+POWER_TIMES = 4000
 """Number of times in a motion at which the dissipated power is computed."""
 DRAWS = 4000
 """Number of draws from all candidates together."""
-SHOWN = 0.99
-"""Total probability of the candidates that are drawn from; the least probable ones are left out."""
-DISTINCT = 200
-"""Number of distinct draws of a candidate with own parameters of its terms: each needs a quadrature of the work."""
-CLEAR = 5.0
-"""Standard deviations from which a drift is significant: one false alarm in 400 records with `FEWEST` means, far fewer
-with many means."""
-FEWEST = 8
-"""Least number of means through which a straight line is fitted."""
-FEW = 400
-"""Number of draws, from all candidates together, for `unnamed_share`."""
-POINTS = 200
-"""Number of points of half a cycle at which the work of damping is summed."""
-REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
-"""Distances from the equilibrium, in amplitudes, within which the middle of a cycle is searched."""
-_PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
+COVERED_PROBABILITY = 0.99
+"""Draws are from the most probable candidates, as many as are needed for this total probability."""
+MOST_DISTINCT_DRAWS = 200
+"""Largest number of different draws of a candidate whose terms have own parameters: each needs a quadrature of the
+work."""
+DRIFT_SDS = 5.0
+"""A drift of this many standard deviations is significant: one false alarm in 400 records of `LEAST_CYCLE_MEANS`
+cycles, far fewer with more cycles."""
+LEAST_CYCLE_MEANS = 8
+"""Least number of cycles for which `midline_drift` fits a straight line to their mean residuals."""
+UNNAMED_DRAWS = 400
+"""Number of draws in `unnamed_share`, from all candidates together."""
+ORBIT_POINTS = 200
+"""Number of quadrature points in half a cycle for the work of the damping."""
+CENTRE_BRACKETS = (1e-3, 0.03, 0.1, 0.25, 0.5)
+"""Half widths of the brackets about the equilibrium in which the centre of an orbit is searched, in amplitudes; tried
+in turn."""
+_ORBIT_PHASES = (np.arange(ORBIT_POINTS) + 0.5) / ORBIT_POINTS * np.pi - 0.5 * np.pi
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 _X, _W = np.polynomial.legendre.leggauss(48)
 _X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
@@ -62,7 +64,7 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Summarise draws, (n,); `noise` is the part of their standard deviation that noise alone causes."""
+    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise alone causes."""
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
     return Quantity(middle, low, high, noise, law)
@@ -102,9 +104,10 @@ class CandidateDraws:
         return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return a function of the terms' own parameters for each draw, (n, m); it is evaluated once for equal ones.
+        """Evaluate a function of the terms' own parameters for each draw, (n, m), only once for equal parameters.
 
-        The function maps rows of parameters, (d, e), to (d, m). The result is (1, m) where all draws have the same.
+        The function maps rows of own parameters, (d, e), to (d, m). The result is (1, m) if all draws have the same
+        own parameters.
         """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
         values = function(rows)
@@ -141,18 +144,24 @@ def candidate_probabilities(
 def draw_candidates(
     comparison: ModelComparison, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
 ) -> list[CandidateDraws]:
-    """Draw from the most probable candidates, from each in proportion to its probability."""
+    """Draw from the posteriors of the most probable candidates, from each in proportion to its probability.
+
+    chosen: probability of each candidate.
+    """
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
-    last = next((i for i, total in enumerate(totals) if total > SHOWN), len(order) - 1)
+    last = next((i for i, total in enumerate(totals) if total > COVERED_PROBABILITY), len(order) - 1)
     counts = {c: round(DRAWS * p / totals[last]) for c, p in order[: last + 1]}
     return [draw_candidate(comparison.result(c), count, rng) for c, count in counts.items() if count]
 
 
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
-    """Draw from one candidate; at most `DISTINCT` different draws if its terms have own parameters."""
+    """Draw from one candidate: from its sampled draws if they are trusted, else from its linear posterior.
+
+    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different.
+    """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
-    few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
+    few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
         u = result.posterior.draws(parameters.positive, few, rng)[0]
     else:
@@ -165,15 +174,15 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 
 
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
-    """Return the fraction of the dissipated energy that each term takes over the record, (draws, m)."""
+    """Return the fraction of the energy lost over the record that each term dissipates, (draws, m)."""
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
     shares = []
     for d in drawn:
         solver, motion = comparison.solvers[d.result.candidate.restoring], d.result.motion
-        times = np.linspace(motion.times[0], motion.times[-1], MOMENTS)
+        times = np.linspace(motion.times[0], motion.times[-1], POWER_TIMES)
         x, v = (at_times(motion.times, motion.states, times, order) for order in (0, 1))
-        power = partial(solver.works, x, v, v / MOMENTS, active=d.result.fit.active)
+        power = partial(solver.works, x, v, v / POWER_TIMES, active=d.result.fit.active)
         lost = d.coefficients * d.by_further(power)
         shares.append(lost / np.maximum(lost.sum(axis=1, keepdims=True), 1e-300))
     return np.concatenate(shares)
@@ -212,25 +221,30 @@ class Orbit:
 
 @lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the undamped orbit of an amplitude (rad or m) about an equilibrium `rest`; None where there is none."""
+    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it would escape.
+
+    law: parameters of the restoring law.
+    """
     force = on_arrays(LAWS.get(restoring).kernel)
 
     def potential(x: float) -> float:
         half = 0.5 * (x - rest)
         return float(half * (force(rest + half * (_X + 1), law) @ _W))
 
-    def uneven(shift: float) -> float:
+    def end_difference(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
 
     # About its middle the orbit has equal potential at both ends. Try narrow brackets first: a wide one may reach
     # beyond the potential barrier of a softening spring.
-    reaches = (share * amplitude for share in REACHES)
-    reach = next((r for r in reaches if uneven(-r) < 0 < uneven(r)), None)
+    reaches = (share * amplitude for share in CENTRE_BRACKETS)
+    reach = next((r for r in reaches if end_difference(-r) < 0 < end_difference(r)), None)
     if reach is None:
         return None
-    centre = rest + float(scipy.optimize.brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
+    centre = rest + float(
+        scipy.optimize.brentq(end_difference, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300))
+    )  # type: ignore[arg-type]
     energy = potential(centre + amplitude)
-    x = centre + amplitude * np.sin(_PHASE)
+    x = centre + amplitude * np.sin(_ORBIT_PHASES)
     # Potential at all points: four Gauss nodes between neighbours suffice, and need a twelfth of the forces.
     half = 0.5 * np.diff(x)
     parts = half * (force(x[:-1, None] + half[:, None] * (_X_PART + 1), law) @ _W_PART)
@@ -238,7 +252,7 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     if inside.max() > energy * (1 + 1e-9):
         return None
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
-    width = amplitude * np.cos(_PHASE) * np.pi / POINTS
+    width = amplitude * np.cos(_ORBIT_PHASES) * np.pi / ORBIT_POINTS
     return Orbit(energy, x, speed, width)
 
 
@@ -280,7 +294,7 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def time_fraction(result: CandidateResult, amplitude: float) -> float:
-    """Return the time at which the motion has an amplitude, as a fraction of the record."""
+    """Return the time at which the motion reaches an amplitude (rad or m), as a fraction of the record."""
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
@@ -289,7 +303,7 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
 
 
 def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
-    """Return the undamped orbit of an amplitude under the restoring law at a result's mode."""
+    """Return the undamped orbit with an amplitude (rad or m) under the restoring law at the candidate's mode."""
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
@@ -298,7 +312,11 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
 def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
-    """Return the work in a cycle per unit of each coefficient, (d, m), for rows of own parameters, (d, e)."""
+    """Return the work of each term in a cycle per unit of its coefficient, (d, m).
+
+    further: rows of the terms' own parameters, (d, e); active: which terms act, (m,); epsilon: width of friction, by
+    default that of the solver.
+    """
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
     weight = np.concatenate([orbit.width, -orbit.width])
     return solver.works(x, v, weight, further, active, epsilon)
@@ -329,7 +347,7 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
 
 
 def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the difference of a deviation from the straight lines between its knots: (n,), for values (n, k) at knots.
+    """Draw the difference of a deviation from its linear interpolation between knots: (n,), for values (n, k) at knots.
 
     Between two knots the deviation is a Brownian bridge. Its variance is u (1 − u) of the variance of a step at a
     fraction u of the way (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth
@@ -354,7 +372,7 @@ def ratio_at(
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Return the equivalent damping ratio at an amplitude over all draws. Parameters as of `draw_ratios`."""
+    """Summarise the draws of the equivalent damping ratio at an amplitude. Parameters as of `draw_ratios`."""
     ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
     if not ratios.size:
         return Ratio(amplitude, *(float("nan"),) * 5)
@@ -391,7 +409,7 @@ def draw_ratios(
         per_unit = ratios_per_unit(d, amplitude)
         if per_unit is None:
             continue
-        ratios = _under_frictions(comparison, d, amplitude, per_unit, rng)
+        ratios = _average_over_frictions(comparison, d, amplitude, per_unit, rng)
         g, h = deviations_at(d, amplitude, rng)
         values.append(ratios * np.exp(g) / (1 + h))
         # Error propagation from the exact posterior: the sd from noise alone.
@@ -410,14 +428,14 @@ def draw_ratios(
     return ratios, float(np.average(noises, weights=weights))
 
 
-def _under_frictions(
+def _average_over_frictions(
     comparison: ModelComparison,
     d: CandidateDraws,
     amplitude: float,
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the ratios of the draws, (n,), each under a width of friction that is drawn by its probability."""
+    """Return the damping ratio of each draw, (n,), with a width of friction drawn from the posterior of the widths."""
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
@@ -450,9 +468,9 @@ def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
 def ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[Quantity, ...]:
-    """Return the damping divided by that of its law, at amplitudes (rad or m).
+    """Return the damping divided by that of its law, at amplitudes (rad or m), over all draws.
 
-    The law is that of each draw, times exp of the energy-weighted mean of g.
+    That is exp(g − mean of g), where the mean over the record is weighted by the energy.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -465,7 +483,7 @@ def ratio_over_law(
 def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Return mean and sd of the log of the damping ratio divided by that without deviations, at amplitudes."""
+    """Return mean and sd of the log of (damping ratio / damping ratio without deviations), at amplitudes (rad or m)."""
     pairs = []
     for a in amplitudes:
         deviations = [deviations_at(d, a, rng) for d in drawn]
@@ -486,17 +504,17 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
     """Return the fraction of the dissipated energy that no sum of the compared terms explains.
 
     For each draw it is the mean relative distance of its damping curve, deviations included, from the nearest sum with
-    coefficients ≥ 0, weighted by the energy lost. `amplitudes` fall.
+    coefficients ≥ 0, weighted by the energy lost. None if an amplitude has no orbit. `amplitudes` (rad or m) fall.
     """
     total = sum(len(d.coefficients) for d in drawn)
-    counts = [max(1, round(FEW * len(d.coefficients) / total)) for d in drawn]
+    counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
     each = zip(drawn, counts, strict=True)
     shares = [share for d, count in each for share in _unexplained(d, amplitudes, count)]
     return quantity(np.array(shares)) if shares else None
 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return the fraction of the energy that no sum explains, for `count` draws of a candidate."""
+    """Return the fraction of the energy that no sum explains, for `count` draws; empty if an amplitude has no orbit."""
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
     unit, curve, energy = [], [], []
@@ -524,10 +542,10 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 
 
 def midline_drift(result: CandidateResult) -> float:
-    """Return the drift of the midline over the record, as a fraction of the first amplitude.
+    """Return the drift of the midline over the record relative to the first amplitude; 0 if it is not significant.
 
-    It is the slope of a straight line through the means of the residual over each cycle; 0 where it is below `CLEAR`
-    standard deviations, which follow from the scatter of these means.
+    The mean residual of each cycle is fitted with a straight line; the scatter of these means about it determines the
+    sd of its slope (see `DRIFT_SDS`).
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
@@ -537,16 +555,19 @@ def midline_drift(result: CandidateResult) -> float:
         means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
     else:
         means, scale = left[NUMBERS - 1 :: NUMBERS], scale * float(np.sqrt(2.0))
-    if means.size < FEWEST:
+    if means.size < LEAST_CYCLE_MEANS:
         return 0.0
     place = (np.arange(means.size) + 0.5) / means.size - 0.5
     drift = float(place @ means / (place @ place))
     scatter = float(np.sum((means - means.mean() - drift * place) ** 2)) / (means.size - 2)
-    return drift / scale if abs(drift) > CLEAR * np.sqrt(scatter / (place @ place)) else 0.0
+    return drift / scale if abs(drift) > DRIFT_SDS * np.sqrt(scatter / (place @ place)) else 0.0
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of the unexplained residual, and of the noise of a sample, as fractions of the first amplitude."""
+    """Return the rms of the residual beyond the noise under exact laws, and the sd of the noise of a sample.
+
+    Both are fractions of the first amplitude.
+    """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left
     # Of an averaged record only amplitudes: a phase that drifts over thousands of cycles is a tiny frequency error.

@@ -1,4 +1,4 @@
-"""Compute from a comparison the numbers of a verdict, the summary of a posterior, and the arrays of a picture."""
+"""Compute the numbers of a verdict, the summary of a posterior, and the arrays of a figure from a comparison."""
 
 from __future__ import annotations
 
@@ -43,23 +43,24 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, summed
 
 SENSOR = 0.002
-"""Least relative standard deviation of a damping ratio: linearity of the sensor and of the clock (conventional)."""
-CURVE = 12
-"""Number of amplitudes of a damping curve."""
-RARE = 1e-3
-"""Probability of all rivals from which damping ratios are averaged over them too."""
-FEW = 200
-"""Approximate number of draws of a frequency per candidate."""
-AS_WIDE = 0.7
-"""Ratio of the widths of posterior and prior intervals from which the record does not determine a parameter
+"""Relative standard deviation of the sensor's linearity and clock, added to that of every damping ratio
 (conventional)."""
-TIED, LOOSE = 0.98, 0.2
-"""Correlation from which only a combination of two parameters is determined, if the half interval of each is at least
-this fraction of its value (conventional)."""
-INSIDE = 0.95
-"""Probability of the shortest interval."""
-POINTS = 3000
-"""Largest number of samples in a picture: the minimum and the maximum of each stretch."""
+CURVE_AMPLITUDES = 12
+"""Number of amplitudes in a damping curve."""
+PROBABLE_RIVALS = 1e-3
+"""If the rivals together are more probable than this, damping ratios are averaged over them too."""
+FREQUENCY_DRAWS = 200
+"""Number of draws for a frequency, per candidate (at most twice as many are used)."""
+UNDETERMINED_WIDTH = 0.7
+"""A record does not determine a parameter whose 95 % interval is wider than this fraction of the prior's
+(conventional)."""
+TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
+"""Only a combination of two parameters is determined if their correlation is larger than the first value, and half the
+95 % interval of each is larger than the second value times its mean (conventional)."""
+HDI_PROBABILITY = 0.95
+"""Probability of the shortest (highest-density) interval."""
+MOST_PLOTTED = 3000
+"""Largest number of samples in a figure: the minimum and the maximum of each stretch."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
@@ -87,7 +88,7 @@ class Findings:
     energy : mapping of str to Quantity
         Fraction of the dissipated energy by term.
     bound : mapping of str to float
-        95 % upper limit of the energy fraction of each term that the most probable sum does not have.
+        95 % upper limit of the energy fraction of each term that is not in the most probable sum.
     deviation, restoring_deviation : Quantity
         Energy-weighted mean of |g| and of |h|, each about its mean over the record.
     other : float
@@ -176,7 +177,7 @@ def compute_findings(
     amplitudes : sequence of float, optional
         Amplitudes at which damping ratios are computed, in rad or m; by default three of the record.
     sensor : float
-        Relative sd of the sensor, which ratios include where laws may hold approximately.
+        Relative sd of the sensor. Damping ratios include it unless laws are exact.
     seed : int
         Seed of the random streams.
     """
@@ -187,13 +188,15 @@ def compute_findings(
     compared = {r.candidate for r in comparison.results}
     other_forms = {c: p for c, p in everything.items() if c not in compared}
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(comparison)
-    along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
+    along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE_AMPLITUDES)))
     drawn = draw_candidates(comparison, chosen, rng)
     # Ratios, frequencies and deviations are averaged over all candidates and, if they are probable, over rivals.
-    every = draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > RARE else drawn
+    every = (
+        draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > PROBABLE_RIVALS else drawn
+    )
     best, leading = (comparison.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
     shares = shares_of(comparison, drawn)
-    absent = _bounds(comparison, best, rng)
+    absent = _limits_of_absent_terms(comparison, best, rng)
     forms = bound_other_forms(comparison, best, np.random.default_rng([seed, 1]))
     size_g = np.concatenate([mean_deviation(d.result, d.g) for d in every])
     size_h = np.concatenate([mean_deviation(d.result, d.h) for d in every])
@@ -205,17 +208,19 @@ def compute_findings(
     coefficients, undetermined, inseparable = (
         ({}, (), ()) if of_best is None else _parameters(comparison, of_best)
     )
-    if exponent and exponent.high - exponent.low > 0.95 * AS_WIDE * (MOST_EXPONENT - LEAST_EXPONENT):
+    if exponent and exponent.high - exponent.low > 0.95 * UNDETERMINED_WIDTH * (
+        MOST_EXPONENT - LEAST_EXPONENT
+    ):
         undetermined = (*undetermined, "exponent")
     unexplained, noise = unexplained_and_noise(leading)
     frequency = _frequency(every, None)
     assert frequency is not None
     return Findings(
-        damping={n: p * (1 - sum(other_forms.values())) for n, p in _summed(chosen).items()},
-        damping_if_exact=_summed({c: p for c, p in exact.items() if c in compared}),
-        other_forms=_summed(other_forms),
+        damping={n: p * (1 - sum(other_forms.values())) for n, p in _probability_by_name(chosen).items()},
+        damping_if_exact=_probability_by_name({c: p for c, p in exact.items() if c in compared}),
+        other_forms=_probability_by_name(other_forms),
         exponent=exponent,
-        restoring=_summed(chosen, 1),
+        restoring=_probability_by_name(chosen, 1),
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in comparison.terms},
         ratios=ratios,
         curve=curve,
@@ -243,8 +248,8 @@ def compute_findings(
     )
 
 
-def _summed(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
-    """Sum probabilities by damping sum, or with `part` = 1 by restoring law; the largest is first."""
+def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
+    """Return the total probability of each damping sum, or with `part` = 1 of each restoring law, largest first."""
     return summed({c.name: p for c, p in each.items()}, part)
 
 
@@ -266,7 +271,7 @@ def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quan
             scale = orbit.frequency / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
         # Draws are ordered by grid point: take every `step`-th.
-        step = max(1, len(h) // FEW)
+        step = max(1, len(h) // FREQUENCY_DRAWS)
         for law, shift in zip(d.law[::step], h[::step], strict=True):
             rest = _rest_of_draw(d.result, law)
             values.append(scale * frequency(name, law, rest, size) * (1 + shift) / (2 * np.pi))
@@ -284,10 +289,12 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
     return result.data.rest_under(result.candidate.restoring, law)
 
 
-def _bounds(comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator) -> dict[str, float]:
+def _limits_of_absent_terms(
+    comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator
+) -> dict[str, float]:
     """Return 95 % upper limits of the energy fraction of each compared term that the best sum does not have.
 
-    They are from the candidate that has this term in addition.
+    The limit of a term is from the posterior of the candidate that has this term in addition.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -307,7 +314,7 @@ def _bounds(comparison: ModelComparison, best: CandidateResult, rng: np.random.G
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return the parameters of a candidate, and those that are `undetermined` and `inseparable` (see `Findings`)."""
+    """Return a candidate's parameters, and which of them are `undetermined` and `inseparable` (see `Findings`)."""
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
@@ -317,10 +324,12 @@ def _parameters(
     loose = [
         name
         for name in (*solver.names[: len(solver.terms)], *own)
-        if name in drawn and 1.96 * drawn[name].std() > LOOSE * abs(drawn[name].mean())
+        if name in drawn and 1.96 * drawn[name].std() > LOOSE_INTERVAL * abs(drawn[name].mean())
     ]
     inseparable = [
-        (a, b) for a, b in combinations(loose, 2) if abs(np.corrcoef(drawn[a], drawn[b])[0, 1]) > TIED
+        (a, b)
+        for a, b in combinations(loose, 2)
+        if abs(np.corrcoef(drawn[a], drawn[b])[0, 1]) > TIED_CORRELATION
     ]
     undetermined = [
         name
@@ -332,15 +341,15 @@ def _parameters(
 
 
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
-    """Return whether a 95 % interval, in scores, is at least `AS_WIDE` of the width of the prior's interval."""
+    """Return whether a 95 % interval is wider than `UNDETERMINED_WIDTH` times that of its prior, in scores."""
     whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
-    return float(prior.score(high) - prior.score(low)) > AS_WIDE * whole
+    return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
 
 
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: Sampled
 ) -> tuple[dict[str, object], np.ndarray]:
-    """Summarise the MCMC draws of a candidate.
+    """Summarise the sampled draws of a candidate.
 
     Returns
     -------
@@ -355,7 +364,7 @@ def posterior_of(
     d, n = parameters.free.size, result.solver.knots.size
     values = parameters.values(u[:, :d])[:, parameters.free]
     sizes = mean_deviation(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
-    inside, summaries = int(np.ceil(INSIDE * len(values))), {}
+    inside, summaries = int(np.ceil(HDI_PROBABILITY * len(values))), {}
     noise_sd = noise_sds(comparison, result)
     for name, own in zip(parameters.free_names, values.T, strict=True):
         sd, ordered = float(np.std(own, ddof=1)), np.sort(own)
@@ -383,7 +392,7 @@ def posterior_of(
 
 
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
-    """Return the arrays of a picture by name.
+    """Return the arrays of the answer's figures by name.
 
     t, record, fit, residual: thinned samples or amplitudes, (p,). amplitude, ratio, low, high: the damping curve, (a,).
     exponent: quantiles. free/*: the damping curve without a law, and the energy lost in a cycle. law/SUM: the damping
@@ -393,8 +402,8 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     data = comparison.data
     best = comparison.result(numbers.best)
     t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
-    # Keep the minimum and the maximum of each stretch, and the ends.
-    rows, size = np.arange(y.size), -(-y.size // (POINTS // 2))
+    # Keep the minimum and the maximum of each stretch, and both ends of the record.
+    rows, size = np.arange(y.size), -(-y.size // (MOST_PLOTTED // 2))
     if size > 2:
         stretches = np.split(rows, range(size, y.size, size))
         extremes = [s[at] for s in stretches for at in (y[s].argmin(), y[s].argmax())]

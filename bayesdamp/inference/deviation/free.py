@@ -1,7 +1,7 @@
 """Infer the damping ratio against amplitude without a damping law.
 
 The damping is viscous times exp g(t), where g has a wide prior. As the amplitude only falls, g against time gives the
-damping ratio against amplitude. The only assumption is the prior: the ratio is smooth over a tenth of the record.
+damping ratio against amplitude. The prior assumes only that the ratio is smooth over a tenth of the record.
 """
 
 from __future__ import annotations
@@ -26,19 +26,20 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
-KNOTS, A_KNOT = (6, 24), 1.5
+KNOT_LIMITS, CYCLES_PER_KNOT = (6, 24), 1.5
 """Smallest and largest number of knots of g, and cycles between two knots."""
-POINTS = 40
-"""Number of amplitudes of the curve."""
-DRAWS = 1000
+CURVE_POINTS = 40
+"""Number of amplitudes in the curve."""
+CURVE_DRAWS = 1000
 """Number of draws for the intervals."""
-STEPS, SETTLED = 25, 0.1
-"""Largest number of Gauss–Newton steps, and the change of the motion below which they end: the norm over all samples,
-in standard deviations of the noise."""
-FAR = 50.0
-"""Largest |g| of all draws: beyond it the linear model about the mode has failed (prior sizes are 3 at most)."""
-CLOSE = 1.02
-"""Factor by which a step may increase the sum of squares."""
+MOST_STEPS, SETTLED_CHANGE = 25, 0.1
+"""Largest number of Gauss–Newton steps. They end before if a step changes the motion by less than the second value:
+norm over all samples, in standard deviations of the noise."""
+LARGEST_G = 50.0
+"""There is no curve if any draw of |g| is larger: the linear model about the mode has failed (prior sds of g are at
+most 3)."""
+ALLOWED_GROWTH = 1.02
+"""A step is halved if it multiplies the sum of squares by more than this."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,12 @@ class FreeCurve:
 def free_curve(
     comparison: ModelComparison, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
-    """Infer the damping curve under a restoring law; None where no motion fits the record.
+    """Infer the damping ratio against amplitude under a restoring law; None where no motion fits the record.
 
-    The fit starts with the damping ratios of `guess`.
+    The fit starts at the damping ratios of `guess`, whose amplitudes fall.
     """
     data = comparison.data
-    count = int(np.clip(round(data.cycles / A_KNOT) + 1, *KNOTS))
+    count = int(np.clip(round(data.cycles / CYCLES_PER_KNOT) + 1, *KNOT_LIMITS))
     base = comparison.solvers[restoring]
     solver = replace(base, terms=("viscous",), knots=np.linspace(0.0, data.end, count))
     grid = wide_grid(count)
@@ -76,17 +77,19 @@ def free_curve(
     if at is None:
         return None
     posterior = linear_posterior(at.model, grid, comparison.variance, comparison.samples)
-    u = posterior.draws(at.fit.parameters.positive, DRAWS, rng)[0]
+    u = posterior.draws(at.fit.parameters.positive, CURVE_DRAWS, rng)[0]
     g, h = np.split(u[:, at.fit.z.size :], 2, axis=1)
-    if np.abs(g).max() > FAR:
+    if np.abs(g).max() > LARGEST_G:
         return None
     zeta, law = at.fit.parameters.known["zeta"], at.values[solver.law_places]
     rest = data.equilibrium(restoring, law)
     times, sizes = turning_amplitudes(at.motion)
     if rest is None or times.size < 4:
         return None
-    amplitude = np.geomspace(min(data.amplitude, sizes[0]), max(data.final_amplitude, sizes[-1]), POINTS)
-    ratio, lost = np.full((POINTS, 3), np.nan), np.full((POINTS, 3), np.nan)
+    amplitude = np.geomspace(
+        min(data.amplitude, sizes[0]), max(data.final_amplitude, sizes[-1]), CURVE_POINTS
+    )
+    ratio, lost = np.full((CURVE_POINTS, 3), np.nan), np.full((CURVE_POINTS, 3), np.nan)
     ones = np.ones(1, bool)
     for i, a in enumerate(amplitude):
         orbit = orbit_at(float(a), restoring, tuple(map(float, law)), rest)
@@ -127,18 +130,18 @@ def _mode(
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
     fit = LeastSquaresFit(parameters, np.ones(1, bool), z, data.y, empty, motion)
     at = linearise(solver, data, fit, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)]))
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         if at is None:
             return None
         mode, share, new = mode_of(at.model, grid, comparison.variance), 1.0, None
         while share > 0.02 and new is None:
             new = linearise(solver, data, fit, at.u + share * (mode - at.u))
-            if new is not None and new.squares > at.squares * CLOSE:
+            if new is not None and new.squares > at.squares * ALLOWED_GROWTH:
                 new = None
             share *= 0.5
         if new is None:
             break
         moved, at = new.distance(at.u, comparison.variance), new
-        if moved < SETTLED:
+        if moved < SETTLED_CHANGE:
             break
     return at

@@ -1,4 +1,4 @@
-"""Map standard normal scores to the parameters of a candidate, in the order in which its kernel takes them."""
+"""Map standard normal scores to the parameters of a candidate, in the order of its compiled kernel."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of
 
-SMALL_STEP = 1e-6
-"""Step of the numerical derivatives of straight coordinates, in scores."""
+DERIVATIVE_STEP = 1e-6
+"""Step of numerical derivatives by straight coordinates, in units of the scores (prior standard deviations)."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Parameters(Scores):
     priors : mapping of str to Prior
         Priors of the d inferred parameters, in the same order.
     known : mapping of str to float
-        Values of the others; a parameter that is missing here is 0.
+        Values of the other parameters, by name; a parameter that is in neither mapping is 0.
     """
 
     names: tuple[str, ...]
@@ -39,8 +39,8 @@ class Parameters(Scores):
     def __post_init__(self) -> None:
         object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
 
-    def holding(self, name: str, value: float) -> Self:
-        """Return the parameters with one that was inferred now known."""
+    def with_fixed(self, name: str, value: float) -> Self:
+        """Return these parameters with an inferred one, `name`, fixed at a value."""
         priors = {n: p for n, p in self.priors.items() if n != name}
         return replace(self, priors=priors, known={**self.known, name: value})
 
@@ -56,19 +56,19 @@ class Parameters(Scores):
 
     @property
     def positive(self) -> np.ndarray:
-        """Return which scores must not be negative, (d,): those with half-normal priors."""
+        """Return which scores must not be negative, booleans (d,): those of half-normal priors."""
         return self.reflected
 
     @cached_property
     def damping(self) -> np.ndarray:
-        """Return which scores are of damping terms (coefficients or own parameters), (d,)."""
+        """Return which scores belong to damping terms (coefficients or own parameters), booleans (d,)."""
         terms = [TERMS.get(name) for name in TERMS.names()]
         own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
         return np.array([n in own for n in self.free_names], bool)
 
     @property
     def masks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return `positive`, `shared` and `damping`, (d,) each."""
+        """Return the boolean masks `positive`, `shared` (priors with a common scale) and `damping`, (d,) each."""
         return self.positive, self.shared, self.damping
 
     @property
@@ -78,7 +78,7 @@ class Parameters(Scores):
 
     @property
     def absorbs(self) -> tuple[bool, bool]:
-        """Return whether an inferred parameter has the effect of a constant g, and of a constant h."""
+        """Return whether an inferred parameter acts like a constant g, and whether another acts like a constant h."""
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
@@ -120,8 +120,8 @@ class Parameters(Scores):
 
 
 @dataclass(frozen=True)
-class Straight(Parameters):
-    """Parameters with coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
+class StraightParameters(Parameters):
+    """Parameters with straight coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
     v = z₀ + J (ν − ν₀), where ν are the law's natural coordinates and J is the derivative of the scores by ν at the
     anchor z₀: there v agrees with the scores to first order. Motions are more nearly linear in v than in the scores.
@@ -136,7 +136,7 @@ class Straight(Parameters):
         Names of the parameters whose scores v replaces.
     anchor, origin : ndarray, shape (b,)
         z₀ and ν₀.
-    root : ndarray, shape (b, b)
+    inverse_jacobian : ndarray, shape (b, b)
         J⁻¹.
     """
 
@@ -145,15 +145,15 @@ class Straight(Parameters):
     at: tuple[str, ...]
     anchor: np.ndarray
     origin: np.ndarray
-    root: np.ndarray
+    inverse_jacobian: np.ndarray
 
-    def holding(self, name: str, value: float) -> Self:
-        """Return the parameters with one that was inferred, and that v does not replace, now known."""
+    def with_fixed(self, name: str, value: float) -> Self:
+        """Return these parameters with an inferred one, which v does not replace, fixed at a value."""
         before = self.free_names.index(name) < self.places
-        return replace(super().holding(name, value), places=self.places - before)
+        return replace(super().with_fixed(name, value), places=self.places - before)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where there are none."""
+        """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where z has no such parameters."""
         if z.ndim > 1:
             return np.array([self.values(row) for row in z])
         p = super().values(z)
@@ -161,8 +161,8 @@ class Straight(Parameters):
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the values of the parameters `at` for coordinates v, both (b,); NaN where there are none."""
-        natural = self.origin + self.root @ (v - self.anchor)
+        """Return the values of the parameters `at` for coordinates v, both (b,); NaN where v has no such values."""
+        natural = self.origin + self.inverse_jacobian @ (v - self.anchor)
         values = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
         return np.full(v.size, np.nan) if values is None else np.array([values[name] for name in self.at])
 
@@ -173,7 +173,7 @@ class Straight(Parameters):
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (d,); NaN where there are none."""
+        """Return the standard normal scores at coordinates z, both (d,); NaN where z has no such scores."""
         scores = z.copy()
         scores[self.places] = self._law_scores(self._law_values(z[self.places]))
         return scores
@@ -203,13 +203,13 @@ class Straight(Parameters):
         """Return the derivatives of the parameters `at` by v, at coordinates z (d,): (b, b)."""
         v = z[self.places]
         slopes = np.empty((v.size, v.size))
-        for i, step in enumerate(SMALL_STEP * np.eye(v.size)):
-            slopes[:, i] = (self._law_values(v + step) - self._law_values(v - step)) / (2 * SMALL_STEP)
+        for i, step in enumerate(DERIVATIVE_STEP * np.eye(v.size)):
+            slopes[:, i] = (self._law_values(v + step) - self._law_values(v - step)) / (2 * DERIVATIVE_STEP)
         return slopes
 
 
-def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straight | None:
-    """Return straight coordinates with the anchor at scores z, (d,).
+def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:
+    """Return the parameters with straight coordinates about the anchor z, scores (d,).
 
     None where the restoring law has no natural coordinates, or where one of their parameters is not inferred.
     """
@@ -224,8 +224,8 @@ def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straig
     origin = np.array([natural[name] for name in at])
     # With the identity for J⁻¹, `slopes` are the derivatives of the parameters by ν.
     own = (parameters.names, parameters.priors, parameters.known)
-    straight = Straight(*own, law, places, at, z[places], origin, np.eye(len(at)))
+    straight = StraightParameters(*own, law, places, at, z[places], origin, np.eye(len(at)))
     slopes = straight.slopes(z) / parameters.rates(z)[places][:, None]
     if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
         return None
-    return replace(straight, root=np.linalg.inv(slopes))
+    return replace(straight, inverse_jacobian=np.linalg.inv(slopes))

@@ -1,13 +1,13 @@
-"""Infer one damping from several runs (records) of one specimen.
+"""Infer one damping from several records of one specimen.
 
-The coefficients of a run are those of the specimen times exp η, η ~ N(0, s²), where the spread s is inferred; own
-parameters of a term, such as an exponent, are the same in all runs. Start, spring, offset, noise and deviations differ
-between runs and are already integrated out: each run only contributes the likelihood of its damping. The
-hyperparameters of the deviations are common to all runs, because they belong to the damper.
+The coefficients of a record are those of the specimen times exp η, η ~ N(0, s²), where the spread s is inferred; own
+parameters of a term, such as an exponent, are the same in all records. Start, spring, offset, noise and deviations
+differ between records and are already integrate_factors out: each record only contributes the likelihood of its
+damping. The hyperparameters of the deviations are common to all records, because they belong to the damper.
 
-Given s and a grid point of the hyperparameters, coefficients and factors are integrated out by Laplace's approximation
-about the mode, which is exact for s = 0. The cut-off of coefficients at zero and their common prior scale are then
-treated as for one record (`linear.with_priors`).
+Given s and a grid point of the hyperparameters, coefficients and factors are integrate_factors out by Laplace's
+approximation about the mode, which is exact for s = 0. The cut-off of coefficients at zero and their common prior scale
+are then treated as for one record (`linear.with_priors`).
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.deviation.linear import DampingLikelihood, Normals, with_priors
 from bayesdamp.priors import Prior, SharedHalfNormal
 
-SPREAD = 0.1
+SPREAD_SCALE = 0.1
 """Scale of the half-normal prior of the spread s (conventional)."""
 SPREADS = np.geomspace(5e-4, 0.45, 27)
 """Grid of spreads; the prior probability beyond the last is below 1e-5. With half as many the upper end of a wide
 interval of the spread was a tenth to a fifth too large (measured)."""
-EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-"""Ends of the spreads' cells: geometric means of neighbours."""
-DRAWS = 4000
+SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
+"""Boundaries between the grid values of the spread: geometric means of neighbours."""
+JOINT_DRAWS = 4000
 """Number of draws from the joint posterior."""
-STEPS, SETTLED = 60, 1e-7
-"""Largest number of Gauss–Newton steps, and the predicted gain in nats below which they end."""
-BEHIND = 18.0
-"""Nats behind the best, at the least and at the largest spread, from which a grid point is left out."""
-DERIVATIVE = 1e-5
-"""Step of numerical derivatives of the map from scores to parameters."""
+MOST_STEPS, SETTLED_GAIN = 60, 1e-7
+"""Largest number of Gauss–Newton steps. They end before if the predicted gain is below the second value, in nats."""
+NATS_BEHIND = 18.0
+"""A grid point is left out if it is this many nats behind the best, both at the smallest and at the largest spread."""
+DERIVATIVE_STEP = 1e-5
+"""Step of numerical derivatives of parameters by their scores, in scores."""
 
 
 @dataclass(frozen=True)
-class RunLikelihood:
-    """The likelihood of one run as a function of its damping parameters.
+class RecordLikelihood:
+    """The likelihood of one record as a function of its damping parameters.
 
     Attributes
     ----------
     names : tuple of str
         The parameters of the damping.
     coefficients : ndarray of bool, shape (k,)
-        Which of them are coefficients.
+        Which of these parameters are coefficients.
     mode : ndarray, shape (k,)
-        Their values at the run's own mode.
+        Values of the parameters at the mode of this record alone.
     likelihood : DampingLikelihood
-        The likelihood of the parameters (not of scores) at each grid point.
+        The likelihood of the parameters (not of their scores) at each grid point of the hyperparameters.
     """
 
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ class RunLikelihood:
     @staticmethod
     def of_scores(
         priors: Mapping[str, Prior], coefficients: Sequence[str], z: np.ndarray, likelihood: DampingLikelihood
-    ) -> RunLikelihood:
+    ) -> RecordLikelihood:
         """Convert the likelihood of scores to the likelihood of parameters.
 
         Parameters
@@ -78,19 +78,19 @@ class RunLikelihood:
         likelihood : DampingLikelihood
             The likelihood of the scores.
         """
-        values, slopes = _maps(priors, z)
+        values, slopes = _linear_maps(priors, z)
         changed = likelihood.mapped(z - values / slopes, np.diag(1.0 / slopes))
         which = np.array([n in coefficients for n in priors], bool)
-        return RunLikelihood(tuple(priors), which, values, changed)
+        return RecordLikelihood(tuple(priors), which, values, changed)
 
-    def shifted(self, nats: float) -> Self:
+    def plus_nats(self, nats: float) -> Self:
         """Return the likelihood with a constant added to its logarithm."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """The joint posterior of one damping from several runs.
+    """The joint posterior of one damping from several records.
 
     Attributes
     ----------
@@ -114,43 +114,43 @@ class Repeats:
 
 
 def join_runs(
-    runs: Sequence[RunLikelihood],
+    runs: Sequence[RecordLikelihood],
     priors: Mapping[str, Prior],
     log_sizes: np.ndarray,
     *,
     spread: float | None = None,
     seed: int = 0,
-    draws: int = DRAWS,
+    draws: int = JOINT_DRAWS,
 ) -> Repeats:
-    """Compute the evidence and the posterior of one damping for all runs.
+    """Compute the evidence and the joint posterior of one damping for several records.
 
     Parameters
     ----------
-    runs : sequence of RunLikelihood
-        One or more runs with the same parameters.
+    runs : sequence of RecordLikelihood
+        Likelihoods of one or more records with the same parameters.
     priors : mapping of str to Prior
-        Priors of the specimen's parameters, in the order of the runs' names.
+        Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
         Log prior probability of each grid point.
     spread : float, optional
-        The spread, if it is known; 0: all runs have the same coefficients.
+        The spread, if it is known; 0 means that all records have the same coefficients.
     seed, draws : int
         Seed of the random stream, and number of draws.
 
     Raises
     ------
     ValueError
-        Where there is no run, or where runs and priors have different parameters.
+        If there is no record, or if records and priors have different parameters.
     """
     if not runs or any(r.names != runs[0].names for r in runs) or tuple(priors) != runs[0].names:
         raise ValueError("joined runs need the same parameters, and a prior of each")
-    values, slopes = _maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
+    values, slopes = _linear_maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
     offset = values - slopes * _scores(priors, values)
     if spread is not None or len(runs) == 1:
-        # A single run determines nothing about the spread, which is 0 unless it is given.
+        # A single record determines nothing about the spread, which is 0 unless it is given.
         spreads, masses = np.array([spread or 0.0]), np.ones(1)
     else:
-        spreads, masses = SPREADS, np.diff(scipy.special.erf(EDGES / (SPREAD * np.sqrt(2.0))))
+        spreads, masses = SPREADS, np.diff(scipy.special.erf(SPREAD_EDGES / (SPREAD_SCALE * np.sqrt(2.0))))
     log, slope, information = (
         np.stack([getattr(r.likelihood, part) for r in runs]) for part in ("log", "slope", "information")
     )
@@ -158,10 +158,12 @@ def join_runs(
     probable = every = np.arange(log_sizes.size)
     if every.size > 1:  # keep grid points that are probable at the least or the largest spread
         ends = {spreads[0], spreads[-1]}
-        logs = np.stack([problem.integrated(every, np.full(every.size, s)).log + log_sizes for s in ends])
-        probable = np.flatnonzero((logs.max(axis=1, keepdims=True) - logs).min(axis=0) < BEHIND)
+        logs = np.stack(
+            [problem.integrate_factors(every, np.full(every.size, s)).log + log_sizes for s in ends]
+        )
+        probable = np.flatnonzero((logs.max(axis=1, keepdims=True) - logs).min(axis=0) < NATS_BEHIND)
     combo, at = (a.ravel() for a in np.meshgrid(probable, np.arange(spreads.size), indexing="ij"))
-    normals = problem.integrated(combo, spreads[at])
+    normals = problem.integrate_factors(combo, spreads[at])
     normals = replace(normals, log=normals.log + log_sizes[combo] + np.log(masses[at]))
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
@@ -171,7 +173,7 @@ def join_runs(
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[rows]]
     if spreads.size > 1:  # draw uniformly in the cell of each spread
-        low, high = EDGES[at[rows]], EDGES[at[rows] + 1]
+        low, high = SPREAD_EDGES[at[rows]], SPREAD_EDGES[at[rows] + 1]
         high = np.minimum(high, SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
         drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(rows.size)
     return Repeats(posterior.log_evidence, runs[0].names, natural, drawn, combo[rows])
@@ -179,10 +181,10 @@ def join_runs(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The likelihoods of n runs at c grid points, as functions of parameters x = offset + scale z with scores z, (k,).
+    """The likelihoods of n records at c grid points, as functions of parameters x = offset + scale z, scores z, (k,).
 
     log (n, c), slope (n, c, k), information (n, c, k, k): as of `DampingLikelihood`. which: marks the coefficients,
-    which a run's factor multiplies, (k,).
+    which the factor of a record multiplies, (k,).
     """
 
     log: np.ndarray
@@ -192,8 +194,8 @@ class _Problem:
     scale: np.ndarray
     which: np.ndarray
 
-    def integrated(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
-        """Integrate out the runs' factors at grid points (b,) with spreads (b,).
+    def integrate_factors(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
+        """Integrate out the factors of the records at grid points (b,) with spreads (b,), by Laplace's approximation.
 
         Return log evidence (b,), means (b, k) and factors of covariances (b, k, k) of the scores z, under priors N(0,
         1) that allow negative scores.
@@ -207,11 +209,11 @@ class _Problem:
         precision = 1.0 / np.maximum(spreads, 1e-12) ** 2
         moving = spreads > 0
         value = self._value(u, b, big, precision)
-        for _ in range(STEPS if moving.any() else 0):
+        for _ in range(MOST_STEPS if moving.any() else 0):
             slope, square = self._derivatives(u, b, big, precision, moving, whole=False)
             step = _solve(square, slope)
             promised = np.sum(step * slope, axis=1)
-            if promised.max() < SETTLED:
+            if promised.max() < SETTLED_GAIN:
                 break
             share, new = np.ones(combos.size), value
             for _ in range(12):
@@ -234,13 +236,13 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return log prior plus log likelihoods at u = (scores, log factors of the runs), (b,), up to constants."""
-        k, y = self.scale.size, self._run_parameters(u)[0]
+        """Return log prior plus log likelihoods at u = (scores, log factors of the records), (b,), up to constants."""
+        k, y = self.scale.size, self._record_parameters(u)[0]
         fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
         return fit - 0.5 * np.sum(u[:, :k] ** 2, axis=1) - 0.5 * precision * np.sum(u[:, k:] ** 2, axis=1)
 
-    def _run_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return each run's parameters, and the factors that they contain, (b, n, k) each."""
+    def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the parameters of each record, and the factors that they contain, (b, n, k) each."""
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))
         factors = np.where(self.which, grown[:, :, None], 1.0)
@@ -257,14 +259,14 @@ class _Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the gradient of `_value`, (b, k + n), and minus its Hessian, (b, k + n, k + n).
 
-        `whole`: the Hessian; else its Gauss–Newton approximation. Where not `moving` (spread 0), factors are fixed at
-        1.
+        whole: whether to use the whole Hessian, else its Gauss–Newton approximation. Where not `moving` (spread 0),
+        factors are fixed at 1.
         """
         k, n = self.scale.size, self.log.shape[0]
-        y, factors = self._run_parameters(u)
+        y, factors = self._record_parameters(u)
         pull = b - np.einsum("bnij,bnj->bni", big, y)
         by_z = factors * self.scale  # (b, n, k)
-        along = np.where(self.which, y, 0.0)  # of y by a run's log factor
+        along = np.where(self.which, y, 0.0)  # derivative of y by the log factor of a record
         slope, square = np.zeros_like(u), np.zeros((len(u), k + n, k + n))
         slope[:, :k] = np.sum(by_z * pull, axis=1) - u[:, :k]
         by_factor = np.sum(along * pull, axis=2) - precision[:, None] * u[:, k:]
@@ -284,21 +286,22 @@ class _Problem:
         return slope, square
 
 
-def _scaled(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale matrices (b, m, m) to unit diagonals; return also the square roots of the diagonals, (b, m)."""
+def _to_unit_diagonal(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return matrices (b, m, m) scaled to unit diagonals, and the square roots of their diagonals, (b, m)."""
     root = np.sqrt(np.maximum(np.diagonal(square, axis1=1, axis2=2), 1e-300))
     return square / (root[:, :, None] * root[:, None, :]), root
 
 
 def _solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
-    part, root = _scaled(square)
+    """Solve the linear systems square x = aim, (b, m, m) and (b, m), for x, (b, m)."""
+    part, root = _to_unit_diagonal(square)
     part = part + 1e-13 * np.eye(part.shape[1])
     return np.linalg.solve(part, (aim / root)[:, :, None])[:, :, 0] / root
 
 
 def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return log determinants (b,) and inverses; NaN determinants where a matrix is not positive definite."""
-    part, root = _scaled(square)
+    """Return log determinants (b,), NaN for a matrix that is not positive definite, and inverses (b, m, m)."""
+    part, root = _to_unit_diagonal(square)
     values, vectors = np.linalg.eigh(part)
     good = values[:, 0] > 0
     safe = np.where(good[:, None], values, 1.0)
@@ -308,11 +311,12 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
+    """Return the scores of parameters (k,); ±6 for a value at or beyond the end of its prior."""
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)
 
 
-def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _linear_maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters at scores z, (k,), and their derivatives; a half-normal prior is continued linearly below 0."""
     values, slopes = np.empty(z.size), np.empty(z.size)
     for i, (prior, score) in enumerate(zip(priors.values(), z, strict=True)):
@@ -320,7 +324,7 @@ def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.nd
             slopes[i] = float(prior.value(np.asarray(1.0)))
             values[i] = slopes[i] * score
             continue
-        ends = prior.value(np.array([score - DERIVATIVE, score + DERIVATIVE]))
+        ends = prior.value(np.array([score - DERIVATIVE_STEP, score + DERIVATIVE_STEP]))
         values[i] = float(prior.value(np.asarray(score)))
-        slopes[i] = float(np.diff(ends)[0]) / (2 * DERIVATIVE)
+        slopes[i] = float(np.diff(ends)[0]) / (2 * DERIVATIVE_STEP)
     return values, slopes

@@ -1,9 +1,9 @@
 """Choose the noise model of a record's samples, and adapt the record so that least squares are right under it.
 
 Fits and evidence assume white Gaussian noise. Another noise model changes two things. Each value of the record is
-replaced by the motion plus a working residual (the derivative of the log noise density times a variance), in which an
-outlier has little effect and rounding none. And the variance is that of white noise with the same information about the
-oscillation. Both depend on the motion, so motion and working residuals are updated in turn.
+replaced by the motion plus a working residual (the derivative of the log noise density by the motion, times a
+variance), in which an outlier has little effect and rounding none. And the variance is that of white noise with the
+same information about the oscillation. Both depend on the motion, so motion and working residuals are updated in turn.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
-"""Noise models from which one is chosen by default."""
-LEAD = 5.0
+"""Noise models from which the best one is chosen by default."""
+LEAD_NATS = 5.0
 """Nats by which the log evidence of another noise model must exceed that of Gaussian noise (conventional)."""
-ORDER = 8
+AUTOREGRESSION_ORDER = 8
 """Order of the autoregression with which `predictable_nats` predicts residuals from those before (conventional)."""
 REFITS = 2
-"""Number of times that the noise model of amplitudes and phases is chosen; the second time from their residual under
-the first choice."""
-BAND = (0.3, 2.0)
-"""Frequencies that count as near the oscillation, in units of its frequency."""
+"""Number of times that the noise model of a record that is reduced to amplitudes and phases is chosen; the second time
+for the residual under the first choice."""
+OSCILLATION_BAND = (0.3, 2.0)
+"""Frequency band that counts as near the oscillation, in units of its frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
-"""Number of stretches, and of samples in all of them, from which the noise model of a long record is chosen: enough for
-one per cent of its parameters (conventional)."""
+"""Number of stretches, and of samples in all of them, from which the noise model of a long record is chosen: enough to
+determine its parameters to one per cent (conventional)."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def prepare_for_noises(
             used = (firsts[:, None] + np.arange(MOST_SAMPLES // STRETCHES)).ravel()
         record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
         fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-        noise = _choose(names, residual[used], fit_one)[0]
+        noise = _choose_noise(names, residual[used], fit_one)[0]
         if noise.name in LEAST_SQUARES:
             return replace(data, noise_model=noise)
         data = prepare_data(signal, average, noise)
@@ -94,7 +94,7 @@ def prepare_for_noises(
     return data
 
 
-def _choose(
+def _choose_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
     """Return the best noise model of residuals (m,), or Gaussian noise if its lead is small, and `predictable_nats`.
@@ -115,7 +115,7 @@ def _choose(
     best = max(models, key=lambda model: model.log_evidence)
     plain = next((model for model in models if model.name == GAUSSIAN), None)
     if plain is not None and (
-        best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD, gain)
+        best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD_NATS, gain)
     ):
         best = plain
     return SampleNoise(best, tuple(models)), gain
@@ -123,7 +123,7 @@ def _choose(
 
 @dataclass(frozen=True)
 class AdaptedData:
-    """A record that is adapted to a noise model.
+    """A record that is adapted to a noise model, so that least squares are right under it.
 
     Attributes
     ----------
@@ -185,13 +185,13 @@ def adapt(
     if motion is None:
         return None
     fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-    chosen, gain = _choose(names, record.y - motion, fit_one)
+    chosen, gain = _choose_noise(names, record.y - motion, fit_one)
     gaps, noise = np.diff(record.t), chosen.fitted
     if noise.name == GAUSSIAN:
         # `inflation` allows for correlated residuals. Where correlated noise explains them as well as an autoregression
         # does, its variance near the oscillation is a lower bound.
         other = next((model for model in chosen.weighed if model.name == CORRELATED), noise)
-        if other.log_evidence - noise.log_evidence > max(LEAD, gain - LEAD):
+        if other.log_evidence - noise.log_evidence > max(LEAD_NATS, gain - LEAD_NATS):
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
         return AdaptedData(data, chosen, variance)
     for _ in range(ROUNDS):
@@ -226,16 +226,16 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 
 
 def predictable_nats(residual: np.ndarray) -> float:
-    """Return the log evidence (nats, ≥ 0) of an autoregression of residuals (m,) minus that of white noise.
+    """Return the log evidence (nats) of an autoregression of residuals (m,) minus that of white noise, at least 0.
 
     It is approximated by least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
-    rows = np.lib.stride_tricks.sliding_window_view(residual, ORDER + 1)
+    rows = np.lib.stride_tricks.sliding_window_view(residual, AUTOREGRESSION_ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]
     square = before.T @ before
     left = float(after @ after) - float((before.T @ after) @ np.linalg.solve(square, before.T @ after))
     gain = 0.5 * len(rows) * np.log(float(after @ after) / max(left, 1e-300))
-    return max(float(gain) - 0.5 * ORDER * np.log(len(rows)), 0.0)
+    return max(float(gain) - 0.5 * AUTOREGRESSION_ORDER * np.log(len(rows)), 0.0)
 
 
 def inflation(
@@ -260,7 +260,7 @@ def inflation(
     even = np.interp(np.linspace(t[0], t[-1], n), t, left)
     power = np.abs(np.fft.rfft(even)) ** 2 / n
     omega = 2 * np.pi * np.fft.rfftfreq(n, (t[-1] - t[0]) / (n - 1))
-    band = (omega > BAND[0] * frequency) & (omega < BAND[1] * frequency)
+    band = (omega > OSCILLATION_BAND[0] * frequency) & (omega < OSCILLATION_BAND[1] * frequency)
     modes = 2 * int(band.sum())
     if variance is None:
         variance = float(left @ left) / max(n - removed, 1)

@@ -1,9 +1,9 @@
 """Sample the most probable candidates: posteriors and evidence with exact motions instead of a linear model.
 
-Sampling starts from a linear model, in straight coordinates where the restoring law has them, and from one in each of
-several slices where a damping term has a parameter of its own. A record determines the angle at rest and the
-frequency far better than gravity, so that a posterior of spring, gravity and spring's angle lies along a curve, which a
-linear model leaves after a few of its sds.
+Sampling starts from a linear model, in straight coordinates if the restoring law has them. If a damping term has a
+parameter of its own, it starts from the linear models in several slices of this parameter. Straight coordinates are
+needed because a record determines the equilibrium angle and the frequency far better than gravity: the posterior of
+stiffness, gravity and spring angle is curved, and a linear model in the scores is accurate only for a few of its sds.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import exact_model, linearise, linearise_at_mode, refit
 from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
-from bayesdamp.inference.deviation.parameters import Parameters, straight_at
-from bayesdamp.inference.deviation.slices import SlicedProposal, sliced
+from bayesdamp.inference.deviation.parameters import Parameters, straighten_at
+from bayesdamp.inference.deviation.slices import SlicedProposal, slice_proposal
 from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
 from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
-ANCHORS = 3
-"""Largest number of times that straight coordinates are anchored at the mode in the last ones."""
-CLOSE = 0.1
-"""Largest difference of coordinates and scores at the mode for which the coordinates are not anchored again."""
-BEHIND = 5.0
-"""Nats behind the best, by linear posteriors, up to which a candidate is sampled: more than sampling has changed any
-log evidence (measured)."""
-MOST = 6
+MOST_ANCHORS = 3
+"""Largest number of times that straight coordinates are replaced by others that are anchored at the new mode."""
+ANCHOR_CHANGE = 0.1
+"""Straight coordinates are anchored again if they differ by more than this from the scores at the mode."""
+NATS_BEHIND = 5.0
+"""A candidate is sampled if its linear posterior is at most this many nats behind the best: more than sampling has
+changed any log evidence (measured)."""
+MOST_SAMPLED = 6
 """Largest number of candidates that are sampled (conventional)."""
-LOOSER = (3e-6, 1e-6, 3e-7)
-"""Errors of an integration step, as fractions of the amplitude, that are tried in turn."""
-APART = 0.05
-"""Largest error of a motion: the norm over all samples, in standard deviations of the noise. It moves no parameter by
-more of its own sd."""
-TRIED = 4
-"""Number of draws for which this is checked."""
+LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
+"""Tolerances for draws, tried in turn: errors of an integration step, as fractions of the amplitude."""
+LARGEST_ERROR = 0.05
+"""Largest error of a motion: norm over all samples, in standard deviations of the noise. It changes no parameter by
+more than this fraction of the parameter's sd."""
+TRIED_DRAWS = 4
+"""Number of draws for which the error is checked."""
 
 
 @dataclass(frozen=True)
-class DrawMotions:
+class DrawSolver:
     """Solve the motions of draws with a loose tolerance and a common correction.
 
     The correction is the difference that the usual tolerance makes for one of the motions. It is nearly the same for
@@ -51,9 +51,9 @@ class DrawMotions:
     Attributes
     ----------
     solver : Solver
-        Of the motions.
+        Solver of the candidate's equation of motion.
     parameters : Parameters
-        What the scores of draws stand for.
+        Map from the scores of a draw to the solver's parameters.
     active : ndarray of bool, shape (m,)
         Which of the solver's terms act.
     tolerance : float
@@ -79,19 +79,23 @@ class DrawMotions:
         return None if motion is None else motion.y + self.correction
 
 
-def motions_near(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawMotions:
-    """Return motions to the loosest tolerance that keeps draws of a candidate's linear posterior within `APART`."""
-    usual, sd = DrawMotions(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
-    drawn = start.draws(TRIED, np.random.default_rng(0))[0]
+def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
+    """Return the solver for draws with the loosest tolerance that is accurate enough.
+
+    Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the usual tolerance.
+    This is checked at the mean of the linear posterior and at `TRIED_DRAWS` draws.
+    """
+    usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
+    drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
     rows = [start.middle, *start.scores(drawn)]
     wanted = [usual.at(row) for row in rows]
     if any(y is None for y in wanted):
         return usual
-    for tolerance in LOOSER:
+    for tolerance in LOOSER_TOLERANCES:
         looser = replace(usual, tolerance=tolerance)
         motions = [looser.at(row) for row in rows]
         errors = [np.inf if y is None else right - y for right, y in zip(wanted, motions, strict=True)]
-        if all(float(np.linalg.norm(error - errors[0])) / sd < APART for error in errors[1:]):
+        if all(float(np.linalg.norm(error - errors[0])) / sd < LARGEST_ERROR for error in errors[1:]):
             return replace(looser, correction=errors[0])
     return usual
 
@@ -118,12 +122,14 @@ class LinearProposal:
         """Draw u, (count, K). Return also the index of each draw's hyperparameters, (count,)."""
         return self.posterior.draws(self.parameters.positive, count, rng)
 
-    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+    def crank_nicolson_step(
+        self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
+    ) -> np.ndarray:
         """Return draws after a Crank–Nicolson step, (n, K). Its stationary distribution is this proposal."""
         return self.posterior.moved(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return for each draw, (n, K), whether all scores that must not be negative are not, (n,)."""
+        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
@@ -137,21 +143,21 @@ class LinearProposal:
 
 
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
-    """Return the linear posterior that a candidate's draws start from.
+    """Return the proposal from which the sampling of a candidate starts: a linear posterior.
 
-    It is in straight coordinates where the restoring law has any, and in slices of a parameter of the damping terms
-    where they have one; else it is the one by which the candidate was posterior.
+    It is in straight coordinates if the restoring law has any, and in slices if a damping term has a parameter of its
+    own. Otherwise it is the candidate's own linear posterior.
     """
-    start = _straightened(comparison, result)
+    start = _straighten(comparison, result)
     if start is None:
         start = LinearProposal(result.fit.parameters, result.model, result.posterior)
-    return sliced(comparison, result, start.parameters, start.posterior) or start
+    return slice_proposal(comparison, result, start.parameters, start.posterior) or start
 
 
-def _straightened(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return the linear model in straight coordinates; None where there are none, or the motion escapes."""
+def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
+    """Return the linear model in straight coordinates; None if there are none, or if the motion escapes."""
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
-    coordinates = straight_at(result.fit.parameters, law, result.z)
+    coordinates = straighten_at(result.fit.parameters, law, result.z)
     if coordinates is None:
         return None
     fit = replace(result.fit, parameters=coordinates, z=result.z)
@@ -160,18 +166,18 @@ def _straightened(comparison: ModelComparison, result: CandidateResult) -> Linea
         model = None if fit is None else exact_model(fit)
     else:
         at = linearise(solver, data, fit, result.linearisation.u)
-        for _ in range(ANCHORS):
+        for _ in range(MOST_ANCHORS):
             mode = None if at is None else linearise_at_mode(solver, data, at.fit, result.variance, at)
             if mode is None:
                 return None
             z, d = mode[0].z, mode[0].z.size
             plain = mode[0].fit.parameters.plain(z)
-            coordinates = straight_at(result.fit.parameters, law, plain)
+            coordinates = straighten_at(result.fit.parameters, law, plain)
             if coordinates is None:
                 return None
             fit = replace(result.fit, parameters=coordinates, z=plain)
             at = linearise(solver, data, fit, np.concatenate([plain, mode[0].u[d:]]))
-            if np.abs(plain - z).max() < CLOSE:
+            if np.abs(plain - z).max() < ANCHOR_CHANGE:
                 break
         model = None if at is None else at.model
     if fit is None or model is None:
@@ -181,15 +187,17 @@ def _straightened(comparison: ModelComparison, result: CandidateResult) -> Linea
 
 
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
-    """Return the comparison with its likeliest candidates and rivals sampled.
+    """Return the comparison after sampling its most probable candidates and rivals (`NATS_BEHIND`, `MOST_SAMPLED`).
 
-    The evidence of the linear models decides which they are.
+    They are chosen by the evidence of their linear models.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
         return comparison
     best = max(r.log_evidence for r in every)
-    close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
+    close = sorted((r for r in every if r.log_evidence > best - NATS_BEHIND), key=lambda r: -r.log_evidence)[
+        :MOST_SAMPLED
+    ]
     sampled = {id(r): sampled_result(comparison, r, seed) for r in close}
     results = tuple(sampled.get(id(r), r) for r in comparison.results)
     return replace(comparison, results=results, forms=tuple(sampled.get(id(r), r) for r in comparison.forms))
@@ -198,9 +206,9 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = DRAWS
 ) -> CandidateResult:
-    """Return the result with draws from the posterior with exact motions; equal seeds give equal draws."""
+    """Return a candidate's result with draws from its posterior with exact motions; equal seeds give equal draws."""
     start, y = proposal_of(comparison, result), comparison.data.y
-    motions = motions_near(result, start)
+    motions = draw_solver(result, start)
 
     def squares(row: np.ndarray) -> float:
         motion = motions.at(row)
@@ -214,9 +222,9 @@ def sampled_result(
     sampled = sample_posterior(ratio, start, draws=draws, seed=own_seed)
     w = sampled.draws
     if isinstance(start, SlicedProposal):
-        # All were at the middles of their slices: a Metropolis step moves each within its own.
+        # All draws have their parameter at the middle of a slice: a Metropolis step moves it within the slice.
         rng = np.random.default_rng([own_seed, 1])
-        new = start.spread(w, rng)
+        new = start.redraw_within_slice(w, rng)
         accepted = np.log(rng.random(len(w))) < ratio(new) - sampled.log_ratios
         w = np.where(accepted[:, None], new, w)
     d, u = start.parameters.free.size, start.scores(w)

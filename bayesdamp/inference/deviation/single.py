@@ -1,4 +1,4 @@
-"""One candidate on one record with deviations from its laws: its posterior density, draws and motions."""
+"""One candidate on one record, with deviations from its laws: its posterior density, draws and motions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from bayesdamp.inference.deviation.model_comparison import (
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
-from bayesdamp.inference.deviation.sampling import DrawMotions, LinearProposal, motions_near, sampled_result
+from bayesdamp.inference.deviation.sampling import DrawSolver, LinearProposal, draw_solver, sampled_result
 from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.inference.mode import LinearDraws, Mode
 from bayesdamp.inference.model.deviation import Deviation
@@ -51,21 +51,21 @@ from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Sign
 
 Array = NDArray[np.float64]
 ESCAPED = "the equation of motion cannot be solved near the fit with deviations from its laws"
-"""Reason for which there is no `Single`."""
-NEGLIGIBLE = 1e-8
-"""Linear posterior probability below which a grid point is left out."""
-DRAWS = 4000
+"""Message of the Refusal if a `Single` cannot be computed."""
+NEGLIGIBLE_PROBABILITY = 1e-8
+"""Grid points with a smaller probability under the linear posterior are left out."""
+LINEAR_DRAWS = 4000
 """Number of draws of the linear posterior: an end of an interval is accurate to a thirtieth of its width."""
 SEED_STEP = 1_000_003
-"""Difference of the seeds of independent runs."""
+"""Difference between the seeds of independent chains."""
 
 
 class DeviatingTrajectories(Trajectories):
-    """Motions with fixed deviations, in the form of the data: samples, means, or amplitudes and phases.
+    """Motions with fixed deviations g and h, in the form of the data: samples, means, or amplitudes and phases.
 
     Parameters
     ----------
-    motions : DrawMotions
+    motions : DrawSolver
         Solver of the motions, with its tolerance and correction.
     deviations : tuple of ndarray, shape (n,)
         Relative deviations of damping and frequency at the knots.
@@ -74,7 +74,7 @@ class DeviatingTrajectories(Trajectories):
     """
 
     def __init__(
-        self, motions: DrawMotions, deviations: tuple[np.ndarray, np.ndarray], given: Mapping[str, float]
+        self, motions: DrawSolver, deviations: tuple[np.ndarray, np.ndarray], given: Mapping[str, float]
     ) -> None:
         self._solver, self._motions, self._deviations = motions.solver, motions, deviations  # type: ignore[assignment]
         self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
@@ -93,7 +93,7 @@ class DeviatingTrajectories(Trajectories):
 
 @dataclass(frozen=True)
 class FitState:
-    """The result of a fit, as it is stored: a `Single` is computed from it without fitting again.
+    """The stored result of a fit, from which a `Single` is rebuilt without fitting again.
 
     Attributes
     ----------
@@ -112,9 +112,9 @@ class FitState:
     exact_variance : float
         Variance of the noise if laws are exact.
     epsilon : float
-        Width of friction, in rad/s or m/s.
+        Width of the smoothed sign in friction, in rad/s or m/s.
     frictions : tuple of Friction
-        Widths of friction and their probabilities.
+        Possible widths of the smoothed sign and their probabilities.
     averaged : bool
         Whether the record is reduced to amplitudes and phases.
     noise : FittedNoise
@@ -148,7 +148,7 @@ class Single:
     comparison, result
         A comparison of this candidate alone, and its result.
     state : FitState
-        The stored form.
+        The stored result of the fit.
     """
 
     comparison: ModelComparison
@@ -173,10 +173,10 @@ class Single:
         d, grid = linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
         probability = np.bincount(posterior.combos, posterior.weights, minlength=grid.log_prior.size)
-        probable = np.flatnonzero(probability > NEGLIGIBLE)
+        probable = np.flatnonzero(probability > NEGLIGIBLE_PROBABILITY)
         deviation = Deviation(
             DeviatingTrajectories(
-                motions_near(result, LinearProposal(parameters, result.model, posterior)),
+                draw_solver(result, LinearProposal(parameters, result.model, posterior)),
                 linearisation.deviations,
                 parameters.known,
             ),
@@ -201,7 +201,7 @@ class Single:
         )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Add to each row of scores (n, d) a draw of g and h given these scores; return (n, K)."""
+        """Return u, (n, K): each row of scores z, (n, d), with a draw of g and h given these scores."""
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
         assert deviation is not None
@@ -212,7 +212,7 @@ class Single:
     def scores(self) -> Array:
         """Return draws of u = (scores, g, h) from the linear posterior, (n, K)."""
         positive = self.result.fit.parameters.positive
-        return self.result.posterior.draws(positive, DRAWS, np.random.default_rng(0))[0]
+        return self.result.posterior.draws(positive, LINEAR_DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -227,7 +227,7 @@ class Single:
 
     @property
     def known(self) -> dict[str, float]:
-        """Return the values of known parameters, of the width of friction if there is any, and of the noise."""
+        """Return the values of known parameters, of the width of friction if a term switches, and of the noise."""
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
         known = {n: v for n, v in self.state.known.items() if n in own}
@@ -262,7 +262,7 @@ class Single:
         return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
-        """Summarise the linear posterior of each inferred parameter, by name."""
+        """Return median and 95 % interval of each inferred parameter under the linear posterior, by name."""
         values, noise = self.values(self.scores), self.noise_sds
         return {
             n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
@@ -285,7 +285,7 @@ class Single:
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Return the energy-weighted means of |g| and |h| about their means, of draws u (n, K): (n,) each."""
+        """Return the energy-weighted means of |g − mean| and |h − mean| over the record, for draws u (n, K)."""
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
@@ -311,9 +311,9 @@ class Single:
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
             solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
-        assert solver.kernel  # compiled before several threads ask for it
+        assert solver.kernel  # compile it before several threads need it
         none = np.full(solver.t.size, np.nan)
-        motions = at_once(DrawMotions(solver, fit.parameters, fit.active).at, u)
+        motions = at_once(DrawSolver(solver, fit.parameters, fit.active).at, u)
         return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
 
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
@@ -372,8 +372,8 @@ def fit_single(
 ) -> Single:
     """Fit one candidate and compute its evidence.
 
-    The noise and the width of friction are chosen with the sum of all terms, as in a comparison, so that the evidence
-    of two dampings under one restoring law is for the same noise. Parameters as of `compare_candidates`.
+    The noise and the width of friction are chosen with the sum of all terms, as in a comparison, so that two dampings
+    under one restoring law are compared under the same noise. Parameters as of `compare_candidates`.
 
     Raises
     ------
@@ -435,12 +435,14 @@ def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
 def first_half(single: Single) -> Single:
     """Return the candidate on the first half of its record, with the knots, the noise and the motion of the whole.
 
-    So the evidence of the whole is that of this half times the predictive density of the second. Raises Refusal where
-    the record is reduced to amplitudes and phases, or has too few samples.
+    Then the evidence of the whole record is that of this half times the predictive density of the second half. Raises
+    Refusal where the record is reduced to amplitudes and phases, or has too few samples.
     """
     data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:
-        raise Refusal("not applicable: a record that is reduced to amplitudes and phases has no halves")
+        raise Refusal(
+            "not applicable: a record that is reduced to amplitudes and phases is not split into halves"
+        )
     count, inferred = data.t.size // 2, single.state.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
@@ -460,7 +462,7 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(
     data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
 ) -> Single:
-    """Return the candidate of a stored fit; knots in s, by default those of the data.
+    """Return the candidate of a stored fit, with knots at given times (s from the start), by default those of the data.
 
     Raises Refusal where the motion escapes, for example because the fit is of another record.
     """
@@ -491,31 +493,31 @@ def _rebuild(
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
-    """Draw from the posterior with exact motions, in independent runs of the sequential Monte Carlo sampler.
+    """Draw from the posterior with exact motions: each chain is an independent run of sequential Monte Carlo.
 
-    The first run is the same as in `compare` with as many draws.
+    The first chain is the same as in `compare` with as many draws.
 
     Parameters
     ----------
     single : Single
         The candidate.
     chains, draws : int
-        Number of runs, and of draws in each.
+        Number of chains, and of draws in each.
     seed : int
         Seed of the random streams.
 
     Returns
     -------
     Posterior
-        `arrays["u"]`: draws with their deviations, (chain, draw, K). `diagnostics`: log of the runs' mean evidence in
-        nats, and its standard error. Effective sample sizes count copies of a draw (from resampling) once.
+        `arrays["u"]`: draws with their deviations, (chain, draw, K). `diagnostics`: log of the mean evidence of the
+        chains in nats, and its standard error. Effective sample sizes count copies of a draw (from resampling) once.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
         run = sampled_result(single.comparison, single.result, seed + SEED_STEP * chain, draws).sampled
         assert run is not None
         runs.append(run)
-        # Shuffle: after resampling, copies of a draw are neighbours, which is no autocorrelation in time.
+        # Shuffle: resampling puts copies of a draw next to each other, which would look like autocorrelation.
         rows.append(run.draws[np.random.default_rng([seed, chain]).permutation(draws)])
     u = np.stack(rows)
     values = single.values(u)

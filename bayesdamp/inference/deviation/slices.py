@@ -19,23 +19,23 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
 
-WIDTH = 1.0
+SLICE_WIDTH = 1.0
 """Width of a slice, in posterior sds of a. At this spacing the sum over slices has no visible error: for a normal
 density the relative error of the sum is 2 exp(−2π²)."""
-NARROW = 0.05
+ONE_SLICE_SD = 0.05
 """Posterior sd of a, in prior sds, below which one linear model is enough (measured at 0.01: 98 % of draws count)."""
-FARTHEST = 4.0
+LARGEST_SCORE = 4.0
 """Largest |a|, in prior sds (conventional)."""
-DEEP = 8.0
-"""No slices follow one whose evidence is this many nats below the best (conventional)."""
+LAST_NATS = 8.0
+"""Slices are added on a side until the evidence of one is this many nats below the best (conventional)."""
 MOST_SLICES = 12
 """Largest number of slices on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
 """Largest change of log t across a slice. Slopes are reduced to this where the record determines only a combination of
 a and t (conventional)."""
-LEAST = 1e-3
+LEAST_COEFFICIENT = 1e-3
 """Smallest c, relative to its pivot, for which s is computed: below it s would overflow (conventional)."""
-CLEAR = 3.0
+MOVING_SDS = 3.0
 """A coefficient moves with a only if its mode is this many posterior sds above zero (conventional)."""
 
 
@@ -67,8 +67,8 @@ class SlicedProposal:
     """The mixture of the linear posteriors of all slices.
 
     u, (K,), are a candidate's scores and deviations. Draws are made in other coordinates w, (K,), in which the motion
-    is more nearly linear. w contains a too, at the middle of a slice; `spread` moves it within the slice. Two
-    transformations lead from w to u:
+    is more nearly linear. w contains a too, at the middle of a slice; `redraw_within_slice` moves it within the slice.
+    Two transformations lead from w to u:
 
     - c and t instead of c and s. c is the coefficient of the term with the parameter a. If the term has a further
       parameter s that multiplies c (such as the static excess of friction), the force is linear in c and t = s c /
@@ -85,7 +85,7 @@ class SlicedProposal:
     product : tuple of int, optional
         Indices of c and s.
     size : int
-        Index of t, which is that of c or of s.
+        Index of the score that t replaces: c or s.
     width : float
         Width of each slice.
     slices : tuple of Slice
@@ -122,7 +122,7 @@ class SlicedProposal:
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Yield for each slice the indices of its rows of w, (n, K), the slice, a − middle, and all other entries."""
+        """Yield each slice with the indices of its rows of w, (n, K), and these rows split into a − middle and the rest."""
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
             rows = np.flatnonzero(which == i)
@@ -140,7 +140,9 @@ class SlicedProposal:
                 combos.append(combo)
         return np.concatenate(rows), np.concatenate(combos)
 
-    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+    def crank_nicolson_step(
+        self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
+    ) -> np.ndarray:
         """Return draws after a Crank–Nicolson step at fixed a, (n, K). Its stationary distribution is this proposal."""
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -148,7 +150,7 @@ class SlicedProposal:
             new[rows] = np.insert(others, self.place, part.middle + off, axis=1)
         return new
 
-    def spread(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return w, (n, K), with a new a, drawn uniformly from its slice."""
         new = w.copy()
         for rows, part, *_ in self._split(w):
@@ -156,7 +158,7 @@ class SlicedProposal:
         return new
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return for each draw, (n, K), whether all scores that must not be negative are not, (n,)."""
+        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:
@@ -177,7 +179,7 @@ class SlicedProposal:
             log[rows] = growth
             if self.product is not None:
                 c, s = self.product
-                scale = part.pivot / np.maximum(u[rows, c], LEAST * part.pivot)
+                scale = part.pivot / np.maximum(u[rows, c], LEAST_COEFFICIENT * part.pivot)
                 u[rows, s] *= scale
                 log[rows] += np.log(scale)
         return u, log
@@ -194,13 +196,13 @@ class SlicedProposal:
         return 0.5 * (linear - squares) / variance + prior + volume
 
 
-def sliced(
+def slice_proposal(
     comparison: ModelComparison, result: CandidateResult, base: Parameters, posterior: LinearPosterior
 ) -> SlicedProposal | None:
     """Build the proposal in slices of the damping parameter that the record determines least.
 
-    Return None if no damping term has a parameter of its own, if the record determines it well (`NARROW`), or if no
-    motion stays in phase.
+    Return None if no damping term has a parameter of its own, if the record determines it well (`ONE_SLICE_SD`), or if
+    no motion stays in phase.
 
     Parameters
     ----------
@@ -220,37 +222,39 @@ def sliced(
         return None
     sds = np.sqrt(posterior.weights @ np.sum(posterior.factors[:, :d] ** 2, axis=2))
     place = int(leading[np.argmax(sds[leading])])
-    if sds[place] < NARROW:
+    if sds[place] < ONE_SLICE_SD:
         return None
     mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
     mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
-    width = WIDTH * min(float(sds[place]), 1.0)
-    search = _Search(comparison, result, base, place, *_parts(result, base, place), width)
-    middle = float(np.clip(mode[place], -FARTHEST, FARTHEST))
+    width = SLICE_WIDTH * min(float(sds[place]), 1.0)
+    search = _Search(comparison, result, base, place, *_product_and_size(result, base, place), width)
+    middle = float(np.clip(mode[place], -LARGEST_SCORE, LARGEST_SCORE))
     first = search.at(middle, np.delete(mode, place))
     if first is None:
         return None
-    slices, best = [first[0]], _height(first[0])
+    slices, best = [first[0]], _log_weight(first[0])
     for side in (1.0, -1.0):
         at, u = first
         for i in range(1, MOST_SLICES + 1):
             a = middle + side * i * width
             start = u.copy()
             start[: d - 1] += side * width * at.slopes * u[search.size - (search.size > place)]
-            new = search.at(a, start) if abs(a) <= FARTHEST else None
+            new = search.at(a, start) if abs(a) <= LARGEST_SCORE else None
             if new is None:
                 break
             at, u = new
             slices.append(at)
-            best = max(best, _height(at))
-            if _height(at) < best - DEEP:
+            best = max(best, _log_weight(at))
+            if _log_weight(at) < best - LAST_NATS:
                 break
     slices.sort(key=lambda s: s.middle)
     return SlicedProposal(base, place, search.product, search.size, width, tuple(slices))
 
 
-def _parts(result: CandidateResult, base: Parameters, place: int) -> tuple[tuple[int, int] | None, int]:
-    """Return `SlicedProposal.product` and `SlicedProposal.size` for the parameter at a place."""
+def _product_and_size(
+    result: CandidateResult, base: Parameters, place: int
+) -> tuple[tuple[int, int] | None, int]:
+    """Return `SlicedProposal.product` and `SlicedProposal.size` for the parameter with index `place`."""
     names = base.free_names
     term = next(
         t for t in map(TERMS.get, result.candidate.damping) if names[place] in [p.name for p in t.inferred]
@@ -262,7 +266,7 @@ def _parts(result: CandidateResult, base: Parameters, place: int) -> tuple[tuple
     return (c, s), c if names[place] in dict(term.reduces) else s
 
 
-def _height(part: Slice) -> float:
+def _log_weight(part: Slice) -> float:
     """Return a slice's log evidence plus the log prior density of a, up to a constant."""
     return part.posterior.log_evidence - 0.5 * part.middle**2
 
@@ -280,13 +284,13 @@ class _Search:
     width: float
 
     def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
-        """Return the slice with its middle at a and the mode there, (K − 1,), searched from `start`; None if none."""
+        """Return the slice with its middle at a, and the mode there, (K − 1,), searched from `start`; None if none."""
         result, data, solver = self.result, self.comparison.data, self.result.solver
         name = self.base.free_names[self.place]
-        held = self.base.holding(name, float(self.base.priors[name].value(np.asarray(a))))
-        d = held.free.size
-        z = np.where(held.positive, np.maximum(start[:d], 0.0), start[:d])
-        fit = replace(result.fit, parameters=held, z=z)
+        fixed = self.base.with_fixed(name, float(self.base.priors[name].value(np.asarray(a))))
+        d = fixed.free.size
+        z = np.where(fixed.positive, np.maximum(start[:d], 0.0), start[:d])
+        fit = replace(result.fit, parameters=fixed, z=z)
         if result.linearisation is None:
             fit = refit(solver, data, fit)
             if fit is None:
@@ -308,11 +312,11 @@ class _Search:
             matrix[s, c] = -u[s] / pivot
             model = model.mapped(u, matrix)
         posterior = linear_posterior(model, result.grid(), result.variance, self.comparison.samples)
-        # The mode of the scores that move with a, where the others and the deviations are held.
+        # The mode of the scores that move with a, where the others and the deviations are fixed.
         square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
         sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
         own = self.size - (self.size > self.place)
-        moves = ~held.positive | (u[:d] > CLEAR * sds)
+        moves = ~fixed.positive | (u[:d] > MOVING_SDS * sds)
         moves[own] = True
         largest = u[:d].copy()
         largest[own] = size = max(u[own], sds[own])

@@ -1,4 +1,4 @@
-"""Compare dampings on several runs (records) of one specimen, which have one set of coefficients in common."""
+"""Compare dampings on several records of one specimen, which have one set of coefficients in common."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ import numpy as np
 from bayesdamp.inference.deviation.draws import orbit_of, unit_works
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
 from bayesdamp.inference.deviation.model_comparison import CandidateResult
-from bayesdamp.inference.deviation.repeats import Repeats, RunLikelihood, join_runs
+from bayesdamp.inference.deviation.repeats import RecordLikelihood, Repeats, join_runs
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
-STEP = 1e-4
-"""Step of numerical derivatives by a term's own parameter, relative or absolute."""
-FAR = -60.0
-"""Log evidence relative to a record's best, in nats, of a candidate that has no evidence on it."""
-REACH = 25.0
-"""Nats behind the best from which a candidate needs no joint fit: even the product of its runs' largest likelihoods is
-further behind."""
+DERIVATIVE_STEP = 1e-4
+"""Step of numerical derivatives by a term's own parameter, relative to its value (at least 1e-3) or in its unit."""
+NO_EVIDENCE = -60.0
+"""Log evidence, relative to the best on a record, of a candidate without evidence on this record, in nats."""
+NATS_BEHIND = 25.0
+"""A candidate is not fitted jointly if even the product of its largest likelihoods on all records is this many nats
+behind the best."""
 Model = tuple[str, str]
-"""A damping sum and a restoring law."""
+"""Names of a damping sum and of a restoring law."""
 
 
 @dataclass(frozen=True)
-class DampingRun(RunLikelihood):
-    """The likelihood of a candidate's damping on one run, and the damping ratio as a function of the parameters.
+class DampingRun(RecordLikelihood):
+    """The likelihood of a candidate's damping on one record, and the damping ratio as a function of its parameters.
 
     Attributes
     ----------
     per_unit : ndarray, shape (a, k)
-        Equivalent damping ratio per unit of each parameter, at the amplitudes of the run's curve; 0 for own parameters.
+        Equivalent damping ratio per unit of each parameter, at the amplitudes of the record's damping curve; 0 for own
+        parameters.
     growth : ndarray, shape (a, k)
         Derivative of the log damping ratio by each own parameter; 0 for coefficients.
     """
@@ -46,7 +47,7 @@ class DampingRun(RunLikelihood):
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
         """Return the log damping ratio at an amplitude for draws of the parameters, (n, k): (n,).
 
-        It is interpolated between the `amplitudes` of the run's curve, (a,).
+        It is interpolated between the `amplitudes` of the record's damping curve, (a,).
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -59,8 +60,8 @@ class DampingRun(RunLikelihood):
             ends.append(np.log(np.maximum(ratio, 1e-300)))
         return (1 - share) * ends[0] + share * ends[1]
 
-    def ordered(self, names: tuple[str, ...]) -> DampingRun:
-        """Return the run with its parameters in the order of `names`."""
+    def with_order(self, names: tuple[str, ...]) -> DampingRun:
+        """Return this likelihood with its parameters in the order of `names`."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
@@ -68,9 +69,9 @@ class DampingRun(RunLikelihood):
 
 
 def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun | None:
-    """Return the likelihood of a candidate's damping; None where none of its damping parameters is inferred.
+    """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
 
-    amplitudes: those of the run's curve, in rad or m, (a,).
+    None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,).
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping is None:
@@ -78,8 +79,8 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
     names, active = parameters.damping_names, result.fit.active
     coefficients = [TERMS.get(t).parameter for t in result.candidate.damping]
     priors, z = {n: parameters.priors[n] for n in names}, result.z[parameters.damping]
-    run = RunLikelihood.of_scores(priors, coefficients, z, posterior.damping)
-    run = run.shifted(result.log_evidence - posterior.log_evidence)
+    run = RecordLikelihood.of_scores(priors, coefficients, z, posterior.damping)
+    run = run.plus_nats(result.log_evidence - posterior.log_evidence)
     values, further = result.values[: len(solver.terms)], result.further
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
     place = {n: i for i, n in enumerate(names)}
@@ -96,7 +97,7 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
         whole = float(each @ values)
         for i, name in enumerate(solver.further):
             if name in place and whole > 0:
-                step = STEP * max(abs(further[0, i]), 1e-3)
+                step = DERIVATIVE_STEP * max(abs(further[0, i]), 1e-3)
                 moved = further.copy()
                 moved[0, i] += step
                 changed = unit_works(orbit, solver, moved, active)[0] / cycle
@@ -109,7 +110,7 @@ class OtherForm:
     """The evidence of a rival on one record, under the best restoring law of that record.
 
     log_evidence: relative to the best sum, in nats. place: the sum that the rival becomes in a limit of its own
-    parameters; empty where there is none.
+    parameters; empty if there is no such sum.
     """
 
     damping: str
@@ -120,7 +121,7 @@ class OtherForm:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The evidence of every damping on one run.
+    """The evidence of every damping on one record.
 
     Attributes
     ----------
@@ -129,9 +130,9 @@ class RunComparison:
     others : tuple of OtherForm
         The rivals.
     runs : mapping of Model to DampingRun
-        Likelihood of the damping of the probable candidates and rivals, relative to the same best.
+        Damping likelihood of each probable candidate and rival, relative to the same best evidence.
     reference : Reference
-        Amplitude and frequency with which the run's default priors scale.
+        Amplitude and frequency with which the record's default priors scale.
     amplitudes : ndarray, shape (a,)
         Falling amplitudes at which damping ratios per unit are known.
     """
@@ -143,13 +144,13 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best sum under a restoring law; `FAR` where there is none."""
-        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
+        """Return the log evidence of the best sum under a restoring law; `NO_EVIDENCE` where there is none."""
+        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
     def run_of(self, damping: str, restoring: str) -> DampingRun | None:
-        """Return the likelihood of a damping under a restoring law; None where there is none.
+        """Return the likelihood of a damping under a restoring law; None if this record has no such candidate.
 
-        A rival has an evidence under one law only; under another law its distance to the best sum is taken as the same.
+        A rival is evaluated under one law only; under another law, the same distance to the best sum is assumed.
         """
         run = self.runs.get((damping, restoring))
         if run is not None:
@@ -157,35 +158,35 @@ class RunComparison:
         for form in self.others:
             run = self.runs.get((damping, form.restoring)) if form.damping == damping else None
             if run is not None:
-                return run.shifted(self.best(restoring) - self.best(form.restoring))
+                return run.plus_nats(self.best(restoring) - self.best(form.restoring))
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence of a damping for which this run has no likelihood, with the run's own coefficients.
+        """Return the log evidence on this record alone of a damping for which `run_of` is None.
 
-        If the run has none, return that of its limit (see `OtherForm`), but never less than `FAR`.
+        Without one, return that of the sum `limit` (see `OtherForm.place`). The result is at least `NO_EVIDENCE`.
         """
         own = self.log_evidence.get((damping, restoring))
-        place = self.log_evidence.get((limit, restoring), FAR)
-        return max(place if own is None else own, FAR)
+        place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
+        return max(place if own is None else own, NO_EVIDENCE)
 
 
 @dataclass(frozen=True)
 class SpecimenComparison:
-    """The Bayesian comparison of every damping and restoring law on all runs.
+    """The Bayesian comparison of every damping and restoring law on all records.
 
     Attributes
     ----------
     records : tuple of RunComparison
-        The runs.
+        The comparisons on the single records.
     log_evidence : mapping of Model to float
-        Log evidence in nats, integrated once over the coefficients that all runs have in common.
+        Log evidence in nats, integrated once over the coefficients that all records have in common.
     probability : mapping of Model to float
         Posterior probability of each damping and law.
     repeats : mapping of Model to Repeats
-        Joint posteriors of the probable ones.
+        Joint posterior of each probable damping and law.
     runs : mapping of Model to tuple of DampingRun
-        The likelihood of each run, with coefficients at the specimen's reference.
+        The likelihood of each record, with coefficients converted to the specimen's reference.
     reference : Reference
         Amplitude and frequency with which the specimen's default priors scale.
     """
@@ -198,14 +199,14 @@ class SpecimenComparison:
     reference: Reference
 
     def spread(self) -> dict[str, float]:
-        """Summarise the spread between runs (standard deviation of the log factor), averaged over the joint fits."""
+        """Summarise the spread between records (sd of their log factors), averaged over the joint fits."""
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
         weight = np.concatenate([np.full(n, p / n) for n, p in sizes])
         return summarise(every, weight / weight.sum())
 
     def others(self) -> dict[str, float]:
-        """Return the probability of each rival."""
+        """Return the probability of each rival, by its damping."""
         sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
         for (damping, _), p in self.probability.items():
             if damping in sums:
@@ -213,7 +214,7 @@ class SpecimenComparison:
         return sums
 
     def under(self, model: Model) -> list[RunComparison]:
-        """Return the runs with only one model, which has a joint fit, at the specimen's reference."""
+        """Return comparisons of the records with only one model, fitted jointly, at the specimen's reference."""
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
             for record, run in zip(self.records, self.runs[model], strict=True)
@@ -230,7 +231,7 @@ class SpecimenComparison:
             if number:
                 repeats = self.repeats[model]
                 rows = rng.choice(len(repeats.draws), number)
-                # The geometric mean over the runs' own restoring laws.
+                # The geometric mean over the records, each with its own parameters of the restoring law.
                 logs = [
                     run.log_ratio(amplitude, record.amplitudes, repeats.draws[rows])
                     for record, run in zip(self.records, self.runs[model], strict=True)
@@ -247,16 +248,16 @@ def compare_runs(
     spread: float | None = None,
     seed: int = 0,
 ) -> SpecimenComparison:
-    """Compare every damping and restoring law on several runs of one specimen.
+    """Compare every damping and restoring law on several records of one specimen.
 
     Parameters
     ----------
     records : sequence of RunComparison
-        One or more runs.
+        Comparisons on one or more single records.
     given : mapping of str to Prior, optional
-        Priors by parameter; the others have default priors at the geometric mean of the runs' references.
+        Priors by parameter; the others have default priors at the geometric mean of the records' references.
     spread : float, optional
-        The spread between runs, if it is known; else it is inferred.
+        The spread between records, if it is known; else it is inferred.
     seed : int
         Seed of the random streams.
     """
@@ -278,12 +279,12 @@ def compare_runs(
         known = [_at_reference(run, model[0], r.reference, reference) for r, run in pairs if run is not None]
         rest = sum(r.missing(*model, places.get(model[0], "")) for r, run in pairs if run is None)
         most = rest + sum(map(_largest, known))
-        if not known or most + prior(model) < best - REACH:
+        if not known or most + prior(model) < best - NATS_BEHIND:
             logs[model] = min(own[model], most)
             continue
         priors = priors_of(model[0], reference, given)
-        known = [run.ordered(tuple(priors)) for run in known]
-        # All runs need the same grid: where one has exact laws, take only the first grid point, g = h = 0, of all.
+        known = [run.with_order(tuple(priors)) for run in known]
+        # All records need the same grid: if one has only exact laws, use only the first grid point, g = h = 0, of all.
         sizes, common = {run.likelihood.log.size for run in known}, known
         if len(sizes) > 1:
             parts = [(run.likelihood.log, run.likelihood.slope, run.likelihood.information) for run in known]
@@ -303,7 +304,7 @@ def compare_runs(
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:
-    """Return the geometric mean of the runs' references."""
+    """Return the geometric mean of the records' references."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
         for n in ("amplitude", "frequency")
@@ -314,13 +315,13 @@ def common_reference(records: Sequence[RunComparison]) -> Reference:
 def priors_of(
     damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
 ) -> dict[str, Prior]:
-    """Return the priors of a damping's parameters: the given one, else the default one at the reference."""
+    """Return the prior of each parameter of a damping: the given one, else the default one at the reference."""
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
 
-def _largest(run: RunLikelihood) -> float:
-    """Return the maximum of a run's log likelihood over all parameters and grid points."""
+def _largest(run: RecordLikelihood) -> float:
+    """Return the maximum of a record's log likelihood over all parameters and grid points."""
     x = run.likelihood
     scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))
     part = x.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])
@@ -330,10 +331,10 @@ def _largest(run: RunLikelihood) -> float:
 
 
 def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
-    """Convert the coefficients of a run from its own reference to the common one.
+    """Convert the coefficients of a record's likelihood from its own reference to the common one.
 
     The force of a term such as a power of the velocity contains a reference velocity. At another one its coefficient
-    changes by a factor that depends on the exponent; this is linearised about the run's mode.
+    changes by a factor that depends on the exponent; this is linearised about the record's mode.
     """
     names = run.names
     jacobian, mode = np.eye(len(names)), run.mode.copy()
@@ -358,8 +359,8 @@ def _at_reference(run: DampingRun, damping: str, own: Reference, common: Referen
         per_unit[:, place] /= at
         for i in further:
             changed = run.mode.copy()
-            changed[i] += STEP
-            slope = float(np.log(factor(changed) / at)) / STEP
+            changed[i] += DERIVATIVE_STEP
+            slope = float(np.log(factor(changed) / at)) / DERIVATIVE_STEP
             jacobian[place, i] = mode[place] * slope
             growth[:, i] -= slope
     if np.array_equal(jacobian, np.eye(len(names))):

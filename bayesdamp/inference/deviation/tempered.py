@@ -19,28 +19,29 @@ import scipy  # loads its modules when they are used
 from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
 DRAWS = 300
-"""Number of draws (conventional)."""
-KEPT = 0.5
-"""Effective fraction of the draws after an increase of β (conventional)."""
-FEW = 0.15
-"""Effective fraction of the first draws from which importance sampling with more draws costs less than moves
-(conventional)."""
-MARGIN = 1.2
-"""Safety factor of the number of draws for importance sampling."""
-HEAVY = 0.7
-"""Pareto shape of the largest weights above which importance sampling is not reliable (Vehtari et al., 2024)."""
-MOVES, LAST = 2, 5
-"""Number of moves of every draw at each β, and at β = 1."""
+"""Default number of draws (conventional)."""
+EFFECTIVE_FRACTION = 0.5
+"""β is increased until the effective number of draws is this fraction of the draws (conventional)."""
+LEAST_EFFECTIVE = 0.15
+"""If the effective fraction of the first draws is at least this, importance sampling with more draws costs less than
+moves (conventional)."""
+SAFETY_FACTOR = 1.2
+"""Factor by which more draws are made for importance sampling than the first draws show to be needed."""
+LARGEST_PARETO_K = 0.7
+"""Importance sampling is not reliable if the Pareto shape of the largest weights is above this (Vehtari et al.,
+2024)."""
+MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
+"""Number of moves of every draw at each β < 1, and at β = 1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
 """Initial and smallest step of a move, in posterior standard deviations."""
-WANTED = 0.35
+WANTED_ACCEPTANCE = 0.35
 """Acceptance rate to which the step is adapted."""
 MOST_TEMPERATURES = 30
 """Largest number of values of β."""
 LEAST_RISE = 1e-6
 """Smallest increase of β."""
-MOVED = 0.05
-"""Acceptance rate of the last moves below which the draws are not trusted."""
+LEAST_ACCEPTANCE = 0.05
+"""Draws are not trusted if the acceptance rate of the last moves is below this."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +51,15 @@ class Sampled:
     Attributes
     ----------
     draws : ndarray, shape (n, K)
-        u = (scores, log g, h), with equal weights.
+        u = (scores, g, h), with equal weights.
     log_ratios : ndarray, shape (n,)
-        Log of their likelihood over the linear model's.
+        Log of (likelihood with the exact motion / likelihood under the linear model) of each draw.
     log_evidence, stderr : float
-        In nats, with its standard error.
+        Log evidence in nats, and its standard error.
     temperatures : int
-        Number of temperatures.
+        Number of increases of β.
     acceptance : float
-        Of the last moves.
+        Acceptance rate of the last moves.
     """
 
     draws: np.ndarray
@@ -71,27 +72,32 @@ class Sampled:
     @property
     def trusted(self) -> bool:
         """Return whether enough of the last moves were accepted for the draws to have converged."""
-        return self.acceptance >= MOVED
+        return self.acceptance >= LEAST_ACCEPTANCE
 
 
 class Proposal(Protocol):
-    """A posterior from which draws are taken and that random steps leave unchanged."""
+    """A posterior from which draws are made, with random steps that leave it unchanged."""
 
     @property
     def log_evidence(self) -> float:
-        """In nats."""
+        """Log evidence in nats."""
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw (count, K), and return each draw's combination of hyperparameters too, (count,)."""
+        """Draw u, (count, K). Return also the index of each draw's hyperparameters, (count,)."""
         ...
 
-    def moved(self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
-        """Return draws (n, K) after a random step of a size up to 1 within their combinations (n,)."""
+    def crank_nicolson_step(
+        self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
+    ) -> np.ndarray:
+        """Return draws (n, K) after a random step at fixed hyperparameters, of which `combos` (n,) are the indices.
+
+        step: size of the step, up to 1, in posterior standard deviations.
+        """
         ...
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return which draws (n, K) have no negative score that must be positive, (n,)."""
+        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
         ...
 
 
@@ -118,12 +124,12 @@ def sample_posterior(
     ratios = ratio(u)
     if not np.any(np.isfinite(ratios)):
         return Sampled(u, ratios, -np.inf, float("nan"), 0, 0.0)
-    direct = _in_one_step(rng, u, ratios, start, ratio)
+    direct = _importance_resampled(rng, u, ratios, start, ratio)
     if direct is not None:
         return direct
     beta, step, log_evidence, variance, temperatures, acceptance = 0.0, FIRST_STEP, 0.0, 0.0, 0, 1.0
     while beta < 1.0 and temperatures < MOST_TEMPERATURES:
-        rise = _rise(ratios, 1.0 - beta)
+        rise = _next_rise(ratios, 1.0 - beta)
         logs = rise * np.maximum(ratios, -1e300)
         log_evidence += float(np.logaddexp.reduce(logs)) - np.log(draws)
         weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
@@ -131,8 +137,8 @@ def sample_posterior(
         beta, temperatures = beta + rise, temperatures + 1
         rows = resample(logs, draws, rng)
         combos, u, ratios = combos[rows], u[rows], ratios[rows]
-        for _ in range(LAST if beta >= 1.0 else MOVES):
-            new = start.moved(u, combos, step, rng)
+        for _ in range(LAST_MOVES if beta >= 1.0 else MOVES_PER_TEMPERATURE):
+            new = start.crank_nicolson_step(u, combos, step, rng)
             inside = start.inside(new)
             new_ratios = np.full(draws, -np.inf)
             if inside.any():
@@ -141,30 +147,33 @@ def sample_posterior(
             accepted = np.log(rng.random(draws)) < gain
             u[accepted], ratios[accepted] = new[accepted], new_ratios[accepted]
             acceptance = float(np.mean(accepted))
-            step = float(np.clip(step * np.exp(acceptance - WANTED), LEAST_STEP, 1.0))
+            step = float(np.clip(step * np.exp(acceptance - WANTED_ACCEPTANCE), LEAST_STEP, 1.0))
     acceptance = acceptance if beta >= 1.0 else 0.0
     log_evidence += start.log_evidence
     return Sampled(u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
 
 
-def _in_one_step(
+def _importance_resampled(
     rng: np.random.Generator,
     u: np.ndarray,
     ratios: np.ndarray,
     start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> Sampled | None:
-    """Resample draws of the linear posterior by importance sampling, with more draws if they are needed.
+    """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
 
-    Return None where too many more are needed (`FEW`), or where a few draws have nearly all of the weight.
+    Return None if too many more are needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight.
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
-    if share < FEW:
+    if share < LEAST_EFFECTIVE:
         return None
-    if share < KEPT:
-        more = start.draws(int(np.ceil(draws * (MARGIN * KEPT / share - 1.0))), rng)[0]
+    if share < EFFECTIVE_FRACTION:
+        more = start.draws(int(np.ceil(draws * (SAFETY_FACTOR * EFFECTIVE_FRACTION / share - 1.0))), rng)[0]
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
-        if _effective_share(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
+        if (
+            _effective_share(ratios, 1.0) * ratios.size < EFFECTIVE_FRACTION * draws
+            or pareto_k(ratios) > LARGEST_PARETO_K
+        ):
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))
@@ -174,11 +183,11 @@ def _in_one_step(
     return Sampled(u[rows], ratios[rows], evidence, error, 1, 1.0)
 
 
-def _rise(ratios: np.ndarray, most: float) -> float:
-    """Return the increase of β, `most` at most, after which the effective fraction of the draws is `KEPT`."""
+def _next_rise(ratios: np.ndarray, most: float) -> float:
+    """Return the increase of β, at most `most`, that reduces the effective fraction to `EFFECTIVE_FRACTION`."""
 
     def excess(rise: float) -> float:
-        return _effective_share(ratios, rise) - KEPT
+        return _effective_share(ratios, rise) - EFFECTIVE_FRACTION
 
     if excess(most) >= 0:
         return most

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.sample_noise import BAND, inflation
+from bayesdamp.inference.deviation.sample_noise import OSCILLATION_BAND, inflation
 
 W, PER_CYCLE = 5.0, 40
 Z = 4.3
@@ -20,7 +20,7 @@ def coloured(rng: np.random.Generator, t: np.ndarray, factor: float) -> np.ndarr
     """Return normal noise whose power near the oscillation is `factor` times that of the rest."""
     n = t.size
     omega = 2 * np.pi * np.fft.rfftfreq(n, t[1] - t[0])
-    inside = (omega > BAND[0] * W) & (omega < BAND[1] * W)
+    inside = (omega > OSCILLATION_BAND[0] * W) & (omega < OSCILLATION_BAND[1] * W)
     return np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * np.where(inside, np.sqrt(factor), 1.0), n)
 
 
@@ -28,7 +28,7 @@ def test_a_louder_band_is_seen() -> None:
     """The mean κ of 60 records is the band's power over the whole, within Z standard errors."""
     factor, rng, t = 3.0, np.random.default_rng(7), times(40)
     found = np.array([inflation(t, coloured(rng, t, factor), W, 0) for _ in range(60)])
-    share = 2 * 40 * (BAND[1] - BAND[0]) / t.size
+    share = 2 * 40 * (OSCILLATION_BAND[1] - OSCILLATION_BAND[0]) / t.size
     expected = factor / (1 + share * (factor - 1))
     assert abs(found.mean() - expected) < Z * found.std() / np.sqrt(60) + 0.03 * expected
     assert found.min() > 1.5  # control: of white noise it is 1 to 1.4

@@ -70,7 +70,7 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     assert evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     assert values.std() == pytest.approx(sd, rel=0.2)
     assert values.mean() == pytest.approx(mean, abs=0.2 * sd)
-    monkeypatch.setattr(sampling, "sliced", lambda *_: None)
+    monkeypatch.setattr(sampling, "slice_proposal", lambda *_: None)
     narrow, _ = drawn()
     assert narrow.std() < 0.8 * sd
 
@@ -108,7 +108,7 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     sliced = evidence()
     assert sliced.std(ddof=1) < 0.1
     assert sliced.mean() == pytest.approx(whole, abs=0.1)
-    monkeypatch.setattr(sampling, "sliced", lambda *_: None)
+    monkeypatch.setattr(sampling, "slice_proposal", lambda *_: None)
     assert abs(evidence().mean() - whole) > 0.5
 
 
@@ -118,7 +118,7 @@ def test_volume_of_moved_scores_is_that_of_their_jacobian() -> None:
     proposal = sampling.proposal_of(comparison, under_exact_laws(result))
     assert isinstance(proposal, SlicedProposal)
     rng = np.random.default_rng(3)
-    w = proposal.spread(proposal.draws(5, rng)[0], rng)
+    w = proposal.redraw_within_slice(proposal.draws(5, rng)[0], rng)
     steps = 1e-6 * np.eye(w.shape[1])
     volume = proposal._scores(w)[1]
     for row, log in zip(w, volume, strict=True):

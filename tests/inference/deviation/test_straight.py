@@ -68,7 +68,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
-    monkeypatch.setattr(sampling, "_straightened", lambda *_: None)
+    monkeypatch.setattr(sampling, "_straighten", lambda *_: None)
     plain = sampling.sampled_result(comparison, result).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 0.5  # about 1.0, with an error of 0.12
