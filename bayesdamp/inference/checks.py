@@ -11,7 +11,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.coordinates.truncated_normal import truncated_near
 from bayesdamp.inference.mode import (
-    ROUGHLY,
+    ROUGH_LAST_STEP,
     Mode,
     covariance_factor,
     log_evidence_near,
@@ -32,7 +32,7 @@ from bayesdamp.inference.residual_tests import (
 from bayesdamp.outcomes import P_LIMIT, Fitting
 from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 
-DRAWS = 200
+PREDICTIVE_DRAWS = 200
 """Number of draws for the predictive check."""
 FORECAST_DRAWS = 50
 """Number of draws of Laplace's approximation for a forecast, and of draws in a batch; the part of the predictive
@@ -40,24 +40,23 @@ standard
 deviation that comes from the parameters is then accurate to a tenth."""
 MOST_RESIDUALS = 2_000_000
 """Greatest number of residuals in memory at a time."""
-INTERVAL = 1.959963984540054
-"""Half-width of a central 95 % interval in standard deviations."""
-STEP = 0.1
+HALF_INTERVAL = 1.959963984540054
+"""Half-width of the central 95 % interval of a normal distribution, in standard deviations."""
+DIFFERENCE_STEP = 0.1
 """Step of finite differences of the residuals by a parameter, in posterior sds."""
-AT_ZERO = 1e-6
-"""Score up to which a coefficient counts as zero."""
+ZERO_SCORE = 1e-6
+"""A coefficient counts as zero if the absolute value of its score is at most this."""
 LINE_LIMIT = 0.005
 """p value below which a peak of the residuals' spectrum is a misfit. Together with `P_LIMIT` and `WINDOW_LIMIT`, 2 % of
-true
-models are rejected (conventional)."""
+true models are rejected (conventional)."""
 FORM_LIMIT = 0.005
 """p value below which the residuals show a force that the model lacks (conventional)."""
-NAMED_LIMIT = 0.1
+NAMED_PEAK_LIMIT = 0.1
 """p value of a peak of the whitened spectrum up to which it is named as the remaining structure; otherwise the largest
 peak
 of the residuals themselves is named."""
-HEAVY = 1.0
-"""Excess kurtosis from which outliers are reported: that of a Student t with ten degrees of freedom."""
+OUTLIER_KURTOSIS = 1.0
+"""Outliers are reported only if the excess kurtosis is larger: that of a Student t with ten degrees of freedom."""
 WINDOW_LIMIT = 0.005
 """p value, for all shifts together, below which the largest shift of a coefficient between a window and the whole
 record is
@@ -101,9 +100,9 @@ def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
-    """Return the statistics of n independent normal values, (2, DRAWS); cached, as all candidates have the same."""
+    """Return the statistics of n normal values, (2, PREDICTIVE_DRAWS); cached, as they are the same for all models."""
     noise = np.random.default_rng(seed + 1)
-    return np.stack([_statistics(noise.standard_normal(n), lags) for _ in range(DRAWS)], axis=1)
+    return np.stack([_statistics(noise.standard_normal(n), lags) for _ in range(PREDICTIVE_DRAWS)], axis=1)
 
 
 def tangents(target: Target, mode: Mode) -> np.ndarray:
@@ -111,23 +110,23 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
     Coefficients at zero are left out, because they are not free to follow the residuals.
     """
-    at_zero = target.reflected & (np.abs(mode.z) <= AT_ZERO)
+    at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
-    steps = STEP * mode.sd()
+    steps = DIFFERENCE_STEP * mode.sd()
     shifted = mode.z + np.diag(steps)[free]
     here, *scores = [_comparable(mode, r) for r in mode.likelihood.residuals(np.stack([mode.z, *shifted]))]
-    slopes = (np.array(scores).reshape(len(free), here.size) - here) / STEP
+    slopes = (np.array(scores).reshape(len(free), here.size) - here) / DIFFERENCE_STEP
     return slopes[np.all(np.isfinite(slopes), axis=1)]
 
 
 def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
-    """Return residuals r, (n,), in a form that is linear in r: whitened, except under heavy-tailed noise."""
+    """Return residuals r, (n,), whitened, or unchanged under heavy-tailed noise: both are linear in r."""
     # For heavy-tailed noise whitening is nonlinear, and directions in the residuals would be distorted.
     return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
-    """Make all checks of a fit at its mode.
+    """Check a fit at its mode: its residuals, fits to parts of the record, and a forecast.
 
     Parameters
     ----------
@@ -152,23 +151,27 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     white = mode.likelihood.whitened(r, mode.z)
     lags = int(np.clip(period / np.median(np.diff(t)), 4, max(n // 5, 4)))
     # Posterior predictive p values of the autocorrelation and of the kurtosis of whitened residuals.
-    parts = np.array_split(laplace_draws(target, mode, DRAWS, seed), max(4, DRAWS * n // MOST_RESIDUALS))
+    parts = np.array_split(
+        laplace_draws(target, mode, PREDICTIVE_DRAWS, seed), max(4, PREDICTIVE_DRAWS * n // MOST_RESIDUALS)
+    )
     scores = (
         np.stack([mode.likelihood.whitened(mode.likelihood.residual(z), z) for z in part]) for part in parts
     )
     observed = np.concatenate([_statistics(s, lags) for s in scores], axis=1)
-    # A draw with an unbounded motion gives nan, which counts as a misfit.
+    # A draw with an unbounded motion gives nan, which counts as more extreme than any noise.
     beyond = np.sum(_null_statistics(n, lags, seed) >= np.nan_to_num(observed, nan=np.inf), axis=1)
-    p, p_tails = ((1 + beyond) / (DRAWS + 1)).tolist()
+    p, p_tails = ((1 + beyond) / (PREDICTIVE_DRAWS + 1)).tolist()
     tails = float(kurtosis(white))
     fitted = orthonormal(tangents(target, mode).T)
     line = find_spectral_line(t, white, period, fitted)
     form = other_form(
         mode, white, fitted, lambda change: _comparable(mode, r + change) - _comparable(mode, r)
     )
-    if line.chance > NAMED_LIMIT:  # whitening has removed the peaks: name that of the residuals themselves
+    if (
+        line.chance > NAMED_PEAK_LIMIT
+    ):  # whitening has removed the peaks: name that of the residuals themselves
         line = replace(line, words=name_peak(t, r, period))
-    windows, shift, count, later = _windows(target, mode, seed)
+    windows, shift, count, later = _fit_windows(target, mode, seed)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
     fit = target.signal.y - r
@@ -192,7 +195,9 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         window_p=window_p,
         forecast=later,
         rivals=form.rivals,
-        verdict=_verdict(target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
+        verdict=_verdict(
+            target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
+        ),
     )
     return check, arrays
 
@@ -214,7 +219,7 @@ def _verdict(
     return f"{Fitting.FITS.value}, with correlated noise" if correlated else Fitting.FITS.value
 
 
-def _windows(
+def _fit_windows(
     target: Target, mode: Mode, seed: int
 ) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
     """Fit the first, the middle and the last half of the record; the motion always starts at the first sample.
@@ -224,15 +229,17 @@ def _windows(
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole, _ = _window(mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
+    whole, _ = _fit_window(
+        mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
+    )
     windows, largest, count, later = [whole], 0.0, 0, None
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = mode.likelihood.on(slice(first, first + half))
-        top = maximise_posterior(part, mode.z, close=ROUGHLY)
+        top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
         if not np.isfinite(top.value):
             continue
         start, stop = float(t[first]), float(t[first + half - 1])
-        w, factor = _window(part, label, top.x, top.information, start, stop)
+        w, factor = _fit_window(part, label, top.x, top.information, start, stop)
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
@@ -245,7 +252,7 @@ def _windows(
     return tuple(windows), largest, count, later
 
 
-def _window(
+def _fit_window(
     likelihood: Likelihood, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
 ) -> tuple[PartialFit, np.ndarray]:
     """Return the fit of a window, and the Cholesky factor of the covariance of its scores (nan if there is none)."""
@@ -287,7 +294,7 @@ class Prediction:
     @property
     def coverage(self) -> float:
         """Fraction of the samples inside their 95 % intervals."""
-        return float(np.mean(np.abs(self.error) < INTERVAL * self.sd))
+        return float(np.mean(np.abs(self.error) < HALF_INTERVAL * self.sd))
 
 
 def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) -> Prediction:

@@ -32,10 +32,10 @@ from bayesdamp.physics.forces import slope_of
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
-SLOW = 1e-170
+SLOW_VELOCITY = 1e-170
 """A velocity in rad/s whose square is zero in double precision, so that only linear terms have a derivative there."""
 CURVE_DRAWS = 1000
-"""Number of draws for a band over amplitudes; its limits are then accurate to a tenth of an sd."""
+"""Number of draws for a curve against amplitude; the ends of its intervals are then accurate to a tenth of an sd."""
 _HALVING = np.polynomial.legendre.leggauss(6)
 
 
@@ -98,7 +98,7 @@ class Motions:
             parts = (p[t.parameter] * t.force(self._rest, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
             return np.asarray(sum(parts, np.zeros(self.shape)))
 
-        slopes = slope_of(force, np.zeros(self.shape), SLOW)
+        slopes = slope_of(force, np.zeros(self.shape), SLOW_VELOCITY)
         return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
@@ -122,7 +122,7 @@ class Motions:
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
-        """Return factor · coefficient · inertia; None if the inertia is unknown or the model lacks the term."""
+        """Return factor · coefficient · inertia; None without a known inertia or without this coefficient."""
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))
@@ -130,7 +130,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A derived quantity.
+    """A derived quantity: name, units, and the function that computes it.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class DerivedQuantity:
     angular, linear : str
         Units for an angle in rad and for a displacement in m.
     of : callable
-        Function that returns its values for all draws; None if it does not apply.
+        Function that returns the values for all draws, or None if the quantity does not apply to the model.
     """
 
     name: str
@@ -170,7 +170,7 @@ QUANTITIES = (
 )
 
 
-def derive(motions: Motions) -> dict[str, np.ndarray]:
+def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
     """Compute all derived quantities that apply to the model, as arrays by name.
 
     A value is nan or infinite if the quantity is not defined for a draw. The natural frequency is left out if it is the
@@ -186,7 +186,7 @@ def units(displacement: str) -> dict[str, str]:
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
-def against_amplitude(
+def curves_against_amplitude(
     motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
 ) -> dict[str, np.ndarray]:
     """Compute quantiles of the logarithmic decrement and of the equivalent damping ratio at several amplitudes.

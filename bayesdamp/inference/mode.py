@@ -24,30 +24,29 @@ from bayesdamp.numerics.orthant import log_probability
 from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Seed
 
-CLOSE = 1e-3
+LAST_STEP = 1e-3
 """A search ends if a step is shorter than this, in posterior sds, and gains less than its cube, in nats
 (conventional)."""
-ROUGHLY = 0.1
+ROUGH_LAST_STEP = 0.1
 """The same limit for a mode that only serves as a start or for a comparison."""
 SMALLEST_SCORE = 1e-9
 """Lower bound of a reflected score in a search, instead of zero, where the derivative vanishes."""
-LONGEST = 3.0
+LONGEST_STEP = 3.0
 """Largest change of a score in one step, in prior standard deviations."""
-HOPELESS = 1e-7
-"""Expected gain of a failed step, in nats, below which no shorter step is tried."""
-STEPS = 60
+HOPELESS_GAIN = 1e-7
+"""After a failed step with a smaller expected gain than this, in nats, no shorter step is tried."""
+MOST_STEPS = 60
 """Greatest number of steps of a search."""
 MOST_CHANGE = 0.01
-"""Largest change of the log likelihood (nats) by a more accurate solution of the motion, within `NEAR` posterior sds of
-the
-mode; farther from the mode the limit is proportional to the decrease of the log posterior."""
-NEAR = 3.0
-"""Distance from the mode, in posterior sds."""
-FINER = 0.01
+"""Largest change of the log likelihood (nats) by a more accurate solution of the motion, within `NEAR_SDS` posterior
+sds of the mode; farther from the mode the limit is proportional to the decrease of the log posterior."""
+NEAR_SDS = 3.0
+"""Distance from the mode within which motions must be accurate, in posterior sds."""
+FINER_FACTOR = 0.01
 """Factor of the tolerance for the accurate solution with which the error of a motion is measured."""
-NEGLIGIBLE = 15.0
+NEGLIGIBLE_NATS = 15.0
 """Scales whose log evidence is this far below the best one (nats) are left out; together they add less than 1e-5."""
-TWO_SIDED = 1.959964
+HALF_INTERVAL = 1.959964
 """Half-width of a normal's 95 % interval, in standard deviations."""
 
 
@@ -56,7 +55,7 @@ def maximise_posterior(
     z: np.ndarray,
     *,
     retract: Retract = straight_on,
-    close: float = CLOSE,
+    close: float = LAST_STEP,
 ) -> Maximum:
     """Search for the mode of a posterior from scores z, (d,).
 
@@ -73,7 +72,7 @@ def maximise_posterior(
     retract : callable
         Map from a point and a step to the end of the step.
     close : float
-        Length of the last step, as `CLOSE`.
+        Length of the last step, in posterior sds (see `LAST_STEP`).
 
     Returns
     -------
@@ -89,9 +88,9 @@ def maximise(
     reflected: np.ndarray,
     z: np.ndarray,
     *,
-    limit: int = STEPS,
+    limit: int = MOST_STEPS,
     retract: Retract = straight_on,
-    close: float = CLOSE,
+    close: float = LAST_STEP,
 ) -> Maximum:
     """Search for the maximum of a log density of scores.
 
@@ -118,16 +117,18 @@ def maximise(
         value, gradient, information = curvature(z)
         return Expansion(float(value), gradient, information)
 
-    def ended(step: Step) -> bool:
+    def has_converged(step: Step) -> bool:
         if step.gain < 0:
-            return step.expected < HOPELESS or step.damping > MAX_LAMBDA
+            return step.expected < HOPELESS_GAIN or step.damping > MAX_LAMBDA
         size = np.sqrt(max(float(step.move @ step.at.information @ step.move), 0.0))
         value = step.at.value + step.gain
         return bool(step.gain < close**3 * max(1.0, abs(value) * 1e-3) and size < close)
 
     start = np.where(reflected, np.abs(z), z)
     floor = np.where(reflected, SMALLEST_SCORE, -np.inf)
-    top = levenberg_marquardt(expand, start, floor, ended, limit=limit, longest=LONGEST, retract=retract)
+    top = levenberg_marquardt(
+        expand, start, floor, has_converged, limit=limit, longest=LONGEST_STEP, retract=retract
+    )
     return top if np.isfinite(top.value) else replace(top, converged=False)
 
 
@@ -140,7 +141,7 @@ class LocalSearch:
     seed : Seed
         Origin of its start.
     same : tuple of Seed
-        Seeds with the same start, from which no other search was made.
+        Other seeds with the same start, for which the search is not repeated.
     start, end : float
         Log posterior at start and end.
     evaluations : int
@@ -150,7 +151,7 @@ class LocalSearch:
     volume : float
         Log volume of the posterior at the end, −½ log det of the information, which weights modes.
     converged : bool
-        Whether the search ended at a maximum.
+        Whether the search has_converged at a maximum.
     """
 
     seed: Seed
@@ -266,7 +267,7 @@ class Mode:
 
     @property
     def stored(self) -> StoredMode:
-        """The values that are stored."""
+        """The stored form of the mode."""
         return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
 
     def sd(self) -> np.ndarray:
@@ -274,7 +275,7 @@ class Mode:
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 
-def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
+def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
     """Find the mode near z, with a motion so accurate that the log likelihood changes by less than `MOST_CHANGE`.
 
     Parameters
@@ -333,10 +334,10 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
 
     They are evaluated at z and at points three sds away in each direction of `factor`.
     """
-    finer = likelihood.within(FINER * likelihood.tolerance)
+    finer = likelihood.within(FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
     step_error = change = 0.0
-    around = z + np.concatenate([np.zeros((1, z.size)), NEAR * factor.T, -NEAR * factor.T])
+    around = z + np.concatenate([np.zeros((1, z.size)), NEAR_SDS * factor.T, -NEAR_SDS * factor.T])
     for at in around:
         coarse, fine = likelihood.residual(at), finer.residual(at)
         lower, upper = likelihood.log_noise(coarse, at), finer.log_noise(fine, at)
@@ -345,7 +346,7 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
             continue
         # Far below the mode a larger change is allowed, in proportion to the decrease of the log posterior.
         depth = top - (upper - 0.5 * float(at @ at))
-        change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR**2 / max(depth, 1e-300)))
+        change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR_SDS**2 / max(depth, 1e-300)))
         step_error = max(step_error, float(np.max(np.abs(coarse - fine))))
     return step_error, change
 
@@ -394,7 +395,7 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     logs: list[float] = []
     folded = float(reflected.size * np.log(2.0))
     for whole, scale in sorted(((log_at_scale(s, reflected[:0]), s) for s in scales), reverse=True):
-        if logs and whole + folded < max(logs) - NEGLIGIBLE:
+        if logs and whole + folded < max(logs) - NEGLIGIBLE_NATS:
             break  # bounds can only make an integral smaller
         logs.append(log_at_scale(scale, reflected))
     return float(scipy.special.logsumexp(logs) - np.log(scales.size))
@@ -448,7 +449,7 @@ def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, 
 
     Intervals of parameters with half-normal priors do not go below zero.
     """
-    low, high = z - TWO_SIDED * sd, z + TWO_SIDED * sd
+    low, high = z - HALF_INTERVAL * sd, z + HALF_INTERVAL * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)
     ends = target.values(low), target.values(high)
     return {n: (float(ends[0][n]), float(ends[1][n])) for n in target.names}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.inference.mode import ROUGHLY, LocalSearch, Mode, maximise_posterior, settle
+from bayesdamp.inference.mode import ROUGH_LAST_STEP, LocalSearch, Mode, maximise_posterior, refine_mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
@@ -121,7 +121,7 @@ def find_mode(
         If no seed leads to a finite posterior with a positive definite information, or if at all modes the noise model
         explains the oscillation instead of the motion.
     """
-    # A first tolerance; `settle` then measures the effect of the error on the likelihood.
+    # A first tolerance; `refine_mode` then measures the effect of the error on the likelihood.
     tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
     largest_in_phase = max(IN_PHASE * size, 1.5 * noise_level)
@@ -184,7 +184,7 @@ def find_mode(
     failure = Refusal("no start of the search leads to a motion with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):
         try:
-            return settle(target, z, tolerance, tuple(searches))
+            return refine_mode(target, z, tolerance, tuple(searches))
         except Refusal as refusal:
             failure = refusal
     raise failure
@@ -223,7 +223,9 @@ def _grow_windows(
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:count], y=y[:count]))
             first = _start(part, start.seeds, z, tolerance)
-            top = maximise_posterior(first.likelihood, first.z, retract=part.follow_step, close=ROUGHLY)
+            top = maximise_posterior(
+                first.likelihood, first.z, retract=part.follow_step, close=ROUGH_LAST_STEP
+            )
             z = top.x
             if not np.isfinite(top.value):
                 break

@@ -13,7 +13,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.checks import DRAWS, Prediction
+from bayesdamp.inference.checks import PREDICTIVE_DRAWS, Prediction
 from bayesdamp.inference.diagnostics import effective_mean
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
@@ -184,7 +184,7 @@ def predict(
         If no draw has a finite motion in the second half.
     """
     evidence = Importance().evidence(model, half.likelihood.target, half, seed)
-    rows = resample(evidence.arrays["log_weights"], DRAWS, np.random.default_rng(seed))
+    rows = resample(evidence.arrays["log_weights"], PREDICTIVE_DRAWS, np.random.default_rng(seed))
     return replace(evidence, arrays={}), carry(evidence.arrays["y"][rows])
 
 

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.envelope.decay import free_decay
 from bayesdamp.inference.envelope.posterior import RateLikelihood
-from bayesdamp.inference.envelope.sums import assumed, weighable
+from bayesdamp.inference.envelope.sums import distinguishable_sums, list_assumptions
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
@@ -96,7 +96,7 @@ def answer_envelope(
     from bayesdamp.report.figures.answer import picture  # imports slowly
     from bayesdamp.report.figures.record import thinned
 
-    chosen, left_out = weighable(sums)
+    chosen, left_out = distinguishable_sums(sums)
     result = analyse(record, window, seed, chosen)
     t, level = thinned(record.t, record.level, POINTS)
     arrays = {"t": t, "level": level}
@@ -108,7 +108,7 @@ def answer_envelope(
     numbers = {name: split(value, arrays, f"{LIKELIHOOD}{name}") for name, value in likelihoods.items()}
     w = result.verdict.window
     used = record.t.size if w is None else int(np.count_nonzero((record.t >= w.start) & (record.t <= w.stop)))
-    about = EnvelopeContent(record.unit, used, numbers, assumed(chosen, left_out))
+    about = EnvelopeContent(record.unit, used, numbers, list_assumptions(chosen, left_out))
     return Answer(AnswerContent(result.verdict.to_dict(), envelope=about), arrays)
 
 

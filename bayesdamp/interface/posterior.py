@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bayesdamp import __version__, types
 from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.derived import Motions, derive, units
+from bayesdamp.inference.derived import Motions, derive_quantities, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -191,7 +191,7 @@ class Posterior(Result, types.Posterior):
         own = features(signal)
         amplitude = reference_of(model.system, own).amplitude
         values = {**self.fit.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
-        derived = derive(Motions(self.fit.oscillator, values, own.rest, amplitude))
+        derived = derive_quantities(Motions(self.fit.oscillator, values, own.rest, amplitude))
         unit = units(signal.unit)
         displacement = signal.own_unit.displacement
         at = f"{amplitude * displacement.scale:.4g} {displacement.name}"

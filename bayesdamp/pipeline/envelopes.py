@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.envelope.sums import Sums, further_terms, weighable
+from bayesdamp.inference.envelope.sums import Sums, distinguishable_sums, further_terms
 from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.pipeline.tasks import Product, task_key
@@ -54,7 +54,7 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
     """Read an envelope and check that its damping sums can be compared on it. Raises InputError."""
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)
-    sums, _ = weighable(_sums(study, spec))
+    sums, _ = distinguishable_sums(_sums(study, spec))
     if further_terms(sums):
         scale_of(record, sums, 0.0)
 

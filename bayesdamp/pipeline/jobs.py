@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.evidence._method import NESTED_CHECK
+from bayesdamp.inference.evidence._method import REFEREE
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import (
     ANSWER,
@@ -240,7 +240,7 @@ def _part_of(name: str) -> str:
     kind, method = parts.kind, parts.method
     if kind == "sensitivity" and method != "savage_dickey":
         return "sensitivity"
-    if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
+    if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
         return "sample"
     return "evidence" if kind == "evidence" and method != "laplace" else "fit"
 

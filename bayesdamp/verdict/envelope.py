@@ -20,7 +20,7 @@ from bayesdamp.inference.envelope.posterior import (
     SENSOR,
     RateDraws,
     RateLikelihood,
-    draw,
+    draw_rates,
     likelihood_of,
 )
 from bayesdamp.inference.envelope.sums import (
@@ -102,8 +102,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
         """Draw rates with deviations and the sensor's error, and again under exact laws without that error."""
-        whole = draw(b, candidates, terms, amplitudes, rng, sensor)
-        return whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
+        whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
+        return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 
     by_laws = draw_twice(ranking.candidates, ranking.terms)
     deviation = interval_of(quantity(by_laws[0].deviation))

@@ -49,7 +49,7 @@ def measured() -> dict[str, dict[str, float]]:
         at, search = searched(target, start, level)
         ours = EVIDENCES.get("importance").evidence("m", target, at, 1)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(nested, "EFFECTIVE", ours.stderr**-2)
+            patch.setattr(nested, "EFFECTIVE_DRAWS", ours.stderr**-2)
             patch.setattr(nested, "MAX_LIKELIHOODS", 10**7)
             other = EVIDENCES.get("nested").evidence("m", target, at, 1)
         found[name] = {

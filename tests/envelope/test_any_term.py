@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.inference.envelope.sums import weighable
+from bayesdamp.inference.envelope.sums import distinguishable_sums
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
@@ -104,14 +104,14 @@ def test_what_no_envelope_tells_is_refused():
     with pytest.raises(
         InputError, match="viscous and structural dissipate the same energy at every amplitude"
     ):
-        weighable([parse_model("viscous+structural")])
+        distinguishable_sums([parse_model("viscous+structural")])
     with pytest.raises(InputError, match="at most 3 terms"):
-        weighable([parse_model("viscous+coulomb+quadratic+cubic")])
+        distinguishable_sums([parse_model("viscous+coulomb+quadratic+cubic")])
 
 
 def test_twins_are_said_and_not_weighed_beside_each_other():
     names = ["viscous", "structural", "cubic", "viscous+displacement", "displacement+structural"]
-    sums, left_out = weighable([parse_model(name) for name in names])
+    sums, left_out = distinguishable_sums([parse_model(name) for name in names])
     assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
     assert left_out == (
         "structural is left out: it dissipates the same energy as viscous at every amplitude.",

@@ -26,8 +26,8 @@ def run(tmp_path_factory) -> Path:
     """Run once, with a coarse referee: only its wiring is looked at. Not to be changed by a test."""
     folder = tmp_path_factory.mktemp("weighing")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(nested, "LIVE", 100)
-        patch.setattr(nested, "EFFECTIVE", 300)
+        patch.setattr(nested, "LIVE_POINTS", 100)
+        patch.setattr(nested, "EFFECTIVE_DRAWS", 300)
         assert run_study(write_study(folder, TEXT), folder / "out", workers=1) == 0
     return folder / "out"
 

@@ -12,14 +12,14 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
-H = 0.01
-"""Step, in whitened coordinates, of the differences of gradients that give the Hessian."""
-RARE = 0.02
-"""Probability inside the walls below which draws are made by importance resampling instead of rejection."""
+GRADIENT_STEP = 0.01
+"""Step of the differences of gradients that give the Hessian, in posterior sds."""
+LEAST_INSIDE = 0.02
+"""If a smaller fraction of normal draws is inside the walls, importance resampling replaces rejection."""
 MOMENT_DRAWS = 20_000
 """Number of draws from which moments of a truncated distribution are computed."""
-FAR = 8.0
-"""Distance of a wall from the mean, in sds, from which it is ignored."""
+FAR_WALL_SDS = 8.0
+"""A wall that is at least this many sds from the mean is ignored."""
 
 
 class TruncatedNormal:
@@ -30,7 +30,7 @@ class TruncatedNormal:
 
     def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
         self.mean, self.covariance, self.reflected = mean, 0.5 * (covariance + covariance.T), reflected
-        self.walls = np.flatnonzero(reflected & (mean < FAR * np.sqrt(np.diag(covariance))))
+        self.walls = np.flatnonzero(reflected & (mean < FAR_WALL_SDS * np.sqrt(np.diag(covariance))))
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +45,7 @@ class TruncatedNormal:
         while len(draws) < n:
             z = self.mean + rng.standard_normal((max(n, 1000), self.mean.size)) @ factor.T
             inside = np.all(z[:, self.walls] >= 0, axis=1)
-            if np.mean(inside) < RARE:
+            if np.mean(inside) < LEAST_INSIDE:
                 return draw(rng, self.mean, factor, self.walls, n)
             draws = np.concatenate([draws, z[inside]])
         return draws[:n]
@@ -81,7 +81,7 @@ def truncated_moments(
     covariance = np.linalg.inv(information)
     covariance = 0.5 * (covariance + covariance.T)
     mean = at + covariance @ gradient
-    reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
+    reflected = reflected[mean[reflected] < FAR_WALL_SDS * np.sqrt(np.diag(covariance)[reflected])]
     if reflected.size:
         inner = covariance[np.ix_(reflected, reflected)]
         rng, every = (
@@ -120,12 +120,15 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
         If the Hessian is not positive definite.
     """
     reflected, factor = target.reflected, mode.factor
-    at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
+    at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * GRADIENT_STEP * mode.sd()), mode.z)
 
     def slope(z: np.ndarray) -> np.ndarray:
         return mode.near.gradient(z)[1]
 
-    rows = [(slope(at - H * column) - slope(at + H * column)) / (2 * H) for column in factor.T]
+    rows = [
+        (slope(at - GRADIENT_STEP * column) - slope(at + GRADIENT_STEP * column)) / (2 * GRADIENT_STEP)
+        for column in factor.T
+    ]
     white = np.stack(rows) @ factor
     white = 0.5 * (white + white.T)
     if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:

@@ -28,34 +28,33 @@ FIRST_STEP = 0.5
 """First step along the ridge of the tied parameters of the noise, in posterior sds at the mode."""
 SMALL_CHANGE, LARGE_CHANGE = 0.4, 1.5
 """Changes of the log density in a step (nats) below which steps are lengthened and above which they are shortened."""
-GROWTH = 1.6
+STEP_FACTOR = 1.6
 """Factor by which steps are lengthened and shortened."""
-DEEPEST = 16.0
-"""Decrease of the log density (nats) at which the ridge ends: 5.7 sds of a normal distribution."""
+RIDGE_END_NATS = 16.0
+"""The ridge is followed until the log density is this many nats below its maximum: 5.7 sds of a normal distribution."""
 MOST_STEPS = 60
 """Greatest number of steps to each side."""
 LEAST_STEPS = 4
-"""Number of points on the ridge up to which the map is the identity."""
-PARTS = 8
+"""With at most this number of points on the ridge, the map is the identity."""
+PARTS_PER_STEP = 8
 """Number of parts of each step, on which the log density is interpolated."""
-WIDEST = 4.5
+LARGEST_LEVEL = 4.5
 """Level score up to which the map of the noise is tabulated; beyond, it is linear."""
-FAR = 1000.0
-"""Level score at which the linear parts end."""
+LINEAR_END = 1000.0
+"""Absolute level score at which the linear parts of the map end."""
 NEWTON_STEPS = 6
 """Number of Newton steps that invert the map (four are enough)."""
 RIDGE_DIMENSIONS = 2
 """Number of scores along which a ridge may extend (its wide scores)."""
-REACH = 1.5
+CURVATURE_SDS = 1.5
 """Distance from the mode, in posterior sds, at which the curvature of the ridge is measured."""
-VISIBLE = 0.02
-"""Distance of the ridge from its tangent at one sd, in whitened units, from which it is straightened."""
-H = 0.3
-"""Step of second differences in whitened units. They extend to 0.6 sds from the mean of the truncated distribution,
-which
-is about one sd or more from the wall."""
+VISIBLE_BEND = 0.02
+"""A ridge is straightened if, one sd from the mode, it is farther than this from its tangent, in posterior sds."""
+SECOND_DIFFERENCE_STEP = 0.3
+"""Step of second differences, in posterior sds. They extend to 0.6 sds from the mean of the truncated distribution,
+which is about one sd or more from the wall."""
 LEAST_CURVATURE = 0.1
-"""Smallest curvature that is used, in units of the Gauss–Newton curvature."""
+"""Smallest curvature that is used in any direction, as a fraction of the Gauss–Newton curvature."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,10 @@ class NoiseMap:
         if scores.size <= LEAST_STEPS:
             return cls()
         fine = np.append(
-            (scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS) / PARTS).ravel(), scores[-1]
+            (
+                scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS_PER_STEP) / PARTS_PER_STEP
+            ).ravel(),
+            scores[-1],
         )
         log_densities = scipy.interpolate.Akima1DInterpolator(scores, log_densities)(fine)
         density = np.exp(log_densities - np.max(log_densities))
@@ -106,13 +108,16 @@ class NoiseMap:
             scipy.special.ndtri(np.minimum(below, 0.5)),
             -scipy.special.ndtri(np.minimum(above, 0.5)),
         )
-        inside = np.abs(level) < WIDEST
+        inside = np.abs(level) < LARGEST_LEVEL
         shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         level, values = level[inside], np.stack([fine, shift], axis=1)[inside]
         # Monotone interpolation between the points, linear extrapolation beyond them.
-        low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + FAR)
-        high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (FAR - level[-1])
-        level, values = np.concatenate([[-FAR], level, [FAR]]), np.concatenate([[low], values, [high]])
+        low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + LINEAR_END)
+        high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (LINEAR_END - level[-1])
+        level, values = (
+            np.concatenate([[-LINEAR_END], level, [LINEAR_END]]),
+            np.concatenate([[low], values, [high]]),
+        )
         return cls(first, second, scipy.interpolate.PchipInterpolator(level, values))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
@@ -169,11 +174,13 @@ class NoiseMap:
 
     @cached_property
     def _rate(self) -> PPoly:
+        """Derivatives of `table` by the level score."""
         assert self.table is not None
         return self.table.derivative()
 
     @cached_property
     def _second_derivative(self) -> PPoly:
+        """Second derivatives of `table` by the level score."""
         return self._rate.derivative()
 
 
@@ -240,7 +247,7 @@ def _profile(
         (score, log_density, inner), side = centre, []
         step = FIRST_STEP * float(mode.sd()[second])
         for _ in range(MOST_STEPS):
-            if log_density < highest - DEEPEST:
+            if log_density < highest - RIDGE_END_NATS:
                 break
             try:
                 next_log_density, next_inner = at(score + sign * step, inner)
@@ -248,12 +255,14 @@ def _profile(
                 break
             change = abs(next_log_density - log_density)
             if change > 2 * LARGE_CHANGE:
-                step /= GROWTH**2
+                step /= STEP_FACTOR**2
                 continue
             score, log_density, inner = score + sign * step, next_log_density, next_inner
             side.append((score, log_density, inner))
             highest = max(highest, log_density)
-            step *= GROWTH if change < SMALL_CHANGE else 1 / GROWTH if change > LARGE_CHANGE else 1.0
+            step *= (
+                STEP_FACTOR if change < SMALL_CHANGE else 1 / STEP_FACTOR if change > LARGE_CHANGE else 1.0
+            )
         sides.append(side)
     points = [*sides[0][::-1], centre, *sides[1]]
     return (
@@ -351,9 +360,9 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     """Return the shear that straightens the ridge of a posterior; None if the ridge is straight.
 
     The ridge is the set of conditional maxima given the wide scores, which are the scores with the largest standard
-    deviations, each given the ones before it. Its curvature is measured by second differences at `REACH` posterior sds.
-    A ridge occurs if the record determines only one combination of parameters, such as gravity and stiffness of the
-    horizontal pendulum.
+    deviations, each given the ones before it. Its curvature is measured by second differences at `CURVATURE_SDS`
+    posterior sds. A ridge occurs if the record determines only one combination of parameters, such as gravity and
+    stiffness of the horizontal pendulum.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -377,9 +386,9 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
         top = _ridge(target, mode, noise, wide, others, np.zeros(k))
         for a in range(k):
             for b in range(a + 1):
-                step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
+                step = CURVATURE_SDS * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
                 ends = [_ridge(target, mode, noise, wide, others, sign * step) for sign in (1, -1)]
-                curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
+                curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / CURVATURE_SDS**2
     except Refusal:
         return None
     curve[reflected] = 0.0
@@ -389,7 +398,7 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
             mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
             curve[:, a, b] = curve[:, b, a] = mixed
     sheared = np.linalg.solve(mode.factor, noise.slope(noise.level(mode.z)) @ curve.reshape(d, -1))
-    if 0.5 * np.max(np.abs(sheared)) < VISIBLE:
+    if 0.5 * np.max(np.abs(sheared)) < VISIBLE_BEND:
         return None
     inverse = np.linalg.inv(root)
     curve = np.einsum("jab,ac,bd->jcd", curve, inverse, inverse)
@@ -545,13 +554,17 @@ def _curvatures(
     corners = np.array(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )
-    away = H * corners.reshape(-1, d) @ factor.T
+    away = SECOND_DIFFERENCE_STEP * corners.reshape(-1, d) @ factor.T
     line = mode.near.line(shear.scores(at))
 
     def hessian(values: np.ndarray) -> np.ndarray:
         f = values.reshape(-1, 4)
         curvature = np.zeros((d, d))
-        for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
+        for (i, j), v in zip(
+            pairs,
+            -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * SECOND_DIFFERENCE_STEP * SECOND_DIFFERENCE_STEP),
+            strict=True,
+        ):
             curvature[i, j] = curvature[j, i] = v
         return curvature
 

@@ -122,7 +122,7 @@ class SlicedProposal:
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Yield each slice with the indices of its rows of w, (n, K), and these rows split into a − middle and the rest."""
+        """Yield for each slice: the indices of its rows of w, (n, K), the slice, and the rows' a − middle and rest."""
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
             rows = np.flatnonzero(which == i)

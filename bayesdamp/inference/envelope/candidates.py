@@ -1,4 +1,4 @@
-"""Fit a damping sum, or a power law, to an envelope, and compute its evidence with the deviation integrated out."""
+"""Fit a damping sum or a power law to an envelope, and compute its evidence with the deviation integrated out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bayesdamp.inference.deviation.linear import (
     with_priors,
 )
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.envelope.noise import Noise, whiten
+from bayesdamp.inference.envelope.noise import Noise, whiten_columns
 from bayesdamp.physics.amplitude import AmplitudeSolver, DecayLaw, PowerLaw
 from bayesdamp.physics.kernel.solve import ALL, Motion
 from bayesdamp.priors import (
@@ -33,24 +33,25 @@ from bayesdamp.priors import (
 from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14
-"""Number of knots of the deviation."""
+"""Number of knots in time between which the deviation of the law is linear."""
 FIT_SCALE = 30.0
 """Scale of a half-normal prior of the rates during a fit, in mean rates of the record. It keeps the fit
-well-conditioned if
-two terms have nearly the same effect, and is not part of the evidence."""
-START_SD = 100.0
-"""Prior standard deviation of ln A at the start, the same in all sums."""
-SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
-"""Factors of the inferred noise over which the evidence is averaged if there are few readings."""
-SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
-"""The same for at least `MANY` readings, which determine the noise better."""
-MANY = 40
-"""Number of readings from which `SCALES_MANY` are used (conventional)."""
-POWER_MOST = 3.0
+well-conditioned if two terms have nearly the same effect, and is not part of the evidence."""
+WIDE_SD = 100.0
+"""Standard deviation of wide normal priors: of ln A at the start, the same in all sums, and in the fit of a power
+law."""
+NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
+"""Factors of the sd of the inferred noise over which the evidence is averaged if there are few readings."""
+NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
+"""The same for at least `MANY_READINGS` readings, which determine the noise better."""
+MANY_READINGS = 40
+"""Number of readings from which `NOISE_SCALES_MANY` are used (conventional)."""
+MOST_POWER = 3.0
 """Largest exponent of a power law."""
-NEGLIGIBLE = 1e-3
-"""Relative weight up to which a combination of hyperparameters is left out of the curve in a figure."""
-IMPROBABLE = 0.1
+NEGLIGIBLE_WEIGHT = 1e-3
+"""A combination of hyperparameters with at most this weight, relative to the largest, is left out of a figure's
+curve."""
+IMPROBABLE_EXACT = 0.1
 """If the exact law has less than this probability, its posterior is computed separately, because the posterior of the
 whole mixture leaves out improbable combinations."""
 
@@ -93,7 +94,7 @@ class Blocks:
 
     @property
     def unit(self) -> float:
-        """The rate in 1/s that has a standard normal score of 1.
+        """The rate in 1/s whose score is 1.
 
         If the frequency is not known, the prior scales are centred on one over the duration.
         """
@@ -124,13 +125,13 @@ class EnvelopeCandidate:
     x0, rates, fit
         The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); ln(A/A_ref), (n,).
     about
-        Normal posteriors of the model that is linear about the fit.
-    weighed
+        Normal posteriors of the model linearised about the fit.
+    posterior
         The posterior with half-normal priors of the rates.
     unit
-        The rate in 1/s that has a score of 1.
+        The rate in 1/s whose score is 1.
     scores
-        Scores of the further parameters of terms, at one point of their posterior.
+        Scores of the terms' own parameters, at one point of their posterior.
     log_share
         Log fraction of the evidence of the sum that this point represents, in nats.
     """
@@ -140,7 +141,7 @@ class EnvelopeCandidate:
     rates: np.ndarray
     fit: np.ndarray
     about: FitPosteriors
-    weighed: LinearPosterior
+    posterior: LinearPosterior
     unit: float
     scores: tuple[float, ...] = ()
     log_share: float = 0.0
@@ -148,14 +149,14 @@ class EnvelopeCandidate:
     @cached_property
     def exact(self) -> LinearPosterior:
         """The posterior under the exact law; its evidence includes the prior probability of the exact law."""
-        exact = self.about.size[self.weighed.combos] == 0.0
-        if self.weighed.weights[exact].sum() > IMPROBABLE:
-            return self.weighed.only(exact)
+        exact = self.about.size[self.posterior.combos] == 0.0
+        if self.posterior.weights[exact].sum() > IMPROBABLE_EXACT:
+            return self.posterior.only(exact)
         return self.about.apply_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS). exact: whether under the exact law."""
-        u, _ = (self.exact if exact else self.weighed).draws(self.about.positive, count, rng)
+        u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
@@ -167,14 +168,14 @@ class EnvelopeCandidate:
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
         units = [
             *[self.unit] * d,
-            START_SD,
+            WIDE_SD,
             0.0,
             *[1.0] * KNOTS,
         ]  # an error of the floor does not change amplitudes
         columns = np.insert(motion.tangents, d + 1, 0.0, axis=1) * units
-        used = np.flatnonzero(self.weighed.weights > NEGLIGIBLE * self.weighed.weights.max())
-        means, factors = self.weighed.posteriors(used)
-        weights = self.weighed.weights[used] / self.weighed.weights[used].sum()
+        used = np.flatnonzero(self.posterior.weights > NEGLIGIBLE_WEIGHT * self.posterior.weights.max())
+        means, factors = self.posterior.posteriors(used)
+        weights = self.posterior.weights[used] / self.posterior.weights[used].sum()
         curves = motion.y - motion.tangents[:, :d] @ self.rates + means @ columns.T
         mean = weights @ curves
         variance = weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2))
@@ -193,23 +194,23 @@ class EnvelopeCandidate:
     @property
     def total(self) -> float:
         """Log evidence of the mixture over all hyperparameters."""
-        return self.weighed.log_evidence
+        return self.posterior.log_evidence
 
     @property
     def total_exact(self) -> float:
-        """Log evidence of the exact law, including its prior probability."""
+        """Log evidence of the exact law plus the log of its prior probability."""
         return self.exact.log_evidence
 
 
 def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
-    """Return a solver of the decay law at the blocks. white: matrix that whitens their noise, (n, n)."""
+    """Return a solver of the decay law at the times of the blocks. white: matrix that whitens their noise, (n, n)."""
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
 def fit_rates(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, begin: np.ndarray | None = None
 ) -> LeastSquaresFit:
-    """Fit the rates of a sum, which are not negative, and ln A at the start.
+    """Fit the rates of a sum, which are not negative, and ln(A/A_ref) at the start.
 
     Parameters
     ----------
@@ -229,32 +230,32 @@ def fit_rates(
     """
     rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms)) if begin is None else begin
     for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
-        if law.decay(blocks.t[-1:], _start_of(blocks), rates)[0] > blocks.x.min() - 1.0:
+        if law.decay(blocks.t[-1:], _guess_start(blocks), rates)[0] > blocks.x.min() - 1.0:
             break
         rates = 0.7 * rates
     prior = SharedHalfNormal(per_ratio=FIT_SCALE * blocks.mean_rate / SCORE_RATIO)
-    return _fitted(blocks, law, white, dict.fromkeys(law.terms, prior), rates)
+    return _fit_with_priors(blocks, law, white, dict.fromkeys(law.terms, prior), rates)
 
 
-def _start_of(blocks: Blocks) -> float:
+def _guess_start(blocks: Blocks) -> float:
     """Return a first estimate of x at the start."""
     return float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
 
-def _fitted(
+def _fit_with_priors(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
 ) -> LeastSquaresFit:
     """Fit the parameters of a law with these priors, and x at the start, by least squares."""
     names = (*law.terms, "start")
-    parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=START_SD)}, {})
-    z = parameters.scores(dict(zip(names, map(float, (*begin, _start_of(blocks))), strict=True)))
+    parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
+    z = parameters.scores(dict(zip(names, map(float, (*begin, _guess_start(blocks))), strict=True)))
     solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
     fitted = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
     assert fitted is not None  # every decay is finite
     return fitted
 
 
-def weigh(
+def fit_candidate(
     blocks: Blocks,
     law: DecayLaw,
     fitted: EnvelopeCandidate | None = None,
@@ -284,16 +285,16 @@ def weigh(
     """
     p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse, begin).values
     motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), blocks.unit), True)
-    weighed = about.apply_priors()
+    posterior = about.apply_priors()
     return EnvelopeCandidate(
-        law, float(p[-1]), p[:-1], motion.y, about, weighed, blocks.unit, scores, log_share
+        law, float(p[-1]), p[:-1], motion.y, about, posterior, blocks.unit, scores, log_share
     )
 
 
-def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the evidence of the power law dA/dt = -c A^p.
+def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute the evidence of the power law dA/dt = -c A^p and the posterior of its exponent.
 
-    p has a uniform prior from 0 to `POWER_MOST`; c, the rate at the reference amplitude, has the prior of a single
+    p has a uniform prior from 0 to `MOST_POWER`; c, the rate at the reference amplitude, has the prior of a single
     term.
 
     Parameters
@@ -306,16 +307,19 @@ def weigh_power(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     log_evidence, mean, variance : ndarray, shape (b,)
         Log evidence, and mean and variance of p, for each combination of hyperparameters.
     """
-    begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=START_SD)
-    p = _fitted(blocks, PowerLaw(), blocks.inverse, {"log_rate": wide, "exponent": wide}, begin).values
-    # The posterior is computed with wide normal priors of ln c and p; the evidence is corrected below.
-    normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, START_SD), False)[1].normals
-    power, sd = START_SD * normals.means[:, 1], START_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
-    score = np.exp(p[0]) / blocks.unit
-    density = float(shared_log_density(score**2, 1) + np.log(score))  # of ln c
-    log_z = normals.log + density - np.log(POWER_MOST) + np.log(2 * np.pi * START_SD**2)
-    inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
-    return log_z + np.log(np.maximum(inside, 1e-300)), power, sd**2
+    begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=WIDE_SD)
+    p = _fit_with_priors(
+        blocks, PowerLaw(), blocks.inverse, {"log_rate": wide, "exponent": wide}, begin
+    ).values
+    normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, WIDE_SD), False)[1].normals
+    exponent_mean = WIDE_SD * normals.means[:, 1]
+    exponent_sd = WIDE_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
+    rate_score = np.exp(p[0]) / blocks.unit
+    log_density = float(shared_log_density(rate_score**2, 1) + np.log(rate_score))  # prior of ln c
+    # Replace the wide normal priors of ln c and p, whose density is 1/(2π WIDE_SD²), by the right ones.
+    log_z = normals.log + log_density - np.log(MOST_POWER) + np.log(2 * np.pi * WIDE_SD**2)
+    inside = ndtr((MOST_POWER - exponent_mean) / exponent_sd) - ndtr(-exponent_mean / exponent_sd)
+    return log_z + np.log(np.maximum(inside, 1e-300)), exponent_mean, exponent_sd**2
 
 
 @dataclass(frozen=True)
@@ -345,7 +349,7 @@ class FitPosteriors:
     def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
         """Return the posterior with half-normal priors on the rates; all these priors have one common, unknown scale.
 
-        which: the combinations that are used, (c,); by default all.
+        which: mask of the combinations that are used, (c,); by default all.
         """
         normals = self.normals
         if which is not None:
@@ -361,9 +365,9 @@ def _posteriors_about(
     units: values of the parameters that have a score of 1, (d,). rates: whether the parameters are damping rates.
     """
     motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
-    columns = motion.tangents * np.concatenate([units, [START_SD], np.ones(KNOTS)])
+    columns = motion.tangents * np.concatenate([units, [WIDE_SD], np.ones(KNOTS)])
     residual = blocks.x - motion.y + motion.tangents[:, :d] @ p[:d]
-    scales = SCALES if n < MANY else SCALES_MANY
+    scales = NOISE_SCALES if n < MANY_READINGS else NOISE_SCALES_MANY
     sizes = grid_of(KNOTS, phases=False)
     grid = sizes.only(np.tile(np.arange(sizes.log_prior.size), scales.size))
     variance = np.repeat(scales**2, grid.log_prior.size // scales.size)
@@ -372,10 +376,10 @@ def _posteriors_about(
     positive = np.array([rates] * d + [False, False])
     parts = []
     for (noise, covariance), log_weight in zip(blocks.noises, weight, strict=True):
-        # The constant part of the floor is subtracted; its error is a further unknown.
+        # The constant part of the floor is subtracted; its error is an additional unknown.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
-        white, log_det = whiten(
+        white, log_det = whiten_columns(
             covariance, [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
         )
         part = normals_of(condense(white[:, :-1], white[:, -1], positive), grid, variance, n)

@@ -1,4 +1,4 @@
-"""Find the free decay of an envelope, average its readings in blocks, and infer their noise."""
+"""Find the free decay of an envelope, average its readings in blocks, and infer the noise of these means."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
-from bayesdamp.inference.envelope.noise import SLOW, SLOW_FRACTIONS, infer_noise
+from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
 from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
@@ -27,25 +27,26 @@ from bayesdamp.types import Refusal
 
 MOST_BLOCKS = 100
 """Greatest number of blocks, which is enough for a decay of 40 dB and its noise."""
-TRIES = 3
-"""Greatest number of changes of the window."""
-SHORTER = 0.05
+MOST_WINDOW_CHANGES = 3
+"""Greatest number of times that the window of the decay is changed."""
+LEAST_SHORTENING = 0.05
 """If the scatter shows a noise floor, the decay is cut there if this shortens it by at least this fraction."""
-SPARSE = 40
-"""Number of readings below which no readings are left out."""
-LEAST_BLOCKS = 30
-"""Fewest blocks in which a constant level at the start (a drive) is searched."""
-FIRST, EACH = 2, 3
-"""Ends of a constant level that are tried: from block FIRST to half of all blocks, in steps of EACH."""
-BETTER = 0.75
-"""Largest misfit with a constant level at the start, relative to that without, at which it is accepted
-(conventional)."""
+FEW_READINGS = 40
+"""With fewer readings than this the window is not shortened."""
+LEAST_BLOCKS_HELD = 30
+"""A constant level at the start (a drive) is searched only in at least this number of blocks."""
+FIRST_END, END_STEP = 2, 3
+"""Ends of a constant level that are tried: from block FIRST_END to half of all blocks, in steps of END_STEP."""
+HELD_MISFIT = 0.75
+"""A constant level at the start is accepted if it multiplies the sum of squares by less than this (conventional)."""
 LEAST_SCATTER = 0.02
-"""Smallest scatter of ln A in this search, for errors of laws and detectors (conventional)."""
-CHECKED = 0.1
+"""Smallest scatter of ln A in the search for a constant level; it allows for errors of laws and detectors
+(conventional)."""
+EARLY_FRACTION = 0.1
 """Fraction of the decay at its start that is tested against the rest."""
-SURPRISE = 4.5
-"""Distance (sds) from which an early reading does not belong to the decay; by chance once in 30,000 records."""
+SURPRISE_SDS = 4.5
+"""An early reading that is this many sds from its prediction does not belong to the decay; by chance once in 30,000
+records."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """The free decay of an envelope, in blocks with their noise.
+    """The free decay of an envelope, averaged in blocks, with their noise.
 
     Attributes
     ----------
@@ -80,9 +81,9 @@ class Decay:
     window
         The window of the free decay.
     blocks
-        Its readings in blocks, with their noises.
+        Means of its readings over blocks, with their possible noises.
     reference
-        ln of the reference amplitude in the record's unit.
+        ln of the reference amplitude A_ref in the record's unit.
     """
 
     record: EnvelopeRecord
@@ -115,7 +116,7 @@ class Decay:
         return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
-        """Return the root mean square misfit of a fit beyond the noise, and that of the noise.
+        """Return the root mean square residual of a fit beyond the noise, and that of the noise.
 
         Both are relative to the amplitude, and averaged with the squared amplitude as weight.
         """
@@ -130,7 +131,7 @@ class Decay:
 def free_decay(
     record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
-    """Find the free decay of an envelope, down to its noise floor, and the damping sums on it.
+    """Find the free decay of an envelope, down to its noise floor, and scale the damping sums to it.
 
     Parameters
     ----------
@@ -153,28 +154,28 @@ def free_decay(
     """
     chosen = window or find_window(record.t, record.level)
     first, stop, why = chosen.start, chosen.stop, list(chosen.why)
-    for _ in range(TRIES):
+    for _ in range(MOST_WINDOW_CHANGES):
         b, _ = _blocks(record, chosen)
         size = chosen.stop - chosen.start
-        held_level = held_blocks(b) if window is None and size >= SPARSE else 0
+        held_level = held_blocks(b) if window is None and size >= FEW_READINGS else 0
         if held_level == 0:
             break
         chosen = replace(chosen, start=chosen.start + held_level * size // b.t.size)
     tries = 0
     while True:
         b, reference = _blocks(record, chosen)
-        # Further parameters of terms scale with the amplitude at the start of the decay.
+        # The own parameters of terms scale with the amplitude at the start of the decay.
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
         asked = sums_on(sums, scale, start, float(b.x.min()))
         b, later, end = infer_noises(b, asked)
         size = chosen.stop - chosen.start
-        if window is not None or size < SPARSE or tries == TRIES:
+        if window is not None or size < FEW_READINGS or tries == MOST_WINDOW_CHANGES:
             break
         within = end * size // b.t.size
-        if later == 0 and (chosen.floor is not None or size - within < SHORTER * size):
+        if later == 0 and (chosen.floor is not None or size - within < LEAST_SHORTENING * size):
             break
-        behind = chosen.stop if within < SPARSE or later > 0 else chosen.start + within
+        behind = chosen.stop if within < FEW_READINGS or later > 0 else chosen.start + within
         chosen = replace(chosen, start=chosen.start + later * size // b.t.size, stop=behind)
         tries += 1
     if chosen.start > first:
@@ -217,7 +218,7 @@ def held_blocks(b: Blocks) -> int:
     from the start, either with these terms or with friction that increases towards small amplitudes.
     """
     n = b.t.size
-    if n < LEAST_BLOCKS:
+    if n < LEAST_BLOCKS_HELD:
         return 0
     visible = np.sqrt(b.floor.power) if b.floor is not None else 0.0
     inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
@@ -229,17 +230,17 @@ def held_blocks(b: Blocks) -> int:
         rates = np.maximum(fit.values[:-1], 1e-3 * b.mean_rate)  # a start for the next fit
         return fit.squares
 
-    tried = range(FIRST, n // 2, EACH)
+    tried = range(FIRST_END, n // 2, END_STEP)
     misfits = [misfit(end) for end in tried]
     best = int(np.argmin(misfits))
-    better = misfits[best] < BETTER * misfit(0) and misfits[best] < BETTER * _misfit_of_rising_friction(
-        b, inverse
-    )
+    better = misfits[best] < HELD_MISFIT * misfit(0) and misfits[
+        best
+    ] < HELD_MISFIT * _misfit_of_rising_friction(b, inverse)
     return tried[best] + 1 if better else 0
 
 
 def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
-    """Return the misfit of a decay from the start whose damping is one negative power of the amplitude.
+    """Return the sum of squared residuals of a decay dA/dt ∝ −A^p, p ≤ 0, that starts at the first block.
 
     Such friction, which increases towards small amplitudes, reduces the amplitude slowly at first and then fast. This
     resembles a constant level, but no sum of the three terms describes it.
@@ -284,14 +285,14 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.decay(b.t, x0, rates)
-    # The mean of the decay over a block minus the decay at its middle, to second order.
+    # The mean of the fitted ln A over a block minus its value in the middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
     before = law.decay(b.t - off, x0, rates)
     curvature = 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
     b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]
-    early = max(1, round(CHECKED * n)) if n >= 30 else 0
+    early = max(1, round(EARLY_FRACTION * n)) if n >= 30 else 0
     rest = slice(early, n)
     given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], b.floor)
     slow_time = 1.0 / b.mean_rate
@@ -303,7 +304,7 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
     rivals += [loose, best.slower(b.duration)]
     noises = tuple((noise, noise.covariance(b.t, fit)) for noise in rivals)
-    smooth = loose.deviation * warp @ smooth_root(KNOTS, SLOW)
+    smooth = loose.deviation * warp @ smooth_root(KNOTS, DEVIATION_LENGTH)
     whole = best.covariance(b.t, fit) + smooth @ smooth.T
     if best.constant > 0:
         floor = 0.5 * best.constant * np.exp(-2.0 * fit)
@@ -325,6 +326,6 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
             if count <= early:
                 runs = early - count + 1
                 sums_of_runs = np.abs(total[:runs] - total[count:])
-                surprises[:runs] |= sums_of_runs > SURPRISE * np.sqrt(count)
+                surprises[:runs] |= sums_of_runs > SURPRISE_SDS * np.sqrt(count)
         later = int(np.flatnonzero(surprises).max(initial=-1)) + 1
     return replace(b, noises=noises, inverse=np.linalg.inv(np.linalg.cholesky(whole))), later, end

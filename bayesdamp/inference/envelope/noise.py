@@ -1,4 +1,4 @@
-"""The noise of readings of an envelope.
+"""The noise model of the readings of an envelope.
 
 A reading of x = ln A has three errors: u, a multiplicative scatter (such as of laser power or gain), which is an
 Ornstein-Uhlenbeck process; v/A, the part of the noise floor that is in phase with the oscillation, with half of the
@@ -21,26 +21,26 @@ from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
 from bayesdamp.records.envelope.window import NoiseFloor
 
 LONGEST_SCATTER = 0.04
-"""Largest correlation time of the multiplicative scatter, in durations; slower changes are deviations of the law."""
+"""Largest correlation time of the multiplicative scatter, as a fraction of the duration; slower changes are deviations
+of the law."""
 LONGEST_FLOOR = 1.0
-"""Largest correlation time of the floor, in durations."""
+"""Largest correlation time of the floor, as a fraction of the duration."""
 FLOOR_KNOWN = 0.7
 """Prior standard deviation of the logarithm of the floor's power if the floor is visible after the decay; a record
-contains
-only a few independent values of a slow floor."""
+contains only a few independent values of a slow floor."""
 FLOOR_UNKNOWN = 2.5
 """The same if no floor is visible."""
-WIDE = 3.0
-"""Prior standard deviation of the logarithm of a scatter, about a value from the differences of neighbouring
-readings."""
-SMALLEST = 1e-4
+LOG_SCATTER_SD = 3.0
+"""Prior standard deviation of the logarithm of a scatter; the prior is centred on an estimate from the differences of
+neighbouring readings."""
+LEAST_SCATTER = 1e-4
 """Smallest white scatter of ln A (1e-3 dB)."""
 SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
 """Fractions of the floor's fluctuating power that may be slow, equally probable a priori."""
-SLOWER = 4.0
+SLOWER_FACTOR = 4.0
 """Factor of the correlation time of the multiplicative scatter in `Noise.slower`."""
-SLOW = 0.3
-"""Correlation length of a deviation that is inferred together with the noise, in durations."""
+DEVIATION_LENGTH = 0.3
+"""Correlation length of a deviation that is inferred together with the noise, as a fraction of the duration."""
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ class Noise:
         )  # fmt: skip
 
     def slower(self, span: float) -> Noise:
-        """Return a noise whose multiplicative scatter has a correlation time `SLOWER` times as long.
+        """Return a noise whose multiplicative scatter has a correlation time `SLOWER_FACTOR` times as long.
 
         Its variance is increased so that differences of neighbouring readings stay the same. A record hardly
         distinguishes the two noises, but the uncertainty of rates depends on the choice. span: duration of the record
         in s.
         """
-        times = float(min(SLOWER, 2.0 * span / self.scatter_time))
+        times = float(min(SLOWER_FACTOR, 2.0 * span / self.scatter_time))
         stronger = self.scatter * float(np.sqrt(times))
         return replace(self, scatter=stronger, scatter_time=self.scatter_time * times)
 
@@ -106,7 +106,11 @@ def _covariance(
     lag: np.ndarray, inverse: np.ndarray, thermal: np.ndarray, slow: float, each: float, apart: float,
     numbers: Sequence[float] | np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Return the covariance of means of readings; numbers: scatter, scatter_time, floor, floor_time, white."""
+    """Return the covariance, (n, n), of means of `each` readings that are `apart` (s) apart.
+
+    lag: time differences in s, (n, n). inverse: 1/A, (n,). thermal: correlations of the slow part of the floor, whose
+    fraction is `slow`, (n, n). numbers: scatter, scatter_time, floor, floor_time, white, as in `Noise`.
+    """
     su, lu, floor, lv, white = numbers
     covariance = su * su * np.exp(lag / -lu)
     # Covariance of means of `each` readings, `apart` (s) apart, of an Ornstein-Uhlenbeck process with unit variance.
@@ -138,7 +142,7 @@ def infer_noise(
     begin: Noise | None = None,
     only_floor: bool = False,
 ) -> Noise:
-    """Return the most probable noise by restricted maximum likelihood (Harville 1977).
+    """Infer the most probable noise by restricted maximum likelihood (Harville 1977).
 
     The parameters of the law, which have flat priors, are integrated out.
 
@@ -172,19 +176,19 @@ def infer_noise(
     lag = np.abs(t[:, None] - t)
     inverse = np.exp(-x)
     thermal = np.exp(lag / -slow_time)
-    rough = max(float(np.std(np.diff(residual)[: max(4, t.size // 2)])) / np.sqrt(2), SMALLEST)
+    rough = max(float(np.std(np.diff(residual)[: max(4, t.size // 2)])) / np.sqrt(2), LEAST_SCATTER)
     overall = max(float(np.std(residual)), rough)
     power, constant, constant_sd, log_weight = (0.0, 0.0, 0.0, 0.0) if floor is None else floor.parts(slow)
     floor_mean = np.log(2.0 * rough**2) + 2.0 * float(x[-1]) if floor is None else np.log(power)
     floor_sd = FLOOR_UNKNOWN if floor is None else FLOOR_KNOWN
     longest_u, longest_v = LONGEST_SCATTER * span, LONGEST_FLOOR * span
-    low = np.log([SMALLEST, step / 3, np.exp(floor_mean - 4 * floor_sd), apart / 3, SMALLEST, 1e-4])
+    low = np.log([LEAST_SCATTER, step / 3, np.exp(floor_mean - 4 * floor_sd), apart / 3, LEAST_SCATTER, 1e-4])
     high = np.log([1.0, max(longest_u, step), np.exp(floor_mean + 4 * floor_sd), longest_v, 1.0, 0.5])
     scatter, scatter_time = 0.5 * np.log(rough * overall), np.log(step * longest_u) / 2
     centre = np.array([scatter, scatter_time, floor_mean, np.log(step), np.log(rough / 2), 0.0])
-    width = np.array([WIDE, np.inf, floor_sd, np.inf, WIDE, np.inf])
+    width = np.array([LOG_SCATTER_SD, np.inf, floor_sd, np.inf, LOG_SCATTER_SD, np.inf])
     extra = np.zeros_like(lag)
-    smooth = warp @ smooth_root(warp.shape[1], SLOW)
+    smooth = warp @ smooth_root(warp.shape[1], DEVIATION_LENGTH)
     kernel = smooth @ smooth.T
     if constant > 0:
         residual = residual - 0.5 * constant * inverse**2
@@ -233,7 +237,7 @@ def infer_noise(
     )  # fmt: skip
 
 
-def whiten(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+def whiten_columns(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
     """Whiten columns by the Cholesky factor of the covariance of the noise.
 
     Parameters

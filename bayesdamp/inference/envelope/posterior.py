@@ -17,8 +17,8 @@ from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandi
 from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import hats
 
-DRAWS = 4000
-"""Number of draws."""
+RATE_DRAWS = 4000
+"""Number of draws, from all candidates together."""
 SENSOR = 0.002
 """Relative standard deviation of every rate by errors that no record shows: linearity of the detector, and its clock
 (conventional)."""
@@ -26,10 +26,10 @@ DRIFT = 0.1
 """Drift or nonlinearity of a detector that reads dB over half of a decay (dB, sd), which the record does not show.
 Conventional: makers of analysers state 0.1 to 0.2."""
 POINTS_ALONG = 257
-"""Number of points of a fit, evenly spaced in ln A, for means over the decay."""
-LOSSES = 33
+"""Number of points along a fit, evenly spaced in ln A, at which means over the decay are computed."""
+LOSS_POINTS = 33
 """Number of amplitudes, evenly spaced in their logarithm, at which the rate of each term is stored."""
-WIDE = 3.0
+WIDE_PRIOR = 3.0
 """Standard deviation, in units of the sum of the fitted rates, of a normal prior with which the likelihoods of several
 noises are merged; its effect is removed afterwards."""
 
@@ -47,11 +47,11 @@ class RateDraws:
     energy
         Fraction of the energy that each term dissipates, (n, terms).
     deviation
-        Root mean square deviation, (n,).
+        Root mean square over time of the relative deviation of the rate from the law, (n,).
     candidate
         Index of the candidate, (n,).
     rates
-        Rates at the reference amplitude by term, for the draws that have the term.
+        Rates in 1/s at the reference amplitude by term, for the draws that have the term.
     """
 
     at: np.ndarray
@@ -62,7 +62,7 @@ class RateDraws:
     rates: Mapping[str, np.ndarray]
 
 
-def draw(
+def draw_rates(
     blocks: Blocks,
     candidates: Sequence[EnvelopeCandidate],
     terms: Sequence[str],
@@ -71,14 +71,14 @@ def draw(
     sensor: float = SENSOR,
     exact: bool = False,
 ) -> RateDraws:
-    """Draw the quantities of an answer.
+    """Draw decay rates, energy fractions and deviations from the posterior of a decay.
 
     Parameters
     ----------
     blocks : Blocks
         The readings.
     candidates : sequence of EnvelopeCandidate
-        All candidates of all sums.
+        All candidates of all sums; a draw is from one of them, chosen by its probability.
     terms : sequence of str
         Names of all terms.
     amplitudes : ndarray
@@ -97,7 +97,7 @@ def draw(
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
     # Numbers of draws of each candidate, by systematic resampling (Kitagawa 1996).
-    positions = (rng.random() + np.arange(DRAWS)) / DRAWS
+    positions = (rng.random() + np.arange(RATE_DRAWS)) / RATE_DRAWS
     counts = np.bincount(np.searchsorted(np.cumsum(normalise(log_z))[:-1], positions), minlength=log_z.size)
     s, names = blocks.t / blocks.duration, list(terms)
     ends = np.ones(POINTS_ALONG // 2 + 1)
@@ -196,7 +196,7 @@ def likelihood_of(
     Parameters
     ----------
     candidate
-        A damping sum without further parameters.
+        A damping sum whose terms have no own parameters.
     blocks
         The readings.
     reference
@@ -204,12 +204,12 @@ def likelihood_of(
     unit
         Unit of the readings.
     """
-    scale = WIDE * float(candidate.rates.sum()) / candidate.unit
+    scale = WIDE_PRIOR * float(candidate.rates.sum()) / candidate.unit
     about = candidate.about
     of_scores = damping_likelihood(about.normals, np.arange(len(candidate.terms)), about.log_sizes)
     log, slope, information = merge_noises(of_scores, grid_of(KNOTS, phases=False).log_prior.size, scale)
     slope, information = slope / candidate.unit, information / candidate.unit**2
-    x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSSES)
+    x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSS_POINTS)
     shapes = candidate.law.shapes(np.append(x, 0.0))
     losses = np.log(np.maximum(shapes[:, :-1] / shapes[:, -1:], 1e-300))
     return RateLikelihood(

@@ -1,6 +1,6 @@
-"""Damping sums on an envelope: those that it can distinguish, their decay laws, their evidence and their probabilities.
+"""Damping sums on an envelope: which of them it can distinguish, their decay laws, evidence and probabilities.
 
-The posterior of further parameters of terms is represented by points from adaptive multiple importance sampling: each
+The posterior of the terms' own parameters is represented by points from adaptive multiple importance sampling: each
 round of points is from a normal distribution fitted to all earlier points, and all points are weighted against the
 mixture of these distributions (J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Scand. J. Stat. 39, 798 (2012)).
 The points come from a low-discrepancy sequence instead of random numbers.
@@ -20,12 +20,12 @@ from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import MEAN_G, PROBABILITY_EXACT
 from bayesdamp.inference.envelope.candidates import (
-    POWER_MOST,
+    MOST_POWER,
     Blocks,
     EnvelopeCandidate,
+    fit_candidate,
     fit_rates,
-    weigh,
-    weigh_power,
+    power_law_evidence,
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.numerics.weights import effective_size, normalise
@@ -45,37 +45,35 @@ from bayesdamp.priors import FURTHER_TERM, SHARED_SCALES, odds
 from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
-HOPELESS = 25.0
-"""Distance to the best log evidence with the first noise (nats) from which a sum is not evaluated with the other
-noises,
-which change it by a few nats."""
-POINTS = 24
-"""Number of points that represent the posterior of the further parameters of a sum."""
+HOPELESS_NATS = 25.0
+"""A sum that is more than this many nats behind the best with the first noise is not evaluated with the other noises,
+which change its log evidence by a few nats."""
+POSTERIOR_POINTS = 24
+"""Number of points that represent the posterior of the own parameters of a sum's terms."""
 FIRST_ROUNDS = 6
-"""Number of rounds of points in the search for the best fit of a sum with further parameters."""
-SMALL = 0.01
+"""Number of rounds of points in the search for the best fit of a sum whose terms have own parameters."""
+LEAST_RELATIVE_RATE = 0.01
 """Smallest relative rate of a term at the reference amplitude, as a fraction of its largest along the decay. (A
-coefficient is
-measured by the rate at the reference amplitude.)"""
-STEEP = 3.0
-"""Largest power of the amplitude in dA/dt among the terms of the package."""
-BEYOND = 1.0
-"""Range of ln A beyond the readings in which a law is tabulated."""
-ROUND = 16
+coefficient is measured by the rate at the reference amplitude.)"""
+STEEPEST_POWER = 3.0
+"""Largest power of the amplitude in dA/dt among the terms of the package (cubic damping)."""
+TABLE_MARGIN = 1.0
+"""A law is tabulated up to this distance in ln A beyond the readings, at both ends."""
+POINTS_PER_ROUND = 16
 """Number of points in a round."""
-ROUNDS = 12
+MOST_ROUNDS = 12
 """Greatest number of rounds; a posterior that is a thousand times narrower than the prior needs eight."""
 ENOUGH_EFFECTIVE = 32.0
 """Effective number of points at which sampling ends."""
-WIDER = 1.5
-"""Factor of the variance of the next normal distribution, relative to that of the points."""
-FLATTER = 0.8
-"""Factor of the exponent of weights, which is reduced until enough points have weight."""
-REACH = 5.0
-"""Largest standard normal score of a point."""
+VARIANCE_FACTOR = 1.5
+"""Variance of the next normal distribution, relative to that of the weighted points."""
+FLATTENING_STEP = 0.8
+"""Weights are raised to a power that is multiplied by this until enough points have weight."""
+LARGEST_SCORE = 5.0
+"""Largest absolute value of a score of a point (scores have the prior N(0, 1))."""
 MOST_TERMS = 3
 """Greatest number of terms in a sum; a decay cannot distinguish more."""
-ASSUMED = (
+ASSUMPTIONS = (
     "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
     "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
     f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
@@ -90,20 +88,20 @@ ASSUMED = (
 )
 COMPARED_AMPLITUDES = 65
 """Number of amplitudes, evenly spaced in their logarithm, at which two laws are compared."""
-SAME = 1e-4
-"""Largest root mean square difference of relative rates at which two laws count as equal."""
-EXCLUDED = 7.0
-"""Distance to the most probable sum (nats) from which the parameters of another sum are excluded by their priors."""
-EXPONENTS = 3001
+SAME_LAW_RMS = 1e-4
+"""Two laws count as equal if the root mean square of their relative difference in rate is at most this."""
+EXCLUDED_NATS = 7.0
+"""Only sums that are at most this many nats behind the most probable one can be indistinguishable from it."""
+EXPONENT_GRID = 3001
 """Number of grid values of the exponent of a power law."""
-NEGLIGIBLE = 1e-5
-"""Relative weight up to which a component of a mixture is left out."""
+NEGLIGIBLE_WEIGHT = 1e-5
+"""Components of a mixture with at most this weight, relative to the largest, are left out."""
 Sums = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
 class Sum:
-    """A damping sum on one envelope.
+    """A damping sum, scaled to one envelope.
 
     Attributes
     ----------
@@ -112,7 +110,7 @@ class Sum:
     start, low
         ln(A/A_ref) at the start, and of the lowest reading.
     each
-        The damping terms; () if the sum has only viscous, Coulomb and quadratic damping.
+        The damping terms as objects; () if they are only viscous, Coulomb and quadratic, which have a closed form.
     scale
         Amplitude and frequency with which the parameters of the terms scale.
     """
@@ -135,12 +133,12 @@ class Sum:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Number of further parameters of each term."""
+        """Number of own parameters of each term."""
         return tuple(len(term.inferred) for term in self.each)
 
     @property
     def count(self) -> int:
-        """Number of further parameters of all terms."""
+        """Number of own parameters of all terms together."""
         return sum(self.counts)
 
     def scores_of(self, scores: Sequence[float], term: int) -> tuple[float, ...]:
@@ -149,7 +147,7 @@ class Sum:
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
     def law(self, scores: Sequence[float] = ()) -> DecayLaw:
-        """Return the decay law for scores of the further parameters."""
+        """Return the decay law at given scores of the terms' own parameters."""
         if not self.each:
             return ClosedForm(self.terms)
 
@@ -159,27 +157,27 @@ class Sum:
             return lambda x: np.exp(loss(x - self.start) - unit)
 
         shapes = tuple(map(shape, range(len(self.each))))
-        return TabulatedLaw(self.terms, shapes, self.low - BEYOND, self.start + BEYOND)
+        return TabulatedLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
         """Return ln of the rate (1/s) at the reference amplitude for a coefficient of 1.
 
-        scale: used instead of that of the sum.
+        scale: amplitude and frequency, by default those of the sum.
         """
         loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
-        return float(max(along[-1], along.max() + np.log(SMALL)))
+        return float(max(along[-1], along.max() + np.log(LEAST_RELATIVE_RATE)))
 
 
 def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: float) -> tuple[Sum, ...]:
-    """Return damping sums on an envelope, from the names of their terms.
+    """Return damping sums, scaled to an envelope, from the names of their terms.
 
     Parameters
     ----------
     asked : sequence of tuple of str
         Names of the terms of each sum.
     scale, start, low
-        Attributes of the sums.
+        Attributes of the `Sum`s.
     """
     return tuple(
         Sum(terms, start, low, () if set(terms) <= set(POWERS) else tuple(map(TERMS.get, terms)), scale)
@@ -192,7 +190,7 @@ def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
 
 
-def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
+def list_assumptions(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the assumptions of an answer with these sums, one sentence each.
 
     Parameters
@@ -209,11 +207,11 @@ def assumed(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tu
         "Further parameters of terms have the terms' own priors, here in units of the amplitude at the start and the "
         f"angular frequency: {each}.",
     )
-    return (*compared, *left_out, *(further if inferred else ()), *ASSUMED)
+    return (*compared, *left_out, *(further if inferred else ()), *ASSUMPTIONS)
 
 
-def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
-    """Return the sums that an envelope can distinguish, and a sentence on each other sum.
+def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
+    """Return the sums that an envelope can distinguish, and for each other sum a sentence why it is left out.
 
     Two terms cannot be distinguished if they dissipate the same energy at every amplitude, up to a factor.
 
@@ -257,12 +255,14 @@ def weighable(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
 
 
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[DecayLaw, float, np.ndarray]:
-    """Return a decay law that fits at least as well as any of these sums, ln A at its start, and its rates.
+    """Return a decay law that fits at least as well as any of the sums, ln(A/A_ref) at its start, and its rates.
 
     It includes viscous, Coulomb and quadratic damping, and the terms of the best of the other sums; or the third power
     of the amplitude if that fits best.
     """
-    steep = TabulatedLaw(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
+    steep = TabulatedLaw(
+        ("steep",), (_power(STEEPEST_POWER),), float(b.x.min()) - TABLE_MARGIN, b.ends[0] + TABLE_MARGIN
+    )
     fits = [(law, fit_rates(b, law, inverse)) for law in (ClosedForm(SUMS[-1]), steep)]
     fits += [_fit_sum(b, s, inverse) for s in sums if s.each]
     law, fit = min(fits, key=lambda pair: pair[1].squares)
@@ -277,7 +277,7 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
 
 
 def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:
-    """Return the law of a sum for the best scores of its further parameters, and its fit."""
+    """Return the law of a sum at the best scores of the terms' own parameters, and its fit."""
 
     @cache
     def at(scores: tuple[float, ...]) -> tuple[DecayLaw, LeastSquaresFit]:
@@ -286,7 +286,7 @@ def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSqu
 
     if not s.count:
         return at(())
-    explored = explore(lambda z: -0.5 * at(z)[1].squares, s.count, FIRST_ROUNDS)
+    explored = importance_points(lambda z: -0.5 * at(z)[1].squares, s.count, FIRST_ROUNDS)
     return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda pair: pair[1].squares)
 
 
@@ -298,7 +298,7 @@ def _power(power: float) -> Shape:
 def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
     """Compute the evidence of every sum with the first noise, and of those near the best with all noises.
 
-    A sum with further parameters gives a candidate for each point that represents their posterior.
+    A sum whose terms have own parameters gives a candidate for each point that represents their posterior.
 
     Parameters
     ----------
@@ -313,33 +313,36 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
         The candidates of all sums.
     """
     roughly = b.with_first_noise
-    first = [explore(_evidence(roughly, s), s.count) if s.count else weigh(roughly, s.law()) for s in sums]
+    first = [
+        importance_points(_evidence(roughly, s), s.count) if s.count else fit_candidate(roughly, s.law())
+        for s in sums
+    ]
     totals = [known.log_integral if isinstance(known, WeightedPoints) else known.total for known in first]
     most = max(totals)
     candidates = []
     for s, known, total in zip(sums, first, totals, strict=True):
-        tried = b if total > most - HOPELESS else roughly
+        tried = b if total > most - HOPELESS_NATS else roughly
         if isinstance(known, EnvelopeCandidate):
-            candidates.append(weigh(tried, known.law, known, log_share=s.log_prior))
+            candidates.append(fit_candidate(tried, known.law, known, log_share=s.log_prior))
             continue
-        points, times = np.unique(known.resample(POINTS), axis=0, return_counts=True)
+        points, times = np.unique(known.resample(POSTERIOR_POINTS), axis=0, return_counts=True)
         for scores, count in zip(map(tuple, points.tolist()), times, strict=True):
             law = s.law(scores)
-            alone = weigh(roughly, law)
+            alone = fit_candidate(roughly, law)
             # Each point represents a fraction of the evidence of its sum, which changes with the other noises like its
             # own.
-            log_fraction = total - alone.total + np.log(count / POINTS) + s.log_prior
-            candidates.append(weigh(tried, law, alone, scores, float(log_fraction)))
+            log_fraction = total - alone.total + np.log(count / POSTERIOR_POINTS) + s.log_prior
+            candidates.append(fit_candidate(tried, law, alone, scores, float(log_fraction)))
     return candidates
 
 
 def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
-    """Return the log evidence of a sum as a function of the scores of its further parameters."""
+    """Return a function from the scores of a sum's own parameters to its log evidence."""
     rates: np.ndarray | None = None
 
     def at(scores: tuple[float, ...]) -> float:
         nonlocal rates
-        candidate = weigh(b, s.law(scores), begin=rates)
+        candidate = fit_candidate(b, s.law(scores), begin=rates)
         rates = np.maximum(candidate.rates, 1e-3 * b.mean_rate)  # a start for the next fit
         return candidate.total
 
@@ -364,7 +367,7 @@ class WeightedPoints:
         return self.points[int(np.argmax(self.log_weight))]
 
     def resample(self, count: int) -> np.ndarray:
-        """Return points of equal weight, (count, e), at even quantiles along the widest direction."""
+        """Return points, (count, e), at equidistant quantiles of the density along its widest direction."""
         weight = normalise(self.log_weight)
         off = self.points - weight @ self.points
         widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
@@ -374,10 +377,10 @@ class WeightedPoints:
         return self.points[order][np.minimum(at, len(order) - 1)]
 
 
-def explore(
-    log_likelihood: Callable[[tuple[float, ...]], float], count: int, rounds: int = ROUNDS
+def importance_points(
+    log_likelihood: Callable[[tuple[float, ...]], float], count: int, rounds: int = MOST_ROUNDS
 ) -> WeightedPoints:
-    """Represent the density of some scores, standard normal prior times likelihood, by weighted points.
+    """Represent a density of scores, N(0, 1) prior times likelihood, by weighted points.
 
     Parameters
     ----------
@@ -403,31 +406,34 @@ def explore(
     proposals: list[tuple[np.ndarray, np.ndarray]] = [prior]
     points, logs = np.empty((0, count)), np.empty(0)
     while True:
-        mean, triangle = proposals[-1]
-        even = (0.5 + np.arange(len(points) + 1, len(points) + ROUND + 1)[:, None] * steps) % 1.0
-        drawn = np.clip(ndtri(even) @ triangle.T + mean, -REACH, REACH)
+        mean, cholesky = proposals[-1]
+        uniform_points = (
+            0.5 + np.arange(len(points) + 1, len(points) + POINTS_PER_ROUND + 1)[:, None] * steps
+        ) % 1.0
+        drawn = np.clip(ndtri(uniform_points) @ cholesky.T + mean, -LARGEST_SCORE, LARGEST_SCORE)
         points = np.vstack([points, drawn])
         logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])
         mixture = np.logaddexp.reduce([_log_normal(points, *proposal) for proposal in proposals], axis=0)
-        log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
+        log_weight = logs + _log_normal(points, *prior) - mixture - np.log(POINTS_PER_ROUND)
         if effective_size(log_weight) >= ENOUGH_EFFECTIVE or len(proposals) >= rounds:
             return WeightedPoints(points, log_weight)
         # The next normal distribution is fitted to the points, with weights flattened until enough points have weight.
-        power = 1.0
-        while effective_size(power * log_weight) < 2.0 + 2.0 * count:
-            power *= FLATTER
-        weight = normalise(power * log_weight)
+        flattening = 1.0
+        while effective_size(flattening * log_weight) < 2.0 + 2.0 * count:
+            flattening *= FLATTENING_STEP
+        weight = normalise(flattening * log_weight)
         mean = weight @ points
         off = points - mean
-        covariance = WIDER * (off.T * weight) @ off
+        covariance = VARIANCE_FACTOR * (off.T * weight) @ off
+        # A small diagonal keeps the covariance positive definite if the points lie in a plane or nearly coincide.
         covariance += 1e-10 * np.eye(count) + 1e-4 * np.diag(np.diag(covariance))
         proposals.append((mean, np.linalg.cholesky(covariance)))
 
 
-def _log_normal(points: np.ndarray, mean: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Return the log density, (n,), of a normal distribution with Cholesky factor `triangle`."""
-    z = np.linalg.solve(triangle, (points - mean).T)
-    log_det = np.log(np.diag(triangle)).sum()
+def _log_normal(points: np.ndarray, mean: np.ndarray, cholesky: np.ndarray) -> np.ndarray:
+    """Return the log density, (n,), of a normal distribution with Cholesky factor `cholesky`."""
+    z = np.linalg.solve(cholesky, (points - mean).T)
+    log_det = np.log(np.diag(cholesky)).sum()
     return -0.5 * np.sum(z * z, axis=0) - log_det - 0.5 * mean.size * np.log(2 * np.pi)
 
 
@@ -508,13 +514,13 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
 
 
 def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
-    """Return pairs of sums with nearly the same decay, where one of each pair is the most probable sum.
+    """Return the pairs of the most probable sum and another one that have nearly the same decay.
 
-    The first sum of a pair has further parameters and is not simpler than the second, so that the choice between them
+    The first sum of a pair has own parameters and is not simpler than the second, so that the choice between them
     depends only on the priors. (A simpler law that is a special case is distinguished by its evidence.)
     """
     best, most = ranking.best, ranking.log_evidence.max()
-    near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED]
+    near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED_NATS]
     pairs = []
     for a, b in [*((best, s) for s in near), *((s, best) for s in near)]:
         if a.count == 0 or b.count > 0 or len(a.terms) + a.count < len(b.terms):
@@ -525,7 +531,7 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
                 continue
             x = np.linspace(c.fit[0], c.fit[-1], COMPARED_AMPLITUDES)
             losses = law.shapes(x) / np.maximum(c.law.rate(x, c.rates), 1e-300)
-            if nnls(losses.T, np.ones(x.size))[1] > SAME * np.sqrt(x.size):
+            if nnls(losses.T, np.ones(x.size))[1] > SAME_LAW_RMS * np.sqrt(x.size):
                 break
         else:
             pairs.append((a.name, b.name))
@@ -534,7 +540,7 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class PowerFit:
-    """The power law dA/dt = -cA^p: exponent p, and `odds`, its log Bayes factor against the mixture of all sums."""
+    """The power law dA/dt = -cA^p: exponent p, and `odds`, its log Bayes factor (nats) against all sums."""
 
     exponent: Quantity
     odds: float
@@ -542,19 +548,19 @@ class PowerFit:
 
 def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
     """Fit a power law, and compare its evidence with that of the damping sums."""
-    log_z, mean, variance = weigh_power(b)
+    log_z, mean, variance = power_law_evidence(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
-    return PowerFit(mixture_range(log_z, mean, variance), odds)
+    return PowerFit(mixture_interval(log_z, mean, variance), odds)
 
 
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
-    """Compute the candidates of damping by one power of the velocity (the term `power`)."""
+    """Fit the term `power`, one power of the velocity; return a candidate for each point of its posterior."""
     return compare_sums(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
 
 
-def mixture_range(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> Quantity:
-    """Return median and 95 % interval of a mixture of normal distributions, truncated at 0 and `POWER_MOST`.
+def mixture_interval(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> Quantity:
+    """Return median and 95 % interval of a mixture of normal distributions, truncated at 0 and `MOST_POWER`.
 
     Parameters
     ----------
@@ -562,15 +568,15 @@ def mixture_range(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray
         Log weight, mean and variance of each component.
     """
     weight = np.exp(log_weight - log_weight.max())
-    grid = np.linspace(0.0, POWER_MOST, EXPONENTS)
+    grid = np.linspace(0.0, MOST_POWER, EXPONENT_GRID)
     density = np.zeros_like(grid)
     for w, m, v in zip(weight, mean, variance, strict=True):
-        if w > NEGLIGIBLE:
+        if w > NEGLIGIBLE_WEIGHT:
             density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
     total = np.cumsum(density)
     if not total[-1] > 0:  # the mixture is narrower than the grid, or outside it
-        centre = float(np.clip(weight @ mean / weight.sum(), 0.0, POWER_MOST))
-        half = 0.5 * (POWER_MOST / (EXPONENTS - 1))
-        return Quantity(centre, max(centre - half, 0.0), min(centre + half, POWER_MOST))
+        centre = float(np.clip(weight @ mean / weight.sum(), 0.0, MOST_POWER))
+        half = 0.5 * (MOST_POWER / (EXPONENT_GRID - 1))
+        return Quantity(centre, max(centre - half, 0.0), min(centre + half, MOST_POWER))
     low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
     return Quantity(middle, low, high)

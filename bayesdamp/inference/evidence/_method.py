@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from bayesdamp.inference.mode import Mode
     from bayesdamp.inference.model.target import Target
 
-NESTED_CHECK = "nested"
-"""Name of the method that decides if the others disagree."""
-APART = 3.0
-"""Difference of two methods, in combined standard errors, from which they disagree (conventional)."""
-COMBINED = "combined"
-"""Method name of the log evidence that is used for a model, from one or several methods."""
+REFEREE = "nested"
+"""Name of the evidence method that decides if the others disagree."""
+SE_APART = 3.0
+"""Two methods disagree if they differ by at least this many combined standard errors (conventional)."""
+ADOPTED = "combined"
+"""Value of the column `method` for the adopted log evidence, which is from one method or averaged over several."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def disagreement(evidences: Sequence[Evidence]) -> str:
     for first, second in combinations(evidences, 2):
         error = float(np.hypot(first.stderr, second.stderr))
         apart = abs(first.log_evidence - second.log_evidence) / error if error > 0 else np.inf
-        if not apart < APART:
+        if not apart < SE_APART:
             return f"{first.method} and {second.method} are {apart:.1f} standard errors apart"
     return ""
 
@@ -102,24 +102,24 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     by inverse variance. The outcome reports that no method is reliable, or that they disagree.
     """
     if not any(np.isfinite(e.log_evidence) for e in evidences):
-        return replace(evidences[0], method=COMBINED)
-    others = [e for e in evidences if e.method != NESTED_CHECK]
+        return replace(evidences[0], method=ADOPTED)
+    others = [e for e in evidences if e.method != REFEREE]
     why = disagreement(others)
     for e in evidences:
-        if e.method == NESTED_CHECK and e.outcome == OK:
+        if e.method == REFEREE and e.outcome == OK:
             reason = f"nested sampling counts: {why}" if why else "nested sampling counts"
-            return replace(e, method=COMBINED, diagnostic=reason)
+            return replace(e, method=ADOPTED, diagnostic=reason)
     trusted = [e for e in others if e.outcome == OK]
     if not trusted:
         best = min(evidences, key=lambda e: e.stderr if np.isfinite(e.stderr) else np.inf)
-        return replace(best, method=COMBINED, diagnostic=why, outcome=f"not settled: {why}")
+        return replace(best, method=ADOPTED, diagnostic=why, outcome=f"not settled: {why}")
     weights = np.array([e.stderr**-2 for e in trusted])
     names = " and ".join(e.method for e in trusted)
     split = disagreement(trusted) if len(trusted) > 1 else ""
     outcome = f"not settled: {split}" if split else OK
     return replace(
         trusted[0],
-        method=COMBINED,
+        method=ADOPTED,
         log_evidence=float(weights @ [e.log_evidence for e in trusted] / weights.sum()),
         stderr=float(weights.sum() ** -0.5),
         diagnostic=f"{names} agree" if len(trusted) > 1 and outcome == OK else f"by {names}",

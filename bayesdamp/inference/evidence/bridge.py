@@ -16,17 +16,18 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
-PROPOSALS = 2000
-"""Number of draws of the fitted distribution for each half of the posterior draws."""
-ITERATIONS = 1000
-TOLERANCE = 1e-10
+PROPOSAL_DRAWS = 2000
+"""Number of draws of the fitted distribution, for each half of the posterior draws."""
+MOST_ITERATIONS = 1000
+"""Largest number of iterations of the bridge."""
+BRIDGE_TOLERANCE = 1e-10
 """Change of the log evidence (nats) at which the iteration ends."""
 OVERLAP_LIMIT = 0.1
 """Overlap below which the result is unreliable (conventional)."""
 SMALL_OVERLAP = 0.3
 """Overlap below which a curved ridge is straightened (conventional)."""
-APART = 3.0
-"""Difference of the two halves, in standard errors, from which the result is unreliable (conventional)."""
+SE_APART = 3.0
+"""The result is unreliable if its two halves differ by at least this many standard errors (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Bridge(EvidenceMethod):
             outcome = (
                 f"not to be trusted: posterior and fit overlap by {overlap:.2f}, less than {OVERLAP_LIMIT}"
             )
-        elif not apart < APART:
+        elif not apart < SE_APART:
             outcome = f"not to be trusted: the two halves of the draws are {apart:.1f} standard errors apart"
         return Evidence(
             model=model,
@@ -103,10 +104,10 @@ def _bridge_halves(
     estimates = []
     for fitted_half, bridged in (parts, parts[::-1]):
         proposal = fit_reflected_t(fitted_half.reshape(-1, reflected.size), reflected)
-        y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSALS)])
+        y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSAL_DRAWS)])
         ratio = mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
         evaluations += len(y)
-        cut = len(y) - PROPOSALS
+        cut = len(y) - PROPOSAL_DRAWS
         estimates.append(bridge(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
     return estimates, evaluations
 
@@ -126,12 +127,12 @@ def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:
     a, b = np.log(fraction), np.log1p(-fraction)
     draws = at_draws.ravel()
     log_z = float(np.median(draws))
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         before = log_z
         up = logsumexp(at_proposals - np.logaddexp(a + at_proposals, b + log_z)) - np.log(at_proposals.size)
         down = logsumexp(-np.logaddexp(a + draws, b + log_z)) - np.log(draws.size)
         log_z = float(up - down)
-        if abs(log_z - before) < TOLERANCE:
+        if abs(log_z - before) < BRIDGE_TOLERANCE:
             break
     # The relative variance of the estimate, from the two functions whose means the bridge compares.
     up = np.exp(at_proposals - log_z - np.logaddexp(a + at_proposals - log_z, b))

@@ -13,10 +13,10 @@ from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fit_reflected_t
 from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
-PILOT, FINAL = 1000, 4000
-"""Number of draws by which a proposal is judged, and number of draws of the result."""
-ROUNDS = 5
-"""Greatest number of fits of the proposal to weighted draws, plus one."""
+PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
+"""Number of pilot draws by which a proposal is judged, and number of draws of the result."""
+MOST_REFITS = 4
+"""Greatest number of times that the proposal is fitted to its own weighted draws."""
 K_GOOD, K_LIMIT = 0.5, 0.7
 """Pareto shapes of the weights up to which they are good, and reliable (Vehtari et al., JMLR 25, 2024)."""
 LEAST_EFFECTIVE = 50
@@ -25,7 +25,7 @@ LEAST_EFFECTIVE = 50
 
 def _are_good(log_weights: np.ndarray) -> bool:
     """Return whether pilot weights are good; the limit allows for the scatter of their fitted shape, about 0.1."""
-    return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT
+    return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT_DRAWS
 
 
 class Importance(EvidenceMethod):
@@ -51,8 +51,8 @@ class Importance(EvidenceMethod):
         else:
             proposal = fit_reflected_t(mode.linear.draws, reflected)
         chosen = proposal, shear
-        y, log_weights = self._weights(target, mode, *chosen, rng, PILOT)
-        evaluations = PILOT
+        y, log_weights = self._weights(target, mode, *chosen, rng, PILOT_DRAWS)
+        evaluations = PILOT_DRAWS
         others = (
             lambda: self._truncated(target, mode, *chosen),
             lambda: None if (ridge := shear_of(target, mode)) is None else (chosen[0], ridge),
@@ -60,17 +60,19 @@ class Importance(EvidenceMethod):
         for other in others if mode.linear is None else ():
             if _are_good(log_weights) or (tried := other()) is None:
                 continue
-            pilot, weights = self._weights(target, mode, *tried, rng, PILOT)
-            evaluations += PILOT
+            pilot, weights = self._weights(target, mode, *tried, rng, PILOT_DRAWS)
+            evaluations += PILOT_DRAWS
             if not effective_size(log_weights) >= effective_size(weights):
                 chosen, y, log_weights = tried, pilot, weights
-        for _ in range(ROUNDS - 1):
+        for _ in range(MOST_REFITS):
             if _are_good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
                 break  # too few draws have weight, which the outcome reports
             chosen = refitted, chosen[1]
-            y, log_weights = self._weights(target, mode, *chosen, rng, PILOT)
-            evaluations += PILOT
-        final = FINAL if mode.linear is None else FINAL // 2  # a likelihood with deviations takes longer
+            y, log_weights = self._weights(target, mode, *chosen, rng, PILOT_DRAWS)
+            evaluations += PILOT_DRAWS
+        final = (
+            FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
+        )  # a likelihood with deviations takes longer
         y, log_weights = self._weights(target, mode, *chosen, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final

@@ -7,8 +7,8 @@ from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
 
-NORMAL = "no draws: right where the posterior is normal"
-LINEAR = "of the linear model: parameters and deviations integrated out about the best motion"
+NORMAL_DIAGNOSTIC = "no draws: right where the posterior is normal"
+LINEAR_DIAGNOSTIC = "of the linear model: parameters and deviations integrated out about the best motion"
 """Diagnostics of the evidence, without and with deviations from the laws."""
 
 
@@ -31,7 +31,7 @@ class LaplaceEvidence(EvidenceMethod):
             model=model,
             method=self.name,
             log_evidence=log_evidence_about(mode),
-            diagnostic=NORMAL if mode.linear is None else LINEAR,
+            diagnostic=NORMAL_DIAGNOSTIC if mode.linear is None else LINEAR_DIAGNOSTIC,
             evaluations=1,
         )
 

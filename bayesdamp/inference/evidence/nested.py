@@ -17,24 +17,23 @@ from bayesdamp.types import OK, Evidence, Refusal
 if TYPE_CHECKING:
     from nautilus import Sampler
 
-LIVE = 500
+LIVE_POINTS = 500
 """Number of live points (conventional)."""
-EFFECTIVE = 2500
+EFFECTIVE_DRAWS = 2500
 """Effective draws at which a run ends; the log evidence then has an error of 0.02 nats."""
 MAX_LIKELIHOODS = 400_000
 """Number of likelihoods after which a run gives up."""
 LIKELIHOODS_PER_CHECK = 20_000
 """Number of likelihoods between checks of whether a run from the prior can finish."""
-WIDER = 5.0
+WIDE_FACTOR = 5.0
 """Width of the normal distribution about the mode from which a second run starts, as a multiple of the posterior's."""
-BATCH = 250
+LIKELIHOODS_PER_BATCH = 250
 """Number of likelihoods in a batch."""
 MAX_GAP_NATS = 3.0
-"""Greatest distance of the largest likelihood of all points below that of the mode. (Of `EFFECTIVE` draws some are
-within
-a nat of the mode, unless the run has missed it.)"""
+"""Greatest distance of the largest likelihood of all points below that of the mode. (Of `EFFECTIVE_DRAWS` draws some
+are within a nat of the mode, unless the run has missed it.)"""
 LOG_2PI = float(np.log(2 * np.pi))
-SMALLEST = -1e300
+LEAST_LOG_DENSITY = -1e300
 """Log density of an unbounded motion: the sampler does not accept infinities."""
 
 Map = Callable[[np.ndarray], np.ndarray]
@@ -67,7 +66,7 @@ class Nested(EvidenceMethod):
         except Refusal:
             expected = None
 
-        factor = WIDER * mode.factor
+        factor = WIDE_FACTOR * mode.factor
 
         def over_prior(z: np.ndarray) -> np.ndarray:
             """Return the log of prior times likelihood, divided by the standard normal density."""
@@ -117,7 +116,7 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 def _finite(log: np.ndarray) -> np.ndarray:
     """Replace −∞ and nan by a very small log density."""
-    return np.maximum(np.nan_to_num(log, nan=-np.inf), SMALLEST)
+    return np.maximum(np.nan_to_num(log, nan=-np.inf), LEAST_LOG_DENSITY)
 
 
 def run_sampler(
@@ -136,9 +135,9 @@ def run_sampler(
             lambda u: points(u[..., :d]),
             density,
             n_dim=max(d, 2),
-            n_live=LIVE,
+            n_live=LIVE_POINTS,
             n_networks=0,
-            n_batch=BATCH,
+            n_batch=LIKELIHOODS_PER_BATCH,
             vectorized=True,
             seed=seed,
         )
@@ -149,7 +148,7 @@ def run_sampler(
                 if needed is None
                 else min(MAX_LIKELIHOODS, sampler.n_like + LIKELIHOODS_PER_CHECK)
             )
-            done = bool(sampler.run(n_eff=EFFECTIVE, n_like_max=limit, discard_exploration=True))
+            done = bool(sampler.run(n_eff=EFFECTIVE_DRAWS, n_like_max=limit, discard_exploration=True))
             if done or sampler.n_like >= MAX_LIKELIHOODS:
                 return sampler, done
             known = sampler.shell_log_v[np.isfinite(sampler.shell_log_v)]

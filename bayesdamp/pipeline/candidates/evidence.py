@@ -14,7 +14,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.evidence._method import COMBINED, NESTED_CHECK, choose_evidence, disagreement
+from bayesdamp.inference.evidence._method import ADOPTED, REFEREE, choose_evidence, disagreement
 from bayesdamp.interface.evidence import FROM_DRAWS, run_evidence_method
 from bayesdamp.numerics.weights import quantiles
 from bayesdamp.outcomes import Status, status_of
@@ -47,20 +47,16 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
     parts: dict[str, tuple[object, ...]] = {
         f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in methods
     }
-    if methods and study.evidence.referee != "never" and NESTED_CHECK not in methods:
-        referee = (NESTED_CHECK, study.evidence.referee, sorted(methods), draws)
-        parts[f"evidence/{path}/{NESTED_CHECK}"] = referee
+    if methods and study.evidence.referee != "never" and REFEREE not in methods:
+        referee = (REFEREE, study.evidence.referee, sorted(methods), draws)
+        parts[f"evidence/{path}/{REFEREE}"] = referee
     return parts
 
 
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
     """Compute the evidence by one method; it is None for a referee that is not needed. Raises Refusal."""
     study = candidate.study
-    if (
-        method == NESTED_CHECK
-        and NESTED_CHECK not in study.evidence.methods
-        and study.evidence.referee == "auto"
-    ):
+    if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
         others = [m for m in study.evidence.methods if m != FIRST_METHOD]
         weighed = list_evidence(
             candidate.store, f"{candidate.spec.name}/{candidate.repeat}", candidate.model, others
@@ -85,7 +81,7 @@ def list_evidence(store: Store, record: str, model: str, methods: Sequence[str])
     For a method that failed, the evidence has an outcome but no number.
     """
     weighed = []
-    for method in dict.fromkeys((*methods, NESTED_CHECK)):
+    for method in dict.fromkeys((*methods, REFEREE)):
         result = store.find(f"evidence/{record}/{model}/{method}")
         if result is None:
             continue
@@ -110,16 +106,16 @@ def evidence_by_method(
     for model, weighed in by_model.items():
         for e in weighed:
             by_method.setdefault(e.method, {})[model] = e
-    refereed = by_method.get(NESTED_CHECK, {}).values()
-    if NESTED_CHECK not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
+    refereed = by_method.get(REFEREE, {}).values()
+    if REFEREE not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
         # The referee has only outcomes here, which the other methods state too.
-        by_method.pop(NESTED_CHECK, None)
+        by_method.pop(REFEREE, None)
     if len([m for m in by_method if m != FIRST_METHOD]) > 1:
-        by_method[COMBINED] = {}
+        by_method[ADOPTED] = {}
         for model, weighed in by_model.items():
             counting = [e for e in weighed if e.method != FIRST_METHOD]
             if counting:
-                by_method[COMBINED][model] = choose_evidence(counting)
+                by_method[ADOPTED][model] = choose_evidence(counting)
     return by_method
 
 

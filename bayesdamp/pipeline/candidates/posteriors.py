@@ -8,7 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
+from bayesdamp.inference.derived import (
+    CURVE_DRAWS,
+    Motions,
+    curves_against_amplitude,
+    derive_quantities,
+    units,
+)
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.interface.posterior import draw
 from bayesdamp.numerics.weights import resample
@@ -52,7 +58,7 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
         amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
         ratios = law.ratios(amplitudes, u, s.sensor)
     summary = dict(posterior.summaries)
-    derived = derive(motions)
+    derived = derive_quantities(motions)
     # A quantity that some draws do not have (no stable equilibrium, an escape) gets no summary: it would be biased.
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
     for n, v in derived.items():
@@ -116,7 +122,7 @@ def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[
     least = max(min(record.amplitude, record.final_amplitude), SMALLEST * record.amplitude)
     grid = np.geomspace(least, record.amplitude, CURVE_POINTS)
     levels = (*LEVELS, *SPREAD)
-    curves = against_amplitude(motions, grid, levels)
+    curves = curves_against_amplitude(motions, grid, levels)
     if law is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]
         drawn = law.ratio_draws(grid, few, candidate.study.posterior.sensor)

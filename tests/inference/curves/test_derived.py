@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bayesdamp.inference.derived import Motions, against_amplitude, derive
+from bayesdamp.inference.derived import Motions, curves_against_amplitude, derive_quantities
 from bayesdamp.physics.oscillator import Oscillator
 
 K, A, INERTIA = 20.0, 0.3, 0.7
@@ -51,18 +51,18 @@ EXPECTED = {
 
 def test_closed_forms_of_the_linear_law():
     for term, name in {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}.items():
-        result = derive(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
+        result = derive_quantities(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
         assert set(result) == set(EXPECTED[term])
         for quantity, expected in EXPECTED[term].items():
             np.testing.assert_allclose(result[quantity], expected, rtol=1e-6, err_msg=quantity)
-    assert "energy_lost" not in derive(motions(("viscous",), None, zeta=SIZES))
+    assert "energy_lost" not in derive_quantities(motions(("viscous",), None, zeta=SIZES))
 
 
 def test_a_sum_loses_the_sum():
     """Energies and ratios add; a half-life does not (negative control)."""
-    viscous = derive(motions(("viscous",), zeta=SIZES))
-    two = derive(motions(("quadratic",), mu_q=SIZES))
-    both = derive(motions(("viscous", "quadratic"), zeta=SIZES, mu_q=SIZES))
+    viscous = derive_quantities(motions(("viscous",), zeta=SIZES))
+    two = derive_quantities(motions(("quadratic",), mu_q=SIZES))
+    both = derive_quantities(motions(("viscous", "quadratic"), zeta=SIZES, mu_q=SIZES))
     for quantity in ("equivalent_ratio", "log_decrement", "energy_fraction", "energy_lost"):
         np.testing.assert_allclose(both[quantity], viscous[quantity] + two[quantity], rtol=1e-9)
     np.testing.assert_allclose(both["damping_ratio"], viscous["damping_ratio"])
@@ -70,8 +70,8 @@ def test_a_sum_loses_the_sum():
 
 
 def test_natural_frequency_where_draws_change_it():
-    assert "natural_frequency" not in derive(motions(("viscous",), zeta=SIZES))
-    result = derive(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
+    assert "natural_frequency" not in derive_quantities(motions(("viscous",), zeta=SIZES))
+    result = derive_quantities(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
     np.testing.assert_allclose(result["natural_frequency"], 10 * np.sqrt(SIZES))
     np.testing.assert_allclose(result["damping_ratio"], 0.1 * np.sqrt(SIZES))
 
@@ -79,8 +79,10 @@ def test_natural_frequency_where_draws_change_it():
 def test_curves_are_quantiles_of_the_draws():
     zeta = np.abs(np.random.default_rng(0).normal(0.05, 0.01, (4, 1000)))
     grid = np.array([0.05, 0.1, 0.3])
-    result = against_amplitude(motions(("viscous",), zeta=zeta), grid)
+    result = curves_against_amplitude(motions(("viscous",), zeta=zeta), grid)
     expected = np.quantile(zeta.ravel()[::4] / W, [0.025, 0.5, 0.975])
     np.testing.assert_allclose(result["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
-    friction = against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)["log_decrement"][1]
+    friction = curves_against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)["log_decrement"][
+        1
+    ]
     np.testing.assert_allclose(friction * grid, friction[0] * grid[0], rtol=1e-9)

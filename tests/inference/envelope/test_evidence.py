@@ -10,7 +10,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation import linear
-from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, weigh
+from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_candidate
 from bayesdamp.inference.envelope.noise import Noise
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.amplitude import SUMS, ClosedForm, decay
@@ -34,7 +34,7 @@ def blocks(slower: float = 1.0, noise: float = 0.05) -> Blocks:
 
 
 def weighed(b: Blocks) -> list[EnvelopeCandidate]:
-    return [weigh(b, ClosedForm(terms)) for terms in SUMS]
+    return [fit_candidate(b, ClosedForm(terms)) for terms in SUMS]
 
 
 def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
@@ -45,10 +45,10 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
     b = blocks(noise=0.02)
-    candidate = weigh(b, ClosedForm(("viscous", "coulomb")))
+    candidate = fit_candidate(b, ClosedForm(("viscous", "coulomb")))
     # Of no deviation and the noise as given, whose factors are exp(-0.25), 1, exp(0.25); without its prior probability.
-    given = candidate.weighed.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
-    log_z = logsumexp(candidate.weighed.log_each[given]) - np.log(0.8) + np.log(3.0)
+    given = candidate.posterior.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
+    log_z = logsumexp(candidate.posterior.log_each[given]) - np.log(0.8) + np.log(3.0)
     grid = np.linspace(0.0, 0.16, 161)
     starts = np.linspace(1.16, 1.24, 33)
     viscous, coulomb = np.maximum(grid, 1e-9)[:, None, None], grid[:, None]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.inference.envelope.sums import explore
+from bayesdamp.inference.envelope.sums import importance_points
 
 
 @pytest.mark.parametrize(("count", "mean", "sd"), [(1, 0.7, 0.004), (3, 0.5, 0.05)])
 def test_a_normal_likelihood_has_the_integral_of_its_closed_form(count, mean, sd):
-    explored = explore(lambda z: -0.5 * sum((score - mean) ** 2 / sd**2 for score in z), count)
+    explored = importance_points(lambda z: -0.5 * sum((score - mean) ** 2 / sd**2 for score in z), count)
     v = sd**2 / (1 + sd**2)
     truth = count * (0.5 * np.log(v) - 0.5 * mean**2 / (1 + sd**2))
     assert explored.log_integral == pytest.approx(truth, abs=0.1)

@@ -52,7 +52,7 @@ def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     """As where from the prior it would take too long. Negative control: with the half-normal priors' two left out."""
     monkeypatch.setattr(nested, "LIKELIHOODS_PER_CHECK", 1)  # it asks at once
     monkeypatch.setattr(nested, "log_evidence_about", lambda *_: -1e9)  # and has a billion nats to go
-    monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
+    monkeypatch.setattr(nested, "EFFECTIVE_DRAWS", 10_000)
     target, mode = problem(case)
     result = EVIDENCES.get("nested").evidence("model", target, mode, 1)
     assert result.outcome == "ok", result
