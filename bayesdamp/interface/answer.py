@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config.study import DEVIATIONS
+from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
 from bayesdamp.inference.deviation.linear import DampingLikelihood
@@ -216,7 +217,8 @@ def answer(
     findings = compute_findings(comparison, wanted, sensor=sensor, seed=seed)
     first = signal.provenance.start
     averaging = comparison.averaging
-    remarks = [*notes, *filter(None, [remark_on(signal), _noise_remark(comparison.noise)])]
+    own = [remark_on(signal), _noise_remark(comparison.noise), _phase_remark(comparison.data, first)]
+    remarks = [*notes, *filter(None, own)]
     if damping:
         clear = {r.candidate.damping for r in comparison.results}
         clear |= {c.damping for c, why in comparison.refused.items() if why == BEHIND}
@@ -381,6 +383,20 @@ def _noise_remark(noise: SampleNoise) -> str:
             )
         case _:
             return f"The noise model is {noise.name}, which {ahead}."
+
+
+def _phase_remark(data: Data, first: float) -> str:
+    """Return sentences on a phase that wanders, and on gaps with uncounted cycles; empty where there are none."""
+    averaged, sentences = data.averaged, []
+    if averaged is not None and averaged.wander:
+        sentences.append(
+            f"The phase wanders like a random walk, by {averaged.wander:.2g} rad (one sd) until the end; the intervals "
+            "allow for it."
+        )
+    if averaged is not None and averaged.jumps:
+        at = ", ".join(f"{first + t:.4g} s" for t in averaged.jumps)
+        sentences.append(f"The cycles in the gap at {at} cannot be counted; the phase may jump there.")
+    return " ".join(sentences)
 
 
 def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:

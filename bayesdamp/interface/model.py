@@ -20,11 +20,12 @@ from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.formatting import Table, data_frame
+from bayesdamp.inference.deviation.averaged import MOST_CYCLES
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
-from bayesdamp.inference.deviation.quick import MOST_CYCLES, averaging_of
+from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from bayesdamp.inference.deviation.single import Single, fit_single
 from bayesdamp.inference.mode import Mode, restore_mode

@@ -77,6 +77,22 @@ def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
 
 
+def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
+    """The oscillation continues with the other sign after a gap; without that the gap needs no remark."""
+    t = 5.0 + np.arange(5040) / 12.0
+    rng = np.random.default_rng(4)
+    y = np.exp(-(t - 5) / 200) * np.cos(2 * np.pi * (t - 5)) + 1e-3 * rng.standard_normal(t.size)
+    seen = (t < 215) | (t > 221)
+    for sign, count in ((1.0, 0), (-1.0, 1)):
+        signal = bd.signal(t[seen], np.where(t > 215, sign, 1.0)[seen] * y[seen])
+        result = bd.compare(signal, damping="viscous", restoring=["linear"], sample=False)
+        remarks = [r for r in result.verdict.remarks if r.startswith("The cycles in the gap at ")]
+        assert len(remarks) == count
+        if count:
+            at = float(remarks[0].removeprefix("The cycles in the gap at ").split(" s ")[0])
+            assert 215 < at < 221
+
+
 def test_records_of_one_specimen_share_a_damping() -> None:
     made = case("family", 33, 0)
     other = case("family", 33, 0)

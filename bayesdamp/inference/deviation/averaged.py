@@ -19,34 +19,51 @@ from bayesdamp.records.oscillation.features import Features
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
+MOST_CYCLES = 1200.0
+"""Largest number of cycles for which the ODE is fitted if averaged motions are not accurate: the Jacobian then takes 1
+GB (measured)."""
 FEWEST_CYCLES = 400.0
-"""Cycles from which on a record is averaged (conventional)."""
+"""Number of cycles from which on a record is averaged (conventional)."""
 BLOCKS = 64
 """Number of blocks. Each stands for as many cycles that are solved as are read at once: with 400 cycles the damping is
 three times larger, and its ratio, where the amplitude falls to a twentieth, 0.4 %."""
 PIECES = 20
-"""Of the splines that amplitude and phase are taken against."""
+"""Number of polynomial pieces of the smooth splines of amplitude and phase."""
 LEAST_SAMPLES = 24
-"""In a block."""
-COVERED = 0.98
-"""Share of the record that must have turning points."""
-HOLE, BESIDE = 0.4, 50
-"""Share of a block without any sample from which on the record is left to the equation of motion, and number of swings
-on either side by which the swings in a hole are counted (conventional)."""
-UNLIKE = 1.3
-"""Factor by which the noise of blocks may differ."""
+"""Smallest number of samples in a block."""
+HOLE = 0.4
+"""Length of a hole, in blocks, from which on blocks end before it and begin again after it (conventional)."""
+SHORTEST = 0.25
+"""Length, in blocks, of the shortest piece between two holes that is used (conventional)."""
+WINDOW = 4.0
+"""Length of the windows from which the first phases come, in cycles."""
+FULL = 0.7
+"""Smallest weight of the samples in a window that is used, relative to the median (conventional)."""
+REACH = 2.5
+"""The cycles in a hole are counted by polynomials through the phase on either side, as far as this many lengths of the
+hole from its middle (conventional)."""
+LEAST_REACH = 10.0
+"""A hole that is shorter than this many windows counts as so long (conventional)."""
+DEGREE = 3
+"""Degree of these polynomials (conventional)."""
+UNSURE = 0.25
+"""Largest distance of the number of cycles in a hole from a whole number, three sds included, at which it is certain
+(conventional)."""
+FOLLOWED = 8
+"""Number of windows in each piece of the spline that follows a wandering phase; their noise hardly shifts it."""
 OVERTONES = 3
-"""Multiples of the frequency that are also removed from a block."""
-BENT = 0.3
-"""Largest curvature of amplitude and phase within a block, as a share of their sd, for which their mean describes them;
-by chance alone it is 0.1."""
+"""Largest multiple of the frequency that is also removed from a block."""
+BENT = 3.0
+"""Largest `_scatter` of amplitudes and phases about the curves. By chance alone it is 1; at 3, the mean over a block
+differs from the middle by 0.3 sds."""
 PASSES = 3
+"""Largest number of fits of the blocks, between which the curves are corrected."""
 ROUNDS = 10
-"""Changes of the working residuals, at most."""
+"""Largest number of changes of the working residuals."""
 SETTLED = 0.05
-"""Largest change of the motion by the last of them, in standard deviations of the whole record's noise."""
-CLOSE = 0.1
-"""Posterior standard deviations by which averaging may move a parameter."""
+"""The changes end when the last of them moves the motion by less than this many sds of the whole record's noise."""
+MOST_SHIFT = 0.1
+"""Largest shift of a parameter by averaging, in posterior sds, with which averaged motions are used."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +84,10 @@ class Averaged:
         Number of samples that each value stands for.
     residual : ndarray, shape (n,)
         What the blocks leave of the record's values.
+    wander : float
+        Sd at the record's end of a random walk of the phase, in rad; 0 where the phase is smooth.
+    jumps : tuple of float
+        Times in s of holes in which the cycles cannot be counted.
     """
 
     t: np.ndarray
@@ -75,6 +96,8 @@ class Averaged:
     noise: float
     samples: int
     residual: np.ndarray
+    wander: float = 0.0
+    jumps: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,23 +119,31 @@ class Averaging:
     @property
     def close(self) -> bool:
         """Whether averaged motions can replace the equation of motion."""
-        return self.error <= CLOSE
+        return self.error <= MOST_SHIFT
 
 
 @dataclass(frozen=True)
 class _Curves:
-    """Phase in rad and log amplitude against time in s."""
+    """Phase in rad and log amplitude against time in s.
+
+    phase, log_size: splines. steps: times in s, and what the phase grows by there, in rad, in addition to its spline.
+    """
 
     phase: BSpline
     log_size: BSpline
+    steps: tuple[tuple[float, float], ...] = ()
+
+    def phase_at(self, t: np.ndarray) -> np.ndarray:
+        """Return the phase with its steps at times t, (n,)."""
+        return self.phase(t) + sum((size * (t > at) for at, size in self.steps), np.zeros(1))
 
 
 def average_of(
-    t: np.ndarray, y: np.ndarray, features: Features, first: float, noise: FittedNoise | None = None
+    t: np.ndarray, y: np.ndarray, features: Features, noise: FittedNoise | None = None
 ) -> Averaged | None:
     """Take a record as amplitudes and phases.
 
-    None where the record has few cycles, is not sampled evenly enough, or where neither changes smoothly.
+    None where the record has few cycles or samples, or is short enough for the ODE and does not change smoothly.
 
     Parameters
     ----------
@@ -120,13 +151,11 @@ def average_of(
         Times in s, from 0, and values.
     features : Features
         Of the record.
-    first : float
-        The time of t = 0 on the features' clock, in s.
     noise : FittedNoise, optional
         Model of the samples' noise, under which amplitudes and phases are the most probable ones; by default white
         Gaussian noise.
     """
-    averaged = _least_squares(t, y, features, first)
+    averaged = _least_squares(t, y, features)
     if noise is None:
         return averaged
     gaps, working = np.diff(t), y
@@ -137,7 +166,7 @@ def average_of(
         residual = y - motion
         variance = noise.variance(residual, motion - motion.mean(), gaps)
         working = motion + noise.working_residuals(residual, gaps, variance)
-        averaged = _least_squares(t, working, features, first)
+        averaged = _least_squares(t, working, features)
         if averaged is not None:
             moved = working - averaged.residual - motion
             if float(moved @ moved) < SETTLED**2 * variance:
@@ -145,110 +174,279 @@ def average_of(
     return None if averaged is None else replace(averaged, residual=averaged.residual + y - working)
 
 
-def _least_squares(t: np.ndarray, y: np.ndarray, features: Features, first: float) -> Averaged | None:
-    """Take values as amplitudes and phases by least squares. Arguments and result are those of `average_of`."""
-    duration = float(t[-1])
-    if duration < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
+def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged | None:
+    """Take values as amplitudes and phases by least squares. Arguments and result are those of `average_of`.
+
+    They are taken against a smooth phase, or where there is none, against one that follows the record's.
+    """
+    if t[-1] < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
-    curves = _first_curves(features, first, duration)
-    if curves is None:
+    used = _long_pieces(t)
+    residual, t, y = np.zeros(t.size), t[used], y[used]
+    times, phases, sizes, steps = _demodulated(t, y, features)
+    knots, following = _knots(times, PIECES, t[-1]), times.size // FOLLOWED
+    log_size = _smooth(times, np.log(sizes), sizes, knots)
+    curves = _Curves(_smooth(times, phases, sizes, knots), log_size, steps)
+    phases_there = curves.phase(t)
+    cycles = float(phases_there[-1] - curves.phase(0.0)) / (2 * np.pi)
+    parts, limits = _blocks(t, phases_there, 2 * np.pi * cycles / BLOCKS)
+    if min(b - a for a, b in parts) < LEAST_SAMPLES:
         return None
-    ends = curves.phase(np.array([0.0, duration]))
-    slowness = float(ends[1] - ends[0]) / (2 * np.pi * TURNS * BLOCKS)
-    places = np.searchsorted(curves.phase(t), np.linspace(ends[0], ends[1], BLOCKS + 1))
-    places[0], places[-1] = 0, t.size
-    if np.diff(places).min() < LEAST_SAMPLES:
+    middles = np.clip([t[a:b].mean() for a, b in parts], *limits)
+    fit, wanders = _fit_curves(t, y, parts, middles, curves), False
+    if fit.bent > BENT and following > PIECES:
+        phase = _smooth(times, phases, sizes, _knots(times, following, t[-1]))
+        fit, wanders = _fit_curves(t, y, parts, middles, _Curves(phase, log_size, steps), follows=True), True
+    if fit.bent > BENT and (not wanders or cycles < MOST_CYCLES):
         return None
-    parts = list(pairwise(places))
-    middles = np.array([t[a:b].mean() for a, b in parts])
-    for number in range(PASSES):
-        fits, lefts, freedom = [], [], 0
-        for (a, b), at in zip(parts, middles, strict=True):
-            # The oscillation and a quarter period before it, both with an amplitude that grows along the block.
-            own, phase = t[a:b], curves.phase(t[a:b])
-            turned = np.exp(curves.log_size(own) - float(curves.log_size(at))) * np.exp(1j * phase)
-            since = (own - at) / (0.5 * (own[-1] - own[0]))
-            columns = [
-                turned.real,
-                -turned.imag,
-                np.ones_like(own),
-                since * turned.real,
-                -since * turned.imag,
-            ]
-            for k in range(2, OVERTONES + 1):
-                columns += [np.cos(k * phase), np.sin(k * phase)]
-            rows = np.column_stack(columns)
-            inverse = np.linalg.inv(rows.T @ rows)
-            c = inverse @ (rows.T @ y[a:b])
-            fits.append((complex(c[0], c[1]), float(c[2]), float(inverse[0, 0])))
-            lefts.append(y[a:b] - rows @ c)
-            freedom += own.size - c.size
-        z, midline, share = map(np.array, zip(*fits, strict=True))
-        left = np.concatenate(lefts)
-        variance = float(left @ left) / freedom
-        sd = np.sqrt(variance * share)
-        weight = np.abs(z) / sd
-        off, log = np.angle(z), np.log(np.abs(z)) - curves.log_size(middles)
-        bent = max(_bend(off, weight), _bend(log, weight))
-        if bent < BENT and number:  # the noise shifts the turning points' own phase
-            break
-        both = ((curves.phase, off), (curves.log_size, log))
-        more = [(old, _smooth(middles, values, weight, old.t[-1])) for old, values in both]
-        curves = _Curves(*(scipy.interpolate.BSpline(old.t, old.c + new.c, 3) for old, new in more))
+    size, off, sd, midline_sd = np.abs(fit.z), np.angle(fit.z), fit.sd, fit.sd / np.sqrt(2)
+    if wanders:
+        # Means of the phase over the blocks, relative to the smooth phase. The residual in a block contains what the
+        # spline does not follow, so that its sd is too large: amplitudes and midlines show theirs.
+        further = fit.curves.phase(t) - phases_there
+        off += np.array([further[a:b].mean() for a, b in parts])
+        left = (np.log(size) - fit.curves.log_size(middles)) * size / sd
+        sd = sd * np.sqrt(left @ left / (size.size - fit.curves.log_size.c.size))
+        midline_sd = midline_sd * _scatter(fit.midline, 1 / midline_sd)
     else:
-        return None
-    if sd.max() > UNLIKE * np.median(sd) or sd.min() * UNLIKE < np.median(sd):
-        return None
-    track = _track(curves, middles, slowness, np.abs(z))
+        curves = fit.curves
+    # The covariance of the phases' errors: noise, a jump in each hole with uncounted cycles, and a random walk.
+    covariance = np.diag((sd / size) ** 2)
+    for jump, _ in steps:
+        after = middles > jump
+        covariance += (2 * np.pi) ** 2 * np.outer(after, after)
+    rate = 0.0
+    if wanders:
+        # Of the means of a walk over blocks: a block's own variance is smaller by a sixth of its duration.
+        walk = np.minimum.outer(middles, middles) - np.diag([(t[b - 1] - t[a]) / 6 for a, b in parts])
+        rate = _walk_rate(middles, curves.phase(middles) + off, size, covariance, walk)
+        covariance += rate * walk
+    usual = float(np.median(sd))
+    weights = usual / np.column_stack([sd, midline_sd])
+    whitening = usual * np.linalg.inv(np.linalg.cholesky(covariance))
+    track = _track(curves, middles, cycles / (TURNS * BLOCKS), weights, whitening)
     if track is None:
         return None
-    noise = float(np.sqrt(np.mean(sd**2)))
-    threes = np.column_stack([np.abs(z), np.abs(z) * off, np.sqrt(2) * midline]).ravel()
-    samples = int(np.median(np.diff(places))) // 2
+    residual[used] = fit.left
     until = track.times[:, -1].copy()
-    until[-1] = max(until[-1], duration / slowness)  # the last block ends where the record does
-    return Averaged(np.repeat(until, NUMBERS), threes, track, noise, samples, left)
+    until[-1] = max(until[-1], t[-1] / track.slowness)  # the last block ends where the record does
+    return Averaged(
+        t=np.repeat(until, NUMBERS),
+        y=track.combine(size, off, fit.midline),
+        track=track,
+        noise=usual,
+        samples=int(np.median([b - a for a, b in parts])) // 2,
+        residual=residual,
+        wander=float(np.sqrt(rate * t[-1])),
+        jumps=tuple(jump for jump, _ in steps),
+    )
 
 
-def _first_curves(features: Features, first: float, duration: float) -> _Curves | None:
-    """Return phase and amplitude by the turning points, or by the middles of swings where the record has holes.
+def _long_pieces(t: np.ndarray) -> np.ndarray:
+    """Return whether samples at times t are in long enough pieces between holes, (n,).
 
-    None where they do not cover nearly all of the record, or a hole is long.
+    A piece at either end of the record is at least a block long, for a motion is read over a whole block.
     """
-    t, sizes = features.turning_times - first, features.turning_amplitudes
-    from_top = features.turning_values[0] > features.turning_values[1]
-    phase = np.pi * (np.arange(t.size) + (0 if from_top else 1))
-    if features.swing_times.size >= t.size:  # in more than one piece
-        from scipy.ndimage import median_filter
-
-        begin = t[0]
-        t, sizes = features.swing_times - first, features.swing_sizes
-        gaps = np.diff(t)
-        if gaps.max() > HOLE * duration / BLOCKS + features.period:
-            return None
-        # The usual gap nearby is half a period: it tells how many half periods a hole has.
-        usual = median_filter(gaps, 2 * BESIDE + 1, mode="nearest")
-        count = np.concatenate([[0], np.cumsum(np.round(gaps / usual))])
-        phase = phase[0] + np.pi * (count - count[np.searchsorted(t, begin)] + 0.5)
-    inside = (t >= 0) & (t <= duration)
-    t, phase, sizes = t[inside], phase[inside], np.maximum(sizes[inside], 1e-300)
-    if t.size < 8 * PIECES or t[-1] - t[0] < COVERED * duration:
-        return None
-    return _Curves(*(_smooth(t, values, sizes, duration) for values in (phase, np.log(sizes))))
+    block = float(t[-1]) / BLOCKS
+    cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * block) + 1).tolist(), t.size]
+    used = np.ones(t.size, bool)
+    for a, b in pairwise(cuts):
+        least = block if a == 0 or b == t.size else SHORTEST * block
+        used[a:b] = t[b - 1] - t[a] >= least and b - a >= LEAST_SAMPLES
+    return used
 
 
-def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:
-    """Fit a cubic spline of `PIECES` equal pieces from 0 to `end` by least squares to values at times t, (m,)."""
-    knots = np.concatenate([[0.0] * 3, np.linspace(0.0, end, PIECES + 1), [end] * 3])
+def _demodulated(
+    t: np.ndarray, y: np.ndarray, features: Features
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
+    """Return times in s, phases in rad and amplitudes of windows, (w,) each, and `_Curves.steps`.
+
+    In a hole whose cycles cannot be counted the phase has a step, which is left out of the phases.
+    """
+    frequency = features.frequency
+    share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
+    firsts = np.flatnonzero(np.diff(number, prepend=-1.0))
+    taper = np.sin(np.pi * share) ** 2
+    weight = np.add.reduceat(taper, firsts)
+    full = weight > FULL * np.median(weight)
+    z, times = (
+        np.add.reduceat(taper * values, firsts)[full] / weight[full]
+        for values in (2 * (y - features.rest) * np.exp(-1j * frequency * t), t)
+    )
+    phases, steps = np.unwrap(np.angle(z)), []
+    # Across a hole, whole cycles are counted by the smooth curves of the phase on either side.
+    length = 2 * np.pi * WINDOW / frequency
+    for i in np.flatnonzero(np.diff(times) > 1.5 * length):
+        reach = max(times[i + 1] - times[i], LEAST_REACH * length)
+        x = (times - 0.5 * (times[i] + times[i + 1])) / reach
+        sides = [(np.abs(x) < REACH) & (x * sign > 0) for sign in (-1, 1)]
+        counts = [np.count_nonzero(side) for side in sides]
+        if min(counts) < 4:  # at an end of the record
+            continue
+        fits = [
+            np.polyfit(x[side], phases[side], min(DEGREE, count // 4), cov=True)
+            for side, count in zip(sides, counts, strict=True)
+        ]
+        turns = (fits[0][0][-1] - fits[1][0][-1]) / (2 * np.pi)
+        sd = np.sqrt(sum(covariance[-1, -1] for _, covariance in fits)) / (2 * np.pi)
+        if abs(turns - round(turns)) + 3 * sd > UNSURE:
+            steps.append((0.5 * float(times[i] + times[i + 1]), -2 * np.pi * float(turns)))
+        else:
+            turns = round(turns)
+        phases[i + 1 :] += 2 * np.pi * turns
+    return times, phases + frequency * times, np.abs(z), tuple(steps)
+
+
+@dataclass(frozen=True)
+class _BlockFit:
+    """The oscillation in b blocks, relative to curves of phase and amplitude.
+
+    curves: what it is relative to. z: complex amplitudes, (b,). midline: (b,). sd: of the amplitudes, (b,). left: the
+    residual, (n,). bent: larger `_scatter` of amplitudes and phases about the curves.
+    """
+
+    curves: _Curves
+    z: np.ndarray
+    midline: np.ndarray
+    sd: np.ndarray
+    left: np.ndarray
+    bent: float
+
+
+def _fit_curves(
+    t: np.ndarray,
+    y: np.ndarray,
+    parts: list[tuple[int, int]],
+    middles: np.ndarray,
+    curves: _Curves,
+    follows: bool = False,
+) -> _BlockFit:
+    """Fit the blocks, and correct the curves until they describe the blocks, because noise shifts the windows' phase.
+
+    follows: whether the curve of the phase follows the record's, so that blocks cannot correct it.
+    """
+    fit = _fit_blocks(t, y, parts, middles, curves)
+    for _ in range(1, PASSES):
+        weight, curves = np.abs(fit.z) / fit.sd, fit.curves
+        log = np.log(np.abs(fit.z)) - curves.log_size(middles)
+        phase = curves.phase if follows else _plus(curves.phase, middles, np.angle(fit.z), weight)
+        curves = replace(curves, phase=phase, log_size=_plus(curves.log_size, middles, log, weight))
+        fit = _fit_blocks(t, y, parts, middles, curves, follows)
+        if fit.bent < BENT:
+            break
+    return fit
+
+
+def _fit_blocks(
+    t: np.ndarray,
+    y: np.ndarray,
+    parts: list[tuple[int, int]],
+    middles: np.ndarray,
+    curves: _Curves,
+    follows: bool = False,
+) -> _BlockFit:
+    """Fit the oscillation in each block by least squares."""
+    fits, lefts, freedom = [], [], 0
+    for (a, b), at in zip(parts, middles, strict=True):
+        # The oscillation and a quarter period before it, both with an amplitude that grows along the block.
+        own, phase = t[a:b], curves.phase_at(t[a:b])
+        turned = np.exp(curves.log_size(own) - float(curves.log_size(at))) * np.exp(1j * phase)
+        since = (own - own.mean()) / (0.5 * (own[-1] - own[0]))
+        columns = [
+            turned.real,
+            -turned.imag,
+            np.ones_like(own),
+            since * turned.real,
+            -since * turned.imag,
+        ]
+        for k in range(2, OVERTONES + 1):
+            columns += [np.cos(k * phase), np.sin(k * phase)]
+        rows = np.column_stack(columns)
+        inverse = np.linalg.inv(rows.T @ rows)
+        c = inverse @ (rows.T @ y[a:b])
+        fits.append((complex(c[0], c[1]), float(c[2]), float(inverse[0, 0])))
+        lefts.append(y[a:b] - rows @ c)
+        freedom += own.size - c.size
+    z, midline, share = map(np.array, zip(*fits, strict=True))
+    left = np.concatenate(lefts)
+    sd = np.sqrt(float(left @ left) / freedom * share)
+    log, weight = np.log(np.abs(z)) - curves.log_size(middles), np.abs(z) / sd
+    bent = max(_scatter(log, weight), 0.0 if follows else _scatter(np.angle(z), weight))
+    return _BlockFit(curves, z, midline, sd, left, bent)
+
+
+def _blocks(
+    t: np.ndarray, phases: np.ndarray, block: float
+) -> tuple[list[tuple[int, int]], tuple[float, float]]:
+    """Return first and last + 1 sample of blocks of about so much phase in rad, and limits of their middles in s.
+
+    Blocks end before a hole and begin again after it.
+    """
+    cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * t[-1] / BLOCKS) + 1).tolist(), t.size]
+    places = []
+    for a, b in pairwise(cuts):
+        number = max(1, round((phases[b - 1] - phases[a]) / block))
+        inner = np.linspace(phases[a], phases[b - 1], number + 1)[1:-1]
+        places += [a, *np.searchsorted(phases, inner).tolist()]
+    low, high = np.interp([phases[0] + 0.5 * block, phases[-1] - 0.5 * block], phases, t)
+    return list(pairwise([*places, t.size])), (low, high)
+
+
+def _walk_rate(
+    t: np.ndarray, phases: np.ndarray, sizes: np.ndarray, covariance: np.ndarray, walk: np.ndarray
+) -> float:
+    """Return the variance in rad²/s of a random walk of the phase, by restricted maximum likelihood.
+
+    The phases without it are those of a frequency that changes with the squared amplitude, which is estimated too (H.
+    D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). covariance, walk: of the phases' other errors, and of a
+    walk of 1 rad²/s, (b, b).
+    """
+    power = np.square(sizes)
+    energy = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
+    columns = np.column_stack([np.ones_like(t), t / t[-1], energy / energy[-1]])
+
+    def cost(log_rate: float) -> float:
+        root = np.linalg.cholesky(covariance + np.exp(log_rate) * walk)
+        whole = np.linalg.solve(root, np.column_stack([columns, phases]))
+        triangle = np.abs(np.diag(np.linalg.qr(whole, mode="r")))
+        return 2 * float(np.sum(np.log(np.diag(root))) + np.sum(np.log(triangle[:-1]))) + float(
+            triangle[-1] ** 2
+        )
+
+    rough = float(
+        np.sum(np.diff(phases - np.polynomial.Polynomial.fit(t, phases, 2)(t)) ** 2) / (t[-1] - t[0])
+    )
+    best = scipy.optimize.minimize_scalar(
+        cost, bounds=(np.log(rough) - 10, np.log(rough) + 5), method="bounded"
+    )
+    return float(np.exp(best.x))
+
+
+def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
+    """Return the knots of a cubic spline from 0 to `end`, whose pieces have equally many of times t, (m,)."""
+    inner = np.quantile(t, np.linspace(0.0, 1.0, pieces + 1)[1:-1])
+    return np.concatenate([[0.0] * 4, inner, [end] * 4])
+
+
+def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
+    """Fit a cubic spline by least squares to values at times t, (m,)."""
     return scipy.interpolate.make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 
-def _bend(values: np.ndarray, weight: np.ndarray) -> float:
-    """Return the rms distance of blocks' means from their middles, in sds: a 24th of the second difference."""
-    return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2)) / 24)
+def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray) -> BSpline:
+    """Add to a spline one with the same knots through values at times t, (m,)."""
+    more = _smooth(t, values, weight, curve.t)
+    return scipy.interpolate.BSpline(curve.t, curve.c + more.c, 3)
 
 
-def _track(curves: _Curves, middles: np.ndarray, slowness: float, sizes: np.ndarray) -> Track | None:
+def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
+    """Return the rms second difference of values of blocks, (b,), over that of independent noise of sd 1/weight."""
+    return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
+
+
+def _track(
+    curves: _Curves, middles: np.ndarray, slowness: float, weights: np.ndarray, whitening: np.ndarray
+) -> Track | None:
     """Return the blocks' points in the record and in the oscillation that is solved; None where the phase goes back."""
     phase, rate = curves.phase, curves.phase.derivative()
     origin, end = float(phase(0.0)), phase.t[-1]
@@ -264,4 +462,4 @@ def _track(curves: _Curves, middles: np.ndarray, slowness: float, sizes: np.ndar
     times = real[1] / slowness
     if np.any(np.diff(times[:, 0]) <= 0) or np.any(np.diff(times, axis=1) <= 0) or times.min() < 0:
         return None
-    return Track(slowness, times, phases, real[0], real_phases, sizes)
+    return Track(slowness, times, phases, real[0], real_phases, weights, whitening)

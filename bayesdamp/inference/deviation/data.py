@@ -143,8 +143,8 @@ class Data:
         )
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return the amplitudes among values (n,) of an averaged record, else all of the values."""
-        return values if self.averaged is None else values[::NUMBERS]
+        """Return the amplitudes among values (n,) of an averaged record, without weights, else all of the values."""
+        return values if self.averaged is None else values[::NUMBERS] / self.averaged.track.weights[:, 0]
 
     def solver(
         self, terms: Sequence[str], restoring: str, epsilon: float, knots: np.ndarray
@@ -225,7 +225,7 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     averaged, record = None, None
     if average:
         fitted = None if noise_model is None or noise_model.name in LEAST_SQUARES else noise_model.fitted
-        averaged = average_of(every_t[:last], every_y[:last], shape, float(signal.t[0]), fitted)
+        averaged = average_of(every_t[:last], every_y[:last], shape, fitted)
     if averaged is not None:
         t, y, thinned, windows, rows = averaged.t, averaged.y, averaged.samples, None, None
     else:

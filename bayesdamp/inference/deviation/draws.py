@@ -20,7 +20,6 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import by_kernel, frequency_over, on_arrays
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
@@ -554,7 +553,7 @@ def midline_drift(result: CandidateResult) -> float:
         size = np.bincount(parts, minlength=count)
         means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
     else:
-        means, scale = left[NUMBERS - 1 :: NUMBERS], scale * float(np.sqrt(2.0))
+        means = data.averaged.track.separate(left)[2]
     if means.size < LEAST_CYCLE_MEANS:
         return 0.0
     place = (np.arange(means.size) + 0.5) / means.size - 0.5

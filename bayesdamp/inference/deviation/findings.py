@@ -401,7 +401,8 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     """
     data = comparison.data
     best = comparison.result(numbers.best)
-    t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, best.motion.y))
+    t = data.t if data.averaged is None else data.averaged.track.middles
+    y, fitted = data.of_amplitude(data.recorded), data.of_amplitude(best.motion.y)
     # Keep the minimum and the maximum of each stretch, and both ends of the record.
     rows, size = np.arange(y.size), -(-y.size // (MOST_PLOTTED // 2))
     if size > 2:

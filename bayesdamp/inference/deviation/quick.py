@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.deviation.averaged import Averaging
+from bayesdamp.inference.deviation.averaged import MOST_CYCLES, Averaging
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate, refit
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.exponent import exponent_quantiles
@@ -33,9 +33,6 @@ from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
 """Nats behind the best up to which a candidate's averaged motion is corrected with the ODE."""
-MOST_CYCLES = 1200.0
-"""Number of cycles up to which the ODE is fitted if averaged motions are not accurate: the Jacobian then takes 1 GB
-(measured)."""
 
 
 def compare_signal(

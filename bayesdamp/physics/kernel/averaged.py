@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, Motion, Solver
+from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, TOLERANCE, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
 """Number of cycles over which one amplitude and phase are measured: in the compressed oscillation, which has M times
@@ -46,8 +46,7 @@ OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
 """Phases around the middle of a block and their weights, for the compressed and for the actual oscillation."""
 NUMBERS = 3
-"""Number of values of a block: amplitude, phase times the record's amplitude, √2 times the midline. With these factors
-white noise has the same variance in all three."""
+"""Number of values of a block: amplitude, phase and midline."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,8 @@ class Track:
 
     slowness: M ≥ 1, number of the record's cycles for each integrated cycle. times, phases: (b, s), in s and rad, of
     the integrated oscillation, at `OFFSETS` around the middle of each block. real_times, real_phases: the same for the
-    actual oscillation, at `REAL_OFFSETS`. sizes: the record's amplitudes, (b,), by which phases are multiplied.
+    actual oscillation, at `REAL_OFFSETS`. weights: (b, 2), factors of amplitudes and midlines. whitening: (b, b), lower
+    triangular, the factor of the phases. With these factors all values have independent noise of the same variance.
     """
 
     slowness: float
@@ -64,21 +64,34 @@ class Track:
     phases: np.ndarray
     real_times: np.ndarray
     real_phases: np.ndarray
-    sizes: np.ndarray
+    weights: np.ndarray
+    whitening: np.ndarray
 
     @cached_property
     def middles(self) -> np.ndarray:
         """Return the middle times of the blocks in the record, s, (b,)."""
         return self.real_times.mean(axis=1)
 
+    def combine(self, size: np.ndarray, phase: np.ndarray, midline: np.ndarray) -> np.ndarray:
+        """Return amplitudes, phases and midlines of the first blocks, (b, ...) each, times their factors, (3b, ...)."""
+        count = len(size)
+        one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))
+        white = np.tensordot(self.whitening[:count, :count], phase, axes=1)
+        return np.stack([one * size, white, other * midline], axis=1).reshape(-1, *size.shape[1:])
+
+    def separate(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return amplitudes, phases and midlines, (b,) each, from the values y of all blocks, (3b,)."""
+        size, white, midline = y.reshape(-1, NUMBERS).T
+        return size / self.weights[:, 0], np.linalg.solve(self.whitening, white), midline / self.weights[:, 1]
+
 
 @dataclass(frozen=True)
 class AveragedSolver(Solver):
     """A `Solver` that returns amplitudes and phases of blocks of cycles instead of samples.
 
-    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's times the record's
-    amplitude, and √2 times the midline. t, (3b,), is the end of each value's block, in the integrated (compressed)
-    time. Parameters are those of the record; knots and the times of a `Motion` are 1/M of the record's. defect: (3b,),
+    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's, and the midline, each
+    times the track's factors. t, (3b,), is the end of each value's block, in the integrated (compressed) time.
+    Parameters are those of the record; knots and the times of a `Motion` are 1/M of the record's. defect: (3b,),
     values of the actual equation minus those of this solver, valid near the parameters at which it was computed.
     """
 
@@ -105,7 +118,7 @@ class AveragedSolver(Solver):
         tolerance: float | None = None,
     ) -> Motion | None:
         """Return the values of the blocks, as `Solver.solve` does; `stop` counts values, not blocks."""
-        blocks = len(self.track.sizes) if stop is None else -(-stop // NUMBERS)
+        blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
             t, order = _sort_times(self.track.times[:blocks])
             self._solvers[blocks] = self._plain(t, self.knots), order
@@ -117,24 +130,23 @@ class AveragedSolver(Solver):
         ):  # without g and h, `Solver.solve` would drop the last knot, which is after the last block
             none = np.zeros(self.knots.size)
             g, h = none if g is None else g, none if h is None else h
+        # The errors of phases are multiplied by M.
+        tolerance = (tolerance or TOLERANCE) / self.slowness
         motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance)
         if motion is None:
             return None
         z, middle = _demodulate(motion.y, order, self.track.phases)
         if not np.all(np.abs(z) > 0):
             return None
-        y = self._interleave(np.abs(z), self._to_record_phase(np.unwrap(np.angle(z))), middle)[:stop]
+        y = self.track.combine(np.abs(z), self._to_record_phase(np.unwrap(np.angle(z))), middle)[:stop]
         if self.defect is not None:
             y = y + self.defect[:stop]
         slopes = motion.tangents
         if tangents:
             complex_slopes, middle = _demodulate(slopes, order, self.track.phases)
             relative = complex_slopes / z[:, None]
-            slopes = np.empty((NUMBERS * z.size, relative.shape[1]))
-            slopes[::NUMBERS] = np.abs(z)[:, None] * relative.real
-            slopes[1::NUMBERS] = self.track.sizes[: z.size, None] * self._to_record_phase(relative.imag)
-            slopes[2::NUMBERS] = np.sqrt(2) * middle
-            slopes = slopes[:stop]
+            sizes = np.abs(z)[:, None] * relative.real
+            slopes = self.track.combine(sizes, self._to_record_phase(relative.imag), middle)[:stop]
             slopes[:, : len(self.terms)] *= self.slowness
         return Motion(y, slopes, motion.times, motion.states)
 
@@ -153,9 +165,9 @@ class AveragedSolver(Solver):
         if own is None or true is None:
             return None
         z, middle = true
-        size, phase, own_middle = own.y.reshape(-1, NUMBERS).T
-        more = np.unwrap(np.angle(z * np.exp(-1j * phase / self.track.sizes)))
-        return self._interleave(np.abs(z) - size, more, middle - own_middle / np.sqrt(2))
+        size, phase, own_middle = self.track.separate(own.y)
+        more = np.unwrap(np.angle(z * np.exp(-1j * phase)))
+        return self.track.combine(np.abs(z) - size, more, middle - own_middle)
 
     def integrate_all_cycles(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
@@ -199,9 +211,6 @@ class AveragedSolver(Solver):
         """
         begun = 1.5 * phase[0] - 0.5 * phase[1] if len(phase) > 1 else phase[0]
         return self.slowness * phase - (self.slowness - 1) * begun
-
-    def _interleave(self, size: np.ndarray, phase: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        return np.column_stack([size, self.track.sizes[: size.size] * phase, np.sqrt(2) * middle]).ravel()
 
     @cached_property
     def _solvers(self) -> dict[int, tuple[Solver, np.ndarray]]:

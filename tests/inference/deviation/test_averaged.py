@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.averaged import Averaged
+from bayesdamp.inference.deviation.averaged import BLOCKS, Averaged
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import compute_findings
@@ -63,7 +63,7 @@ def misfit(solver: AveragedSolver, found: Averaged, p: np.ndarray) -> np.ndarray
     motion = solver.solve(p, np.ones(3, bool), tangents=NONE)
     assert motion is not None
     size, phase, middle = (found.y - motion.y).reshape(-1, NUMBERS).T / found.noise
-    sizes = found.track.sizes
+    sizes = np.diag(found.track.whitening)
     phase = phase - sizes * (sizes @ phase) / (sizes @ sizes)
     return np.array([np.mean(size**2), np.mean(phase**2), np.mean(middle**2)])
 
@@ -142,18 +142,108 @@ def test_the_check_finds_a_motion_that_is_not_corrected() -> None:
     assert not found.close
 
 
-def test_few_cycles_long_gaps_and_a_known_start_are_left_to_the_equation_of_motion() -> None:
+def test_few_cycles_and_a_known_start_are_left_to_the_equation_of_motion() -> None:
     long = closed_form(500)
     assert prepare_data(closed_form(200)).averaged is None
-    assert prepare_data(without(long, 0.5, 0.53)).averaged is None
     assert prepare_data(without(long, 0.5, 0.505)).averaged is not None
-    # The control: half a period is lost in the hole, so that its cycles cannot be counted.
-    t, y = np.asarray(long.t), np.asarray(long.y)
-    slipped = np.where(t > 0.505 * t[-1], -1.0, 1.0) * y
-    assert prepare_data(without(Signal(t, slipped, name="slipped"), 0.5, 0.505)).averaged is None
     start = {"theta0": 0.3, "omega0": 0.0}
     known = compare_signal(long, damping=["viscous"], restoring=["linear"], known=start, approximate=False)
     assert known.data.averaged is None
+
+
+@pytest.mark.parametrize("holes", [((0.5, 0.55),), ((0.05, 0.1), (0.4, 0.43), (0.9, 0.95))])
+def test_blocks_end_at_holes_and_begin_again_after_them(
+    holes: tuple[tuple[float, float], ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Damping ratios and evidence are those of the equation of motion at all samples."""
+    signal = closed_form(700)
+    for begin, end in holes:
+        signal = without(signal, begin, end)
+
+    def weighed() -> ModelComparison:
+        # 64 blocks determine the noise to 5 % only, on which the probabilities of deviations depend.
+        return compare_signal(
+            signal,
+            damping=["viscous", "viscous+coulomb"],
+            restoring=["linear"],
+            known={"noise_sd": 0.003},
+            approximate=False,
+        )
+
+    few = weighed()
+    assert few.averaging is not None
+    assert few.averaging.close
+    assert few.data.averaged is not None
+    assert not few.data.averaged.wander
+    assert not few.data.averaged.jumps
+    monkeypatch.setattr("bayesdamp.inference.deviation.data.average_of", lambda *_: None)
+    whole = weighed()
+    assert whole.data.averaged is None
+    for ratio, plain in zip(compute_findings(few).ratios, compute_findings(whole).ratios, strict=True):
+        assert abs(ratio.value - plain.value) < 0.1 * (plain.high - plain.low)
+        assert ratio.high - ratio.low == pytest.approx(plain.high - plain.low, rel=0.1)
+    (one, other), (plain, more) = ([r.log_evidence for r in w.results] for w in (few, whole))
+    assert one - other == pytest.approx(plain - more, abs=0.3)
+
+
+def test_the_weight_of_a_block_is_that_of_its_samples() -> None:
+    """Between two holes are 60 % of a block; 60 % of a block before the first one are not used."""
+    signal = closed_form(1400)
+    for begin, end in ((0.6, 2.0), (6.0, 8.0), (8.6, 10.0)):
+        signal = without(signal, begin / BLOCKS, end / BLOCKS)
+    data = prepare_data(signal)
+    assert data.averaged is not None
+    weights, middles = data.averaged.track.weights[:, 0], data.averaged.track.middles
+    assert middles[0] * BLOCKS / data.duration == pytest.approx(2.5, abs=0.05)
+    assert weights[4] == pytest.approx(np.sqrt(0.6), rel=0.1)
+    assert np.all(np.abs(np.delete(weights, 4) - 1) < 0.1)
+
+
+def test_cycles_that_cannot_be_counted_leave_the_damping_as_it_is() -> None:
+    """Half a period is lost in a hole: the phase may jump there, and frequency and damping ratio stay the true ones.
+
+    The intervals are at five sds. The control: without allowing for the jump, the frequency is 4e-4 too low.
+    """
+    whole = closed_form(700)
+    t, y = np.asarray(whole.t), np.asarray(whole.y)
+    slipped = Signal(t, np.where(t > 0.505 * t[-1], -1.0, 1.0) * y, name="slipped")
+    comparison = compare_signal(without(slipped, 0.5, 0.51), damping=["viscous"], restoring=["linear"])
+    averaged = comparison.data.averaged
+    assert averaged is not None
+    assert averaged.jumps == pytest.approx([0.505 * t[-1]], rel=0.01)
+    frequency = np.sqrt(comparison.best.values[comparison.best.solver.names.index("stiffness")])
+    assert frequency == pytest.approx(OMEGA, rel=2e-5)
+    true = 1.8 / t[-1] / OMEGA
+    assert all(abs(r.value - true) < 5 / 2 * (r.high - r.low) for r in compute_findings(comparison).ratios)
+
+
+def wandering(rms: float, seed: int) -> Signal:
+    """Return a record whose phase is a random walk with this sd at its end, in rad."""
+    rng, t = np.random.default_rng(seed), np.arange(50_000) / 50
+    phase = OMEGA * t + rms * np.cumsum(rng.standard_normal(t.size)) / np.sqrt(t.size)
+    y = 0.3 * np.exp(-3 * t / t[-1]) * np.cos(phase) + 3e-4 * rng.standard_normal(t.size)
+    return Signal(t, y, name="wandering")
+
+
+def test_a_phase_that_wanders_makes_the_frequency_uncertain() -> None:
+    """The frequency's sd is that of a random walk: its sd at the end over the duration.
+
+    64 blocks determine it to 10 %; the bound is at 40 %. Negative control: where the phase does not wander, the
+    frequency is far more certain.
+    """
+    true, sds, signals = 3 / 1000 / OMEGA, [], [wandering(rms, 4) for rms in (0.0, 1.0)]
+    for rms, signal in zip((0.0, 1.0), signals, strict=True):
+        comparison = compare_signal(signal, damping=["viscous"], restoring=["linear"], approximate=False)
+        averaged, numbers = comparison.data.averaged, compute_findings(comparison)
+        assert averaged is not None
+        assert averaged.wander == pytest.approx(rms, rel=0.4)
+        assert all(r.low < true < r.high for r in numbers.ratios)
+        fit, factor = comparison.best.fit, comparison.best.exact_posterior.factors[0]
+        place = fit.parameters.free_names.index("stiffness")
+        width = np.linalg.norm(factor, axis=1)[place] * fit.parameters.rates(fit.z)[place]
+        sds.append(float(width / (2 * OMEGA)))
+    assert sds[1] == pytest.approx(1 / float(signals[1].t[-1]), rel=0.4)
+    assert sds[1] > 100 * sds[0]
 
 
 def test_what_is_not_close_is_fitted_by_the_equation_of_motion(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +251,7 @@ def test_what_is_not_close_is_fitted_by_the_equation_of_motion(monkeypatch: pyte
         return compare_signal(closed_form(450), damping=["viscous"], restoring=["linear"], approximate=False)
 
     assert weighed().averaging is not None
-    monkeypatch.setattr("bayesdamp.inference.deviation.averaged.CLOSE", -1.0)
+    monkeypatch.setattr("bayesdamp.inference.deviation.averaged.MOST_SHIFT", -1.0)
     assert weighed().data.averaged is None
     monkeypatch.setattr("bayesdamp.inference.deviation.quick.MOST_CYCLES", 400.0)
     kept = weighed()
