@@ -13,6 +13,7 @@ from torch.func import jvp
 from bayesdamp.estimators.networks.training import (
     REAL,
     DenseNetwork,
+    Evaluated,
     ScaledRecord,
     descend,
     jacobian,
@@ -117,16 +118,16 @@ class Collocation(ScaledRecord):
         """Return the angle and its derivatives, (n, j), in amplitudes and 1/ω."""
         return self.network.output(x[..., : self.network.count], inputs)
 
-    @torch.no_grad()
-    def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Return all misfits (n,)."""
-        return torch.cat([misfit(torch.from_numpy(x)) for misfit, _ in self.misfits]).numpy()
+    def evaluate(self, x: np.ndarray) -> Evaluated:
+        """Return all misfits (n,), and a function that computes their Jacobian by the unknowns, (n, k)."""
+        unknowns = torch.from_numpy(x)
 
-    def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return all misfits (n,) and their Jacobian by the unknowns, (n, k)."""
-        parts = [jacobian(misfit, torch.from_numpy(x).expand(rows, -1)) for misfit, rows in self.misfits]
-        r, slopes = zip(*parts)
-        return torch.cat(r).numpy(), torch.cat(slopes).numpy()
+        def derive() -> np.ndarray:
+            slopes = [jacobian(misfit, unknowns.expand(rows, -1))[1] for misfit, rows in self.misfits]
+            return torch.cat(slopes).numpy()
+
+        with torch.no_grad():
+            return torch.cat([misfit(unknowns) for misfit, _ in self.misfits]).numpy(), derive
 
 
 @single_thread()
@@ -160,7 +161,7 @@ def estimate(
     """
     loss = Collocation(signal, problem, features, rng, start=start, **settings)
     count, last = loss.network.count, loss.network.count + len(loss.coefficients)
-    training = train(descend(loss.residuals, loss.linearise, loss.first), rounds, lambda x: x[count:last])
+    training = train(descend(loss.evaluate, loss.first), rounds, lambda x: x[count:last])
     if not np.all(np.isfinite(training.losses)):
         raise Refusal("the network's training came to numbers that are not finite")
     watched = training.watched * loss.units[: last - count]

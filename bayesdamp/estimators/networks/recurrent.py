@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bayesdamp.estimators.networks.training import REAL, descend, jacobian, single_thread
+from bayesdamp.estimators.networks.training import REAL, Evaluated, descend, jacobian, single_thread
 
 PATIENCE = 4
 """Rounds without a smaller error on other records after which a training ends."""
@@ -82,19 +82,18 @@ class RecurrentNetwork:
         ndarray, list of float, float
             The weights with the smallest error on the others; the loss of each round; that root mean square error.
         """
-        sequences, targets = map(torch.from_numpy, own)
+        sequences, targets = torch.from_numpy(own[0]), own[1]
         unit = len(targets) ** -0.5
 
-        def residuals(x: np.ndarray) -> np.ndarray:
-            return unit * (self.read(x, own[0]) - own[1])
-
-        def linearise(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def evaluate(x: np.ndarray) -> Evaluated:
             rows = torch.from_numpy(x).expand(len(targets), -1)
-            r, slopes = jacobian(lambda rows: unit * (self.answers(rows, sequences) - targets), rows)
-            return r.numpy(), slopes.numpy()
+            return (
+                unit * (self.read(x, own[0]) - own[1]),
+                lambda: unit * jacobian(lambda rows: self.answers(rows, sequences), rows)[1].numpy(),
+            )
 
         losses, errors, best = [], [], weights
-        for point in descend(residuals, linearise, weights):
+        for point in descend(evaluate, weights):
             losses.append(point.loss)
             errors.append(float(np.sqrt(np.mean((self.read(point.x, others[0]) - others[1]) ** 2))))
             if errors[-1] == min(errors):

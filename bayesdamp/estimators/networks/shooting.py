@@ -12,7 +12,7 @@ from torchdiffeq import odeint
 
 from bayesdamp.estimators.networks.training import (
     REAL,
-    DenseNetwork,
+    Evaluated,
     ScaledRecord,
     descend,
     jacobian,
@@ -35,7 +35,7 @@ class Shooting(ScaledRecord):
 
     Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
     free restoring parameters in units, and each segment's first angle and velocity.
-    first: the first unknowns. units: of the coefficients. peak: the largest velocity.
+    first: the first unknowns. units: of the coefficients. width: units in each of the two hidden layers.
     count, physical: unknowns before the restoring parameters, and before the starts of the segments.
     """
 
@@ -54,8 +54,7 @@ class Shooting(ScaledRecord):
         self.units = 0.1 / self.ratios
         free = np.array([self.base[name] for name in self.restoring])
         self.free_units = torch.from_numpy(np.maximum(np.abs(free), self.a))
-        self.network = DenseNetwork((1, width, width, 1), biased=False)
-        self.count = self.network.count
+        self.width, self.count = width, width * (width + 2)
         self.physical = self.count + free.size
         decay = np.log(max(features.amplitude / features.final_amplitude, 1.05)) / (self.w * signal.t[-1])
         self.force_unit = 2.0 * decay
@@ -81,14 +80,20 @@ class Shooting(ScaledRecord):
             c, d, middle = np.linalg.lstsq(columns, y[near], rcond=1e-6)[0]
             at_rest = (middle - self.rest / self.a) if self.order == 0 else 0.0
             states.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
-        self.peak = float(np.abs(np.array(states)[:, 1]).max())
-        self.first = np.concatenate(
-            [self.network.draw(rng), free / self.free_units.numpy(), np.ravel(states)]
-        )
+        weights = rng.standard_normal(self.count)
+        weights[width:] /= width**0.5
+        self.first = np.concatenate([weights, free / self.free_units.numpy(), np.ravel(states)])
 
     def force(self, x: Tensor, velocity: Tensor) -> Tensor:
-        """Return the learnt force (n,) at velocities (n,), in Aω² and Aω; unknowns x (k,), or (n, k)."""
-        return self.force_unit * self.network.output(x[..., : self.count], velocity[:, None, None])[:, 0]
+        """Return the learnt force (n,) at velocities (n,), in Aω² and Aω; unknowns x (k,), or (n, k).
+
+        It is a network with tanh in two hidden layers; without biases, it is an odd function.
+        """
+        first, second, last = x[..., : self.count].split([self.width, self.width**2, self.width], dim=-1)
+        hidden = torch.tanh(velocity[:, None] * first)
+        matrices = second.unflatten(-1, (self.width, self.width))
+        hidden = torch.tanh((hidden[:, None] @ matrices.mT)[:, 0])
+        return self.force_unit * (hidden * last).sum(-1)
 
     def paths(self, x: Tensor) -> Tensor:
         """Return angle and velocity at the nodes, (nodes, segments, 2)."""
@@ -112,31 +117,36 @@ class Shooting(ScaledRecord):
         state = self._step(x, state, self.since)
         return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
 
-    @torch.no_grad()
-    def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Return the weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
-        unknowns = torch.from_numpy(x)
-        paths = self.paths(unknowns)
-        return self._join(unknowns, paths, self._sampled(unknowns, paths[self.node, self.segment])).numpy()
+    def evaluate(self, x: np.ndarray) -> Evaluated:
+        """Return the weighted misfit of the samples, the gaps between segments, and the misfit of a known start, (n,).
 
-    def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return `residuals` (n,), and their Jacobian by the unknowns.
-
-        The derivatives of all single steps are automatic, in one batch; those of a path follow from step to step.
+        The second result is a function that computes their Jacobian by the unknowns, (n, k).
         """
         unknowns = torch.from_numpy(x)
         with torch.no_grad():
             paths = self.paths(unknowns)
+            sampled = self._sampled(unknowns, paths[self.node, self.segment])
+        states = unknowns[self.physical :].reshape(self.segments, 2)
+        gaps = (paths[-1, :-1] - states[1:]).flatten()
+        begin = self.is_given * (states[0] - self.known_begin)
+        misfits = [self.weight[0] * (sampled - self.y), self.weight[1] * gaps, self.weight[1] * begin]
+        return torch.cat(misfits).numpy(), lambda: self._slopes(unknowns, paths)
+
+    def _slopes(self, unknowns: Tensor, paths: Tensor) -> np.ndarray:
+        """Return the Jacobian of what `evaluate` returns, from the paths of these unknowns.
+
+        The derivatives of all single steps are automatic, in one batch; those of a path follow from step to step.
+        """
         steps, columns = len(paths) - 1, 2 + self.physical
 
-        def by_row(function: Callable[..., Tensor], states: Tensor, *others: Tensor) -> tuple[Tensor, Tensor]:
-            """Return values and their derivatives by the state (2) and the unknowns but the starts, of each row."""
+        def by_row(function: Callable[..., Tensor], states: Tensor, *others: Tensor) -> Tensor:
+            """Return the derivatives of a function by the state (2) and the unknowns but the starts, of each row."""
             rows = torch.cat([states, unknowns[: self.physical].expand(len(states), -1)], dim=1)
-            return jacobian(lambda rows: function(rows[:, 2:], rows[:, :2], *others), rows)
+            return jacobian(lambda rows: function(rows[:, 2:], rows[:, :2], *others), rows)[1]
 
         durations = self.nodes[1].expand(steps * self.segments)
-        _, of_steps = by_row(self._step, paths[:-1].reshape(-1, 2), durations)
-        sampled, of_samples = by_row(self._sampled, paths[self.node, self.segment])
+        of_steps = by_row(self._step, paths[:-1].reshape(-1, 2), durations)
+        of_samples = by_row(self._sampled, paths[self.node, self.segment])
         of_paths = [torch.eye(2, columns, dtype=REAL).expand(self.segments, -1, -1)]
         for of_step in of_steps.reshape(steps, self.segments, 2, columns):
             of_paths.append(_chain(of_step, of_paths[-1]))
@@ -145,10 +155,10 @@ class Shooting(ScaledRecord):
         joins = torch.arange(self.segments - 1).repeat_interleave(2)
         gaps = self._by_unknowns(of_paths[-1][:-1].reshape(-1, columns), joins)
         gaps[:, self.physical + 2 :] -= torch.eye(len(joins), dtype=REAL)
-        begin = torch.zeros(2, x.size, dtype=REAL)
+        begin = torch.zeros(2, len(unknowns), dtype=REAL)
         begin[:, self.physical : self.physical + 2] = self.is_given.diag()
         slopes = torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin])
-        return self._join(unknowns, paths, sampled).numpy(), slopes.numpy()
+        return slopes.numpy()
 
     def _by_unknowns(self, slopes: Tensor, segment: Tensor) -> Tensor:
         """Return derivatives by all unknowns (n, k) of those by the start of a segment (n,) and by the others."""
@@ -156,12 +166,6 @@ class Shooting(ScaledRecord):
         full[:, : self.physical] = slopes[:, 2:]
         starts = self.physical + 2 * segment[:, None] + torch.arange(2)
         return full.scatter_(1, starts, slopes[:, :2])
-
-    def _join(self, x: Tensor, paths: Tensor, sampled: Tensor) -> Tensor:
-        states = x[self.physical :].reshape(self.segments, 2)
-        gaps = (paths[-1, :-1] - states[1:]).flatten()
-        begin = self.is_given * (states[0] - self.known_begin)
-        return torch.cat([self.weight[0] * (sampled - self.y), self.weight[1] * gaps, self.weight[1] * begin])
 
     @torch.no_grad()
     def project(self, x: np.ndarray) -> np.ndarray:
@@ -225,7 +229,7 @@ def estimate(
         If the training comes to trajectories that are not finite.
     """
     loss = Shooting(signal, problem, features, rng, **settings)
-    training = train(descend(loss.residuals, loss.linearise, loss.first), rounds, loss.project, STEADY)
+    training = train(descend(loss.evaluate, loss.first), rounds, loss.project, STEADY, loss.y.numel())
     if not np.all(np.isfinite(training.watched)):
         raise Refusal("the training came to trajectories that are not finite")
     x, coefficients = training.x, training.watched * loss.units
@@ -233,7 +237,8 @@ def estimate(
     values |= dict(zip(loss.restoring, (x[loss.count : loss.physical] * loss.free_units.numpy()).tolist()))
     angle, velocity = x[loss.physical : loss.physical + 2].tolist()
     values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
-    grid = torch.linspace(-loss.peak, loss.peak, GRID, dtype=REAL)
+    peak = loss.paths(torch.from_numpy(x))[..., 1].abs().max().item()
+    grid = torch.linspace(-peak, peak, GRID, dtype=REAL)
     law = loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients[-1])
     details = {
         "velocity": (loss.a * loss.w * grid).tolist(),

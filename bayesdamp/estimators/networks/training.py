@@ -81,16 +81,15 @@ class DenseNetwork:
     """A network with tanh in its hidden layers and one output.
 
     Weights are a vector (k,), or one for each row of inputs, (n, k).
-    sizes: of the layers, from the inputs to the output. biased: without biases, the output is an odd function.
+    sizes: of the layers, from the inputs to the output.
     """
 
     sizes: tuple[int, ...]
-    biased: bool = True
 
     @property
     def count(self) -> int:
         """Number of weights."""
-        return sum(outputs * (inputs + self.biased) for inputs, outputs in itertools.pairwise(self.sizes))
+        return sum(outputs * (inputs + 1) for inputs, outputs in itertools.pairwise(self.sizes))
 
     def draw(self, rng: np.random.Generator) -> Tensor:
         """Draw first weights (k,): matrices of variance 1/inputs (Glorot's for equal sizes), and biases."""
@@ -112,7 +111,7 @@ class DenseNetwork:
     def _layers(self, weights: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Return views of weights as (matrix, bias) of each layer, (…, outputs, inputs) and (…, outputs)."""
         shapes = [(outputs, inputs) for inputs, outputs in itertools.pairwise(self.sizes)]
-        parts = weights.split([size for o, i in shapes for size in (o * i, o * self.biased)], dim=-1)
+        parts = weights.split([size for o, i in shapes for size in (o * i, o)], dim=-1)
         matrices = (part.view(*part.shape[:-1], *shape) for part, shape in zip(parts[::2], shapes))
         return list(zip(matrices, parts[1::2]))
 
@@ -124,11 +123,8 @@ def _hidden(layers: list[tuple[Tensor, Tensor]], inputs: Tensor) -> Tensor:
 
 
 def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
-    """Return the jets of a layer before its tanh; the bias, which a layer may lack, has no derivatives."""
-    product = inputs @ matrix.mT
-    if not bias.shape[-1]:
-        return product
-    return product + torch.nn.functional.pad(bias[..., None, :], (0, 0, 0, inputs.shape[1] - 1))
+    """Return the jets of a layer before its tanh; the bias has no derivatives."""
+    return inputs @ matrix.mT + torch.nn.functional.pad(bias[..., None, :], (0, 0, 0, inputs.shape[1] - 1))
 
 
 class _Mathematics:
@@ -184,6 +180,10 @@ def _row(argument: Any, i: int) -> Any:
     return argument[i] if isinstance(argument, Tensor) and argument.ndim else argument
 
 
+Evaluated = tuple[np.ndarray, Callable[[], np.ndarray]]
+"""Residuals (n,) at a point, and a function that computes their Jacobian (n, k) there."""
+
+
 class Round(NamedTuple):
     """A point of a descent: the unknowns (k,), the loss there, and how often the residuals were evaluated so far."""
 
@@ -192,11 +192,7 @@ class Round(NamedTuple):
     evaluations: int
 
 
-def descend(
-    residuals: Callable[[np.ndarray], np.ndarray],
-    linearise: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
-    x: np.ndarray,
-) -> Iterator[Round]:
+def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Iterator[Round]:
     """Lower the sum of squares of residuals (n,) step by step, for up to a few thousand unknowns.
 
     It uses Levenberg's method with geodesic acceleration (Transtrum & Sethna 2012, arXiv:1201.5885): a step is bent by
@@ -206,10 +202,8 @@ def descend(
 
     Parameters
     ----------
-    residuals
-        Maps x (k,) to the residuals (n,).
-    linearise
-        Maps x to the residuals and their Jacobian (n, k).
+    evaluate
+        Maps x (k,) to the residuals there, and to a function that computes their Jacobian.
     x
         The first unknowns, (k,).
 
@@ -218,10 +212,10 @@ def descend(
     Round
         The start, and the end of each step.
     """
-    evaluations, damping, failed = 0, FIRST, False
+    evaluations, damping, failed = 1, FIRST, False
+    r, derive = evaluate(x)
     while True:
-        r, jacobian = linearise(x)
-        evaluations += 1
+        jacobian = derive()
         loss = float(r @ r)
         yield Round(x, loss, evaluations)
         gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
@@ -233,16 +227,13 @@ def descend(
                 damping, failed = damping * MORE, True
                 continue
             step = -scipy.linalg.cho_solve(factor, gradient, check_finite=False)
-            curvature = 2 / AHEAD * ((residuals(x + AHEAD * step) - r) / AHEAD - jacobian @ step)
+            curvature = 2 / AHEAD * ((evaluate(x + AHEAD * step)[0] - r) / AHEAD - jacobian @ step)
             bend = -scipy.linalg.cho_solve(factor, jacobian.T @ curvature, check_finite=False) / 2
-            end = residuals(x + step + bend)
+            end, derive = evaluate(x + step + bend)
             evaluations += 2
             if np.linalg.norm(bend) <= STRAIGHT * np.linalg.norm(step) and float(end @ end) < loss:
-                x, damping, failed = (
-                    x + step + bend,
-                    damping if failed else max(damping * LESS, LOWEST),
-                    False,
-                )
+                x, r = x + step + bend, end
+                damping, failed = damping if failed else max(damping * LESS, LOWEST), False
                 break
             damping, failed = damping * MORE, True
         else:
@@ -265,12 +256,17 @@ class Training:
 
 
 def train(
-    descent: Iterator[Round], rounds: int, watch: Callable[[np.ndarray], np.ndarray], steady: float = 2e-4
+    descent: Iterator[Round],
+    rounds: int,
+    watch: Callable[[np.ndarray], np.ndarray],
+    steady: float = 2e-4,
+    samples: float = np.inf,
 ) -> Training:
-    """Descend until the numbers that are sought no longer change.
+    """Descend until the numbers that are sought no longer change, or further rounds would only fit noise.
 
     That is when they have stayed within `steady` of their size for `WINDOW` rounds, while the loss did not fall to a
-    tenth.
+    tenth; or when the loss has fallen by less than 1/`samples` of it in these rounds, which is the mean effect of one
+    superfluous unknown.
 
     Parameters
     ----------
@@ -282,6 +278,8 @@ def train(
         Maps the unknowns to the numbers (m,) that are sought, in units in which they are about 1.
     steady
         Largest relative change of a converged number.
+    samples
+        Number of samples with independent noise whose mean square misfit is the loss.
     """
     course: list[Round] = []
     watched: list[np.ndarray] = []
@@ -294,7 +292,8 @@ def train(
         if len(course) > WINDOW:
             last = np.array(watched[-WINDOW - 1 :])
             still = bool(np.all(np.ptp(last, axis=0) <= steady * (np.abs(last[-1]) + 1e-3)))
-            if still and point.loss > 0.1 * course[-WINDOW - 1].loss:
+            ratio = course[-WINDOW - 1].loss / point.loss
+            if (still and ratio < 10.0) or ratio < 1.0 + 1.0 / samples:
                 break
         if len(course) > rounds:
             outcome = f"training had not converged after {rounds} rounds"

@@ -18,7 +18,7 @@ from bayesdamp.estimators.methods.rnn import COPIES, Simulator
 from bayesdamp.estimators.networks.collocation import Collocation
 from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
 from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import jacobian, jets, on_tensors
+from bayesdamp.estimators.networks.training import Round, jacobian, jets, on_tensors, train
 from bayesdamp.estimators.shared import checked_features
 from bayesdamp.types import Refusal
 from tests.estimators.truths import (
@@ -101,9 +101,8 @@ def test_derivatives_of_a_loss_are_differences(kind, quantity):
     else:
         settings = PinnOptions(width=4, collocation=100).model_dump(exclude={"rounds"})
         loss = Collocation(signal, problem, features, rng, **settings)
-    r, slopes = loss.linearise(loss.first)
-    assert r == pytest.approx(loss.residuals(loss.first), abs=1e-12)
-    check_differences(loss.residuals, loss.first, slopes, rng)
+    slopes = loss.evaluate(loss.first)[1]()
+    check_differences(lambda x: loss.evaluate(x)[0], loss.first, slopes, rng)
 
 
 @pytest.mark.parametrize("cell", ["lstm", "gru"])
@@ -188,3 +187,10 @@ def test_no_record_that_stops_a_training_is_one_that_it_was_trained_on():
     # Negative control: each record is there several times, so that a split elsewhere would share one.
     assert len(places) == COPIES * len(set(places))
     assert places[-1] == places[-COPIES]
+
+
+@pytest.mark.parametrize(("fall", "rounds"), [(1e-4, 9), (1e-2, 51)])
+def test_training_ends_when_it_fits_only_noise(fall, rounds):
+    """A number that still changes while a loss of 500 samples falls by less, or by more, than a five-hundredth."""
+    descent = (Round(np.array([1.0 + i]), (1.0 - fall) ** i, i) for i in range(1000))
+    assert len(train(descent, 50, lambda x: x, samples=500).losses) == rounds
