@@ -214,10 +214,8 @@ def plus_minus(i: Interval) -> str:
 
 def energy_sentences(v: Verdict) -> tuple[str, ...]:
     """Return the sentences on the energy of each term and on the upper limits for other damping terms."""
-    texts = []
-    for s in v.energy:
-        if s.high < 0.005:
-            continue
+    texts, stated = [], [s for s in v.energy if s.high >= 0.005]
+    for s in stated:
         name = words_of(s.term)
         if s.low >= ALL:
             texts.append(f"all of it {name}")
@@ -231,7 +229,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
             texts.append(f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})")
     shares = ", ".join(texts)
     likely = [r for r in v.rivals if r.probability >= thresholds.NAMED]
-    listed = {t for r in likely for t in r.damping.split("+")}
+    listed = {t for r in likely for t in r.damping.split("+")} | {s.term for s in stated}
     absent = ", ".join(
         f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %"
         for b in v.other_forms

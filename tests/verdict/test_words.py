@@ -219,13 +219,19 @@ def test_several_dampings_and_those_that_are_sure() -> None:
 
 
 def test_upper_limits_of_other_terms() -> None:
-    """Not of those that are likely rivals; a tiny one is not 0."""
+    """Not of those that are likely rivals, or whose energy is stated before; a tiny one is not 0."""
     bounds = (Bound("quadratic", 0.02), Bound("coulomb", 0.3), Bound("any other form", 0.0001))
     one = Verdict(
         "a", Grade.EXACT, True, "viscous", 0.9, (Rival("viscous+coulomb", 0.1),), other_forms=bounds
     )
     assert energy_sentences(one) == (
         "Other damping terms can account for at most (95 %): quadratic (drag) 2 %, any other form 0.1 %.",
+    )
+    shares = (Share("viscous", 1.0, 0.94, 1.0, 1.0), Share("quadratic", 0.001, 0.0, 0.06, 0.05))
+    assert energy_sentences(replace(one, energy=shares)) == (
+        "Energy lost: all of it viscous with probability 0.90, quadratic (drag) at most 6 %; or by viscous + Coulomb "
+        "(dry friction) damping, with probability 0.10.",
+        "Other damping terms can account for at most (95 %): any other form 0.1 %.",
     )
 
 
