@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
 from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, normals
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
@@ -150,13 +150,20 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return values of the terms' own parameters at which fits start: low, middle and high in their priors."""
-    names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
-    either = STARTS if len(names) == 1 else STARTS[::2]
-    scores = [(0.7,) if parameters.priors[n].reflected else either for n in names]
+    """Return values of the terms' own parameters at which fits start: low, middle and high in their priors.
+
+    A parameter with which a term can reduce to a simpler one starts where it does.
+    """
+    terms = [TERMS.get(t) for t in candidate.damping]
+    simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
+    names = [
+        p.name for t in terms for p in t.inferred if p.name in parameters.priors and p.name not in simple
+    ]
+    scores = STARTS if len(names) == 1 else STARTS[::2]
     return [
-        {n: float(parameters.priors[n].value(np.asarray(z))) for n, z in zip(names, row, strict=True)}
-        for row in product(*scores)
+        simple
+        | {n: float(parameters.priors[n].value(np.asarray(z))) for n, z in zip(names, row, strict=True)}
+        for row in product(scores, repeat=len(names))
     ]
 
 
@@ -166,9 +173,9 @@ def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
 
 
 def search(
-    solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]], windows: bool
+    solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]]
 ) -> LeastSquaresFit | None:
-    """Fit from each start, and return the best fit; None if every fit fails.
+    """Fit from each start over growing windows, and return the best fit; None if every fit fails.
 
     A start contains values of parameters by name; the others start at 0.
     """
@@ -178,10 +185,59 @@ def search(
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
         z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
         rough = len(starts) > 1
-        new = fit(solver, parameters, active, data.y, z, noise=data.noise, windows=windows, rough=rough)
+        new = fit(solver, parameters, active, data.y, z, noise=data.noise, rough=rough)
         if new is not None and (best is None or new.squares < best.squares):
             best = new
     return best if best is None or len(starts) == 1 else refit(solver, data, best)
+
+
+def search_near(
+    solver: Solver,
+    data: Data,
+    parameters: Parameters,
+    values: Mapping[str, float],
+    starts: Sequence[Mapping[str, float]],
+) -> LeastSquaresFit | None:
+    """Fit a candidate, starting near the motion of another one; None if this fails.
+
+    About that motion, the record is a linear function of the coefficients, the law and the start. Least squares of this
+    function give the values at which the fit starts, and which of `starts` is the best.
+
+    Parameters
+    ----------
+    solver : Solver
+        Solver with the terms of both candidates.
+    data : Data
+        The record.
+    parameters : Parameters
+        Parameters of the candidate to be fitted.
+    values : mapping of str to float
+        Parameters of the other candidate by name; the others are 0.
+    starts : sequence of mapping
+        Values of the terms' own parameters at which the fit may start.
+    """
+    active, best, least = active_of(parameters, solver), None, np.inf
+    for start in starts:
+        given = {**dict.fromkeys(solver.names, 0.0), **values, **parameters.known, **start}
+        p, z = np.array([given[n] for n in solver.names]), parameters.scores(given)
+        motion = solver.solve(p, active | (p[: active.size] > 0), tolerance=SEARCHED)
+        if motion is None:
+            continue
+        # The coefficients of terms that the candidate does not have go to 0.
+        change = motion.tangents @ (parameters.values(z) - p)
+        columns = parameters.by_scores(motion.tangents, z)
+        model = condense(columns, data.y - motion.y - change, parameters.positive)
+        # Scores that do not change the motion stay where they are.
+        sd = np.sqrt(max(model.rest / data.y.size, data.noise**2))
+        root = np.concatenate([model.root, sd * np.eye(z.size)])
+        target = np.concatenate([model.target + model.root @ z, sd * z])
+        new = nonnegative(root, target, parameters.positive)
+        squares = model.rest + float(np.sum((root @ new - target) ** 2))
+        if squares < least:
+            best, least = parameters.retracted(solver.restoring, z, new), squares
+    if best is None:
+        return None
+    return fit(solver, parameters, active, data.y, best, noise=data.noise, windows=False)
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:

@@ -18,9 +18,7 @@ from bayesdamp.inference.deviation.candidate import (
     exact_model,
     linearise,
     linearise_at_mode,
-    parameters_of,
     refit,
-    search,
 )
 from bayesdamp.inference.deviation.draws import orbit_of, turning_amplitudes, unit_works
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
@@ -28,7 +26,6 @@ from bayesdamp.inference.deviation.linear import NO_DEVIATIONS, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.machine import at_once
-from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
@@ -73,21 +70,23 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the coefficient is
     the default prior of a damping ratio, at the geometric mean of the record's amplitudes.
     """
-    begins = _starts(comparison) if comparison.results else []
-    if not begins:
+    if not comparison.results:
         return ()
-    solver = power_solver(comparison, begins[0]["exponent"])
-    data, near = comparison.data, comparison.best.fit
+    alone = MotionCandidate(("power",), comparison.best.candidate.restoring)
+    rival = next((r.fit for r in comparison.forms if r.candidate == alone), None)
+    starts = exponent_starts(comparison) if rival is None else [rival.parameters.named(rival.z)["exponent"]]
+    if not starts:
+        return ()
+    solver, data = power_solver(comparison, starts[0]), comparison.data
     samples, variance = comparison.samples, comparison.variance
-    law = comparison.best.candidate.restoring
-    # At the middle, the record determines the size and the exponent independently.
-    scales = data.middle.scales(data.rest_under(law, near.values[comparison.solvers[law].law_places]))
-    known = {**comparison.known_motion(), **scales}
-    parameters = parameters_of(MotionCandidate(("power",), law), solver, data, data.middle, {}, known)
     assert solver.kernel  # compiled before several threads ask for it
-    top = search(solver, data, parameters, begins, windows=False)
+    # At the middle, the record determines the size and the exponent independently.
+    near = comparison.best.fit
+    begin = near.parameters.named(near.z)
+    top = comparison.fit_rival(alone, solver, data.middle, begin, [{"exponent": p} for p in starts])
     if top is None:
         return ()
+    parameters = top.parameters
     place = parameters.free_names.index("exponent")
     if not comparison.approximate:
         variance = comparison.exact_variance(top)
@@ -127,51 +126,33 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     return () if distribution is None else tuple(np.interp(LEVELS, *distribution).tolist())
 
 
-def _starts(comparison: ModelComparison) -> list[dict[str, float]]:
-    """Return values of all parameters at which fits of the best exponent start."""
-    rival, near = (
-        next((r for r in comparison.forms if r.candidate.damping == ("power",)), None),
-        comparison.best.fit,
-    )
-    if rival is None:
-        return [{**near.parameters.named(near.z), **start} for start in power_starts(comparison)]
-    fit = rival.fit.parameters.named(rival.fit.z)
-    ratio = fit["reference_velocity"] / comparison.data.middle.peak_velocity
-    return [{**fit, "c_power": fit["c_power"] * ratio ** (1 - fit["exponent"])}]
-
-
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
-    """Return the solver for a power of the velocity near p, under the best restoring law."""
+    """Return the solver for the best sum or a power of the velocity near p, under the best restoring law."""
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
     # From p = 1 the usual width has no effect on the power, and a narrow one would need ten times as many steps.
-    return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
+    terms = tuple(dict.fromkeys([*plain.terms, "power"]))
+    return replace(plain, terms=terms, epsilon=narrow if p < 1 else plain.epsilon)
 
 
-def power_starts(comparison: ModelComparison) -> list[dict[str, float]]:
-    """Return coefficients and exponents that dissipate as much energy as the best sum at the middle amplitude.
+def exponent_starts(comparison: ModelComparison) -> list[float]:
+    """Return exponents at which fits may start: the local one of the best sum at the middle amplitude first.
 
-    The first exponent is the local one of the sum there; the others are smaller and larger.
+    The others are smaller and larger. The list is empty where the best sum has no orbit.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
     ratios = []
-    for a in (middle.amplitude * NEAR, middle.amplitude, middle.amplitude / NEAR):
+    for a in (middle.amplitude * NEAR, middle.amplitude / NEAR):
         orbit = orbit_of(best, a)
         if orbit is None:
             return []
         works = unit_works(orbit, solver, best.further, best.fit.active)[0]
-        ratios.append(float(works @ best.values[: works.size]) / (4 * np.pi * orbit.energy))
+        ratios.append(float(works @ best.values[: works.size]) / orbit.energy)
     if min(ratios) <= 0:
         return []
-    steep = 1 + float(np.log(ratios[0] / ratios[2])) / (2 * np.log(NEAR))
-    starts = []
-    for p in np.clip(steep + np.array(ASIDE), LEAST_EXPONENT, MOST_EXPONENT):
-        given = {"exponent": float(p), "reference_velocity": middle.peak_velocity}
-        work = TERMS.get("power").work(middle.amplitude, middle.frequency, given)
-        unit = work / (2 * np.pi * middle.peak_velocity**2)
-        starts.append({"exponent": float(p), "c_power": ratios[1] / unit})
-    return starts
+    steep = 1 + float(np.log(ratios[0] / ratios[1])) / (2 * np.log(NEAR))
+    return np.clip(steep + np.array(ASIDE), LEAST_EXPONENT, MOST_EXPONENT).tolist()
 
 
 def _explore(

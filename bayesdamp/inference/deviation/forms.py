@@ -18,13 +18,9 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
-    initial_values,
-    parameters_of,
-    search,
-    start_values,
     tangents_at,
 )
-from bayesdamp.inference.deviation.exponent import power_solver, power_starts
+from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
 from bayesdamp.inference.deviation.linear import condense, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.machine import at_once
@@ -62,10 +58,11 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     if not comparison.results:
         return comparison
     best = comparison.best
+    values = best.fit.parameters.named(best.fit.z)
     plain = comparison.solvers[best.candidate.restoring]
     paper = [t for t in plain.terms if t in PAPER_TERMS]
     close = {
-        frozenset(r.candidate.damping)
+        frozenset(r.candidate.damping): r.fit
         for r in comparison.results
         if r.log_evidence > best.log_evidence - BEHIND and r.candidate.restoring == best.candidate.restoring
     }
@@ -74,51 +71,40 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
         if form in plain.terms or like not in plain.terms:
             continue
         rest = [t for t in paper if t != like]
-        if TERMS.get(form).inferred:  # it replaces its term in the probable sums
+        if TERMS.get(
+            form
+        ).inferred:  # it replaces its term in the probable sums, and has at first the same force
+            new, old = TERMS.get(form).parameter, TERMS.get(like).parameter
             near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
-            sums = [(*(t for t in rest if t in s), form) for s in near]
+            each = {s: close[s].parameters.named(close[s].z) for s in near}
+            sums = {
+                (*(t for t in rest if t in s), form): {**at, new: at[old], old: 0.0} for s, at in each.items()
+            }
         else:
-            sums = [(*c, form) for n in range(len(rest) + 1) for c in combinations(rest, n)]
+            sums = {(*c, form): values for n in range(len(rest) + 1) for c in combinations(rest, n)}
         rivals += _evaluate_rivals(comparison, replace(plain, terms=(*paper, form)), sums)
-    if ALONE not in plain.terms:
-        # Start the power of the velocity where it dissipates as much energy as the best sum.
-        ratio = comparison.data.middle.peak_velocity / comparison.reference.peak_velocity
-        starts = [
-            {**start, "c_power": start["c_power"] * ratio ** (1 - start["exponent"])}
-            for start in power_starts(comparison)
-        ]
-        if starts:
-            solver = power_solver(comparison, starts[0]["exponent"])
-            rivals += _evaluate_rivals(comparison, solver, [(ALONE,)], starts)
+    exponents = exponent_starts(comparison) if ALONE not in plain.terms else []
+    if exponents:
+        solver, starts = power_solver(comparison, exponents[0]), [{"exponent": p} for p in exponents]
+        rivals += _evaluate_rivals(comparison, solver, {(ALONE,): values}, starts)
     return replace(comparison, forms=tuple(rivals))
 
 
 def _evaluate_rivals(
     comparison: ModelComparison,
     solver: Solver,
-    sums: Sequence[tuple[str, ...]],
+    sums: Mapping[tuple[str, ...], Mapping[str, float]],
     starts: Sequence[Mapping[str, float]] = (),
 ) -> list[CandidateResult]:
-    """Fit rivals and compute their evidence; fits start at the motion of the best sum.
+    """Fit rivals and compute their evidence; `sums`: the values near which each starts (see `fit_rival`)."""
 
-    starts: values of coefficients and own parameters at which fits start; by default values from their priors.
-    """
-    data, reference, fit = comparison.data, comparison.reference, comparison.best.fit
-    law, near = comparison.best.candidate.restoring, fit.parameters.named(fit.z)
-    scales = reference.scales(data.rest_under(law, fit.values[comparison.solvers[law].law_places]))
-    fixed = comparison.known_motion()
-
-    def evaluate(c: MotionCandidate) -> CandidateResult | None:
-        parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **scales})
-        first = initial_values(c, data, fixed)
-        begin = {**near, **{n: first[n] for n in (TERMS.get(t).parameter for t in c.damping)}}
-        each = [{**begin, **start} for start in starts or start_values(c, parameters)]
-        rival = search(solver, data, parameters, each, windows=False)
-        return None if rival is None else comparison.evaluate(c, solver, rival)
+    def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
+        c = MotionCandidate(damping, comparison.best.candidate.restoring)
+        fit = comparison.fit_rival(c, solver, comparison.reference, sums[damping], starts)
+        return None if fit is None else comparison.evaluate(c, solver, fit)
 
     assert solver.kernel  # compiled before several threads ask for it
-    rivals = at_once(evaluate, [MotionCandidate(terms, law) for terms in sums])
-    return [r for r in rivals if r is not None]
+    return [r for r in at_once(evaluate, sums) if r is not None]
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from bayesdamp.inference.deviation.candidate import (
     parameters_of,
     refit,
     search,
+    search_near,
     start_values,
 )
 from bayesdamp.inference.deviation.data import Data
@@ -250,6 +251,37 @@ class ModelComparison:
             return self.variance
         degrees = max(self.data.y.size - fit.z.size, 1)
         return self.data.least_variance + self.inflation * fit.squares / degrees
+
+    def fit_rival(
+        self,
+        candidate: MotionCandidate,
+        solver: Solver,
+        reference: Reference,
+        values: Mapping[str, float],
+        starts: Sequence[Mapping[str, float]] = (),
+    ) -> LeastSquaresFit | None:
+        """Fit a rival under the best restoring law; None if this fails.
+
+        Parameters
+        ----------
+        candidate : MotionCandidate
+            The rival.
+        solver : Solver
+            Solver with the terms of the rival and of the sum near which the fit starts.
+        reference : Reference
+            Amplitude and frequency with which the priors scale.
+        values : mapping of str to float
+            Parameters of that sum, by name.
+        starts : sequence of mapping, optional
+            Values of own parameters at which the fit may start; by default those of `start_values`.
+        """
+        data, best = self.data, self.best
+        scales = reference.scales(
+            data.rest_under(candidate.restoring, best.fit.values[best.solver.law_places])
+        )
+        known = {**self.known_motion(), **scales}
+        parameters = parameters_of(candidate, solver, data, reference, {}, known)
+        return search_near(solver, data, parameters, values, starts or start_values(candidate, parameters))
 
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
@@ -500,7 +532,7 @@ class _CandidateFits:
         if "rest" in self.solvers[law].further:
             c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
             parameters = parameters_of(c, viscous, data, self.reference, self.priors, known)
-            fit = search(viscous, data, parameters, [initial_values(c, data, known)], windows=True)
+            fit = search(viscous, data, parameters, [initial_values(c, data, known)])
             if fit is not None:
                 rest = data.rest_under(law, fit.values[viscous.law_places])
         return self.reference.scales(rest)
@@ -532,11 +564,9 @@ class _CandidateFits:
         parameters = parameters_of(c, solver, data, self.reference, self.priors, known)
         own_starts, fit = start_values(c, parameters), None
         if near is not None:
-            coefficients = {TERMS.get(t).parameter for t in c.damping}
-            begin = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in coefficients}
-            fit = search(solver, data, parameters, [begin | own for own in own_starts], windows=False)
+            fit = search_near(solver, data, parameters, near.parameters.named(near.z), own_starts)
         if fit is None:
-            fit = search(solver, data, parameters, [start | own for own in own_starts], windows=True)
+            fit = search(solver, data, parameters, [start | own for own in own_starts])
         if fit is None:
             self.refused[c] = "no motion under it stays in phase with the record"
         else:
