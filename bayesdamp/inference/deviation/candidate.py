@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
-from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, normals
+from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, score_normals
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
@@ -370,7 +370,7 @@ def mode_of(
     hold : float
         Marquardt's parameter of the scores, in units of the prior's information.
     """
-    top = int(np.argmax(normals(model, grid, variance, model.count, scores_only=True).log))
+    top = int(np.argmax(score_normals(model, grid, variance, model.count).log))
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
     root = np.eye(total)
     root[d:, d:] = grid.only(np.array([top])).factors[0]

@@ -174,6 +174,8 @@ LARGEST_INFORMATION = 1e11
 differences of squares keep at least five digits (measured)."""
 SMALL = 12
 """Size of a triangular matrix up to which `numpy.linalg.inv` inverts it."""
+NEGLIGIBLE = 30.0
+"""Nats behind one grid point and scale from which others are left out."""
 LEFT_OUT = 1e-3
 """Total posterior probability of the grid points and scales that are left out: this lowers every log evidence by a
 thousandth of a nat."""
@@ -264,8 +266,8 @@ class LinearPosterior:
         As of `LinearModel`.
     whole : callable
         Returns the `Normals` at grid indices, under priors N(0, 1).
-    damping : DampingLikelihood, optional
-        The likelihood of the damping's scores alone.
+    damping_likelihood : callable, optional
+        Returns the likelihood of the damping's scores alone.
     """
 
     log_each: np.ndarray
@@ -275,7 +277,7 @@ class LinearPosterior:
     positive: np.ndarray
     shared: np.ndarray
     whole: Callable[[np.ndarray], Normals]
-    damping: DampingLikelihood | None = None
+    damping_likelihood: Callable[[], DampingLikelihood] | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return means (k, K) and factors of the covariances (k, K, K) of components, before the cut-off at zero."""
@@ -305,7 +307,12 @@ class LinearPosterior:
         scales = None if self.scales is None else self.scales[which]
         total = float(np.logaddexp.reduce(log))
         return replace(
-            self, log_each=log, log_evidence=total, combos=self.combos[which], scales=scales, damping=None
+            self,
+            log_each=log,
+            log_evidence=total,
+            combos=self.combos[which],
+            scales=scales,
+            damping_likelihood=None,
         )
 
     @property
@@ -398,15 +405,12 @@ class _Triangles:
     left: np.ndarray
 
     @classmethod
-    def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray, order: np.ndarray) -> _Triangles:
-        """Factorise, with (scores, g, h) permuted by `order`, (K,)."""
+    def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray) -> _Triangles:
+        """Factorise, with the unknowns in the order scores, g, h."""
         d, total = model.positive.size, model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
-        roots = np.zeros((len(grid.roots), total, total))
-        roots[:, np.arange(d), np.arange(d)] = 1.0
-        roots[:, d:, d:] = grid.roots
-        white = (model.root @ roots)[:, :, order]
-        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1)[:, order] / sd
+        white = _whitened(model, grid)
+        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1) / sd
         products = np.swapaxes(white, 1, 2) @ white
         information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
         information[:, np.arange(total), np.arange(total)] += 1.0
@@ -430,32 +434,75 @@ class _Triangles:
         )
 
 
-def normals(
-    model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float, scores_only: bool = False
-) -> Normals:
-    """Compute the normal posterior at each grid point, where scores may be negative.
+def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
+    """Return the model's matrix by scores and by g and h of size 1 with prior N(0, I), (p, K, K) (see `Grid.roots`)."""
+    d = model.positive.size
+    white = np.repeat(model.root[None], len(grid.roots), axis=0)
+    white[:, :, d:] = model.root[:, d:] @ grid.roots
+    return white
+
+
+def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
+    """Compute the normal posterior of scores, g and h at each grid point, where scores may be negative.
 
     Parameters
     ----------
     model, grid, variance, samples
         As of `linear_posterior`; there may be a variance for each grid point, (c,).
-    scores_only : bool
-        Whether g and h are integrated out, which takes a third of the time.
     """
-    d, total = model.positive.size, model.root.shape[1]
+    d = model.positive.size
     variance = np.broadcast_to(variance, grid.log_prior.size)
-    # The last block of the Cholesky factor gives the marginal distribution of the last coordinates: put scores there.
-    order = np.roll(np.arange(total), -d if scores_only else 0)
-    triangles = _Triangles.of(model, grid, variance, order)
+    triangles = _Triangles.of(model, grid, variance)
     lower, half = triangles.lower, triangles.half
     log = -0.5 * (triangles.left + model.rest / variance)
     log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     log += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
-    if scores_only:
-        lower, half = lower[:, total - d :, total - d :], half[:, total - d :]
     factors = np.swapaxes(_inverse(lower), 1, 2).copy()
-    if not scores_only:
-        factors[:, d:] = grid.factors @ factors[:, d:]
+    factors[:, d:] = grid.factors @ factors[:, d:]
+    return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+
+
+def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
+    """Compute the normal posterior of the scores alone at each grid point; parameters as of `linear_posterior`.
+
+    First h is integrated out for each of its sizes. The information about g is then diagonal in the same directions for
+    all sizes of g.
+    """
+    d = model.positive.size
+    n = (model.root.shape[1] - d) // 2
+    # Sums of products of the model's columns, in the order g, h, scores, target.
+    white = np.roll(_whitened(model, grid), -d, axis=2)
+    target = np.broadcast_to(model.target[:, None], (len(white), model.target.size, 1))
+    columns = np.concatenate([white, target], axis=2)
+    products = np.swapaxes(columns, 1, 2) @ columns / variance
+    information = products.diagonal(axis1=1, axis2=2)[grid.lengths, :-1]
+    information[:, : 2 * n] *= grid.scales**2
+    if information.max() >= LARGEST_INFORMATION:
+        whole = normals(model, grid, variance, samples)
+        return Normals(whole.log, whole.means[:, :d], whole.factors[:, :d])
+    # Integrate h out. of: which lengths and size of h a grid point has; first: a grid point with these.
+    pairs = np.column_stack([grid.lengths, grid.size_h])
+    _, first, of = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    size_h, products = grid.size_h[first, None, None], products[grid.lengths[first]]
+    h, others = np.arange(n, 2 * n), np.delete(np.arange(2 * n + d + 1), np.s_[n : 2 * n])
+    block = np.eye(n) + size_h**2 * products[:, h[:, None], h]
+    cross = size_h * products[:, h[:, None], others]
+    left = products[:, others[:, None], others] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(block, cross)
+    log_det = np.linalg.slogdet(block)[1][of]
+    # Integrate g out.
+    gained, directions = np.linalg.eigh(left[:, :n, :n])
+    along = (np.swapaxes(directions, 1, 2) @ left[:, :n, n:])[of]
+    squares = grid.size_g[:, None] ** 2
+    shrunk = 1.0 + squares * np.maximum(gained, 0.0)[of]
+    left = left[of, n:, n:] - np.swapaxes(along * (squares / shrunk)[:, :, None], 1, 2) @ along
+    log_det = log_det + np.sum(np.log(shrunk), axis=1)
+    # The posterior of the scores.
+    lower = np.linalg.cholesky(np.eye(d) + left[:, :d, :d])
+    factors = np.swapaxes(_inverse(lower), 1, 2)
+    half = (left[:, None, d, :d] @ factors)[:, 0]
+    log_det = log_det + 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    squares = left[:, d, d] - np.sum(half**2, axis=1) + model.rest / variance
+    log = grid.log_prior - 0.5 * (squares + log_det + samples * np.log(2 * np.pi * variance))
     return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
 
 
@@ -477,13 +524,14 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
         Effective number N of independent values. The log likelihood is −N/2 · log(2π variance) − (sum of squares) /
         (2 variance).
     """
-    posteriors = normals(model, grid, variance, samples, scores_only=True)
+    posteriors = score_normals(model, grid, variance, samples)
     posterior = with_priors(posteriors, model.positive, model.shared)
     posterior = replace(posterior, whole=partial(_whole, model, grid, variance, samples))
     places = np.flatnonzero(model.damping)
     if not places.size:
         return posterior
-    return replace(posterior, damping=damping_likelihood(posteriors, places, grid.log_prior))
+    likelihood = partial(damping_likelihood, posteriors, places, grid.log_prior)
+    return replace(posterior, damping_likelihood=likelihood)
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
@@ -557,19 +605,26 @@ class _ScaledPriors:
 
         Probabilities are from an upper bound of the evidence: that only the worst positive score must be ≥ 0.
         """
-        bound = self.log
-        if self.inside.size:
-            shrunk = 1.0 + self.extra[:, None] * self.sizes[:, None, :] ** 2
-            left = self.left[:, self.inside]
-            mean = np.einsum("cij,csj->csi", left, self.aim[:, None, :] / shrunk)
-            variance = np.einsum("cij,csj->csi", left**2, self.sizes[:, None, :] ** 2 / shrunk)
-            bound = bound + scipy.special.log_ndtr(mean / np.sqrt(variance)).min(axis=2)
-        order = np.argsort(-bound, axis=None)
-        weight = np.exp(bound.ravel()[order] - bound.max())
-        total = np.cumsum(weight)
+        top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
+        least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE
+        combos, scales = np.nonzero(self.log >= least)
+        bound = self._bound(combos, scales)
+        order = np.argsort(-bound)
+        total = np.cumsum(np.exp(bound[order] - bound[order[0]]))
         count = int(np.searchsorted(total, (1 - LEFT_OUT) * total[-1])) + 1
-        combos, scales = np.unravel_index(np.sort(order[:count]), bound.shape)
-        return combos, scales
+        places = np.sort(order[:count])
+        return combos[places], scales[places]
+
+    def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
+        """Return an upper bound of the log evidence at grid points and scales, (m,)."""
+        log = self.log[combos, scales]
+        if not self.inside.size:
+            return log
+        sizes, left = self.sizes[combos], self.left[combos][:, self.inside]
+        shrunk = 1.0 + self.extra[scales][:, None] * sizes**2
+        mean = (left @ (self.aim[combos] / shrunk)[:, :, None])[:, :, 0]
+        variance = (left**2 @ (sizes**2 / shrunk)[:, :, None])[:, :, 0]
+        return log + scipy.special.log_ndtr(mean / np.sqrt(variance)).min(axis=1)
 
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)

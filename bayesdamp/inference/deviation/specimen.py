@@ -74,12 +74,12 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
     None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,).
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
-    if posterior.damping is None:
+    if posterior.damping_likelihood is None:
         return None
     names, active = parameters.damping_names, result.fit.active
     coefficients = [TERMS.get(t).parameter for t in result.candidate.damping]
     priors, z = {n: parameters.priors[n] for n in names}, result.z[parameters.damping]
-    run = RecordLikelihood.of_scores(priors, coefficients, z, posterior.damping)
+    run = RecordLikelihood.of_scores(priors, coefficients, z, posterior.damping_likelihood())
     run = run.plus_nats(result.log_evidence - posterior.log_evidence)
     values, further = result.values[: len(solver.terms)], result.further
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))

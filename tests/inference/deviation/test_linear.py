@@ -8,7 +8,14 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from bayesdamp.inference.deviation.linear import Grid, condense, grid_of, linear_posterior, normals
+from bayesdamp.inference.deviation.linear import (
+    Grid,
+    condense,
+    grid_of,
+    linear_posterior,
+    normals,
+    score_normals,
+)
 
 N, KNOTS, SD = 30, 4, 0.3
 
@@ -56,7 +63,7 @@ def test_scores_alone_have_the_marginal_posterior() -> None:
     """With the deviations integrated out, evidence, means and covariances of the scores are those of the whole."""
     columns, y = problem(2, 3)
     model, grid = condense(columns, y, np.zeros(3, bool)), grid_of(KNOTS, coarse=True)
-    whole, scores = (normals(model, grid, SD**2, N, scores_only=only) for only in (False, True))
+    whole, scores = (posterior(model, grid, SD**2, N) for posterior in (normals, score_normals))
     covariance = whole.factors @ np.swapaxes(whole.factors, 1, 2)
     assert scores.log == pytest.approx(whole.log, abs=1e-8)
     assert scores.means == pytest.approx(whole.means[:, :3], abs=1e-9)
