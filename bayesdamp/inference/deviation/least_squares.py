@@ -18,7 +18,7 @@ LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
 which no step is tried (conventional)."""
 MOST_STEPS = 40
 """Largest number of accepted steps (conventional)."""
-ROUGH, CLOSE = 1e-3, 1e-7
+ROUGH, CLOSE = 1e-2, 1e-7
 """Relative decrease of the sum of squares below which the search ends: in a window or a rough search, and at last."""
 NOTHING = 0.1
 """A step is tried only if the predicted decrease is this fraction of the one that ends a search."""

@@ -69,6 +69,13 @@ class Grid:
         """Return factors F of the covariances F Fᵀ of (g, h), (c, 2n, 2n)."""
         return self.roots[self.lengths] * self.scales[:, None, :]
 
+    @cached_property
+    def sizes_of_h(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return one grid point for each pair of lengths and size of h, (b,), and the index of each point's, (c,)."""
+        pairs = np.column_stack([self.lengths, self.size_h])
+        _, first, own = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+        return first, own
+
     def only(self, places: np.ndarray) -> Grid:
         """Return the grid of some of the points, given by their indices (k,)."""
         names = ("size_g", "size_h", "log_prior", "scales", "lengths")
@@ -480,21 +487,20 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     if information.max() >= LARGEST_INFORMATION:
         whole = normals(model, grid, variance, samples)
         return Normals(whole.log, whole.means[:, :d], whole.factors[:, :d])
-    # Integrate h out. of: which lengths and size of h a grid point has; first: a grid point with these.
-    pairs = np.column_stack([grid.lengths, grid.size_h])
-    _, first, of = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    # Integrate h out.
+    first, own = grid.sizes_of_h
     size_h, products = grid.size_h[first, None, None], products[grid.lengths[first]]
     h, others = np.arange(n, 2 * n), np.delete(np.arange(2 * n + d + 1), np.s_[n : 2 * n])
     block = np.eye(n) + size_h**2 * products[:, h[:, None], h]
     cross = size_h * products[:, h[:, None], others]
     left = products[:, others[:, None], others] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(block, cross)
-    log_det = np.linalg.slogdet(block)[1][of]
+    log_det = np.linalg.slogdet(block)[1][own]
     # Integrate g out.
     gained, directions = np.linalg.eigh(left[:, :n, :n])
-    along = (np.swapaxes(directions, 1, 2) @ left[:, :n, n:])[of]
+    along = (np.swapaxes(directions, 1, 2) @ left[:, :n, n:])[own]
     squares = grid.size_g[:, None] ** 2
-    shrunk = 1.0 + squares * np.maximum(gained, 0.0)[of]
-    left = left[of, n:, n:] - np.swapaxes(along * (squares / shrunk)[:, :, None], 1, 2) @ along
+    shrunk = 1.0 + squares * np.maximum(gained, 0.0)[own]
+    left = left[own, n:, n:] - np.swapaxes(along * (squares / shrunk)[:, :, None], 1, 2) @ along
     log_det = log_det + np.sum(np.log(shrunk), axis=1)
     # The posterior of the scores.
     lower = np.linalg.cholesky(np.eye(d) + left[:, :d, :d])
