@@ -241,8 +241,8 @@ def search_near(
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
-    """Fit again, starting at a fit to other data or with another solver; None where the motion escapes."""
-    return fit(solver, at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False)
+    """Fit again, starting near a fit to other data or with another solver; None where the motion escapes."""
+    return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 
 def tangents_at(

@@ -99,30 +99,30 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
         model, grid, variance = exact_model(top), NO_DEVIATIONS, comparison.exact_variance(top)
     posterior = linear_posterior(model, grid, variance, samples)
     draws = posterior.draws(parameters.positive, FEW, np.random.default_rng(0))[0]
-    mean = draws.mean(axis=0)
-    exponents = parameters.priors["exponent"].value(draws[:, place])
+    sd = float(np.std(draws[:, place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
-        """Fit at exponent p, starting at the mode of another exponent or at `mean`; None where this fails."""
+        """Fit at exponent p, starting at the mode of another exponent; None where this fails."""
         priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
         fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
         solver = power_solver(comparison, p)
-        u = np.delete(mean, place) if near is None else near.u.copy()
-        start = replace(top, parameters=fixed, z=u[: len(priors)])
+        z = np.delete(top.z, place) if near is None else near.u[: len(priors)]
+        start = replace(top, parameters=fixed, z=z)
         if not comparison.approximate:
             best = refit(solver, data, start)
             if best is None:
                 return None
             posterior = linear_posterior(exact_model(best), NO_DEVIATIONS, variance, samples)
             return _At(posterior.log_evidence, best, best.z)
+        begin = None
         if near is not None:
             # Start with the mode at the other exponent, g changed so that the damping at each amplitude is the same.
-            (times, sizes), d = turning_amplitudes(near.fit.motion), near.fit.z.size
+            (times, sizes), u, d = turning_amplitudes(near.fit.motion), near.u.copy(), near.fit.z.size
             if times.size > 1:
                 log = np.interp(solver.knots, times, np.log(sizes))
                 other = near.fit.parameters.known["exponent"]
                 u[d : d + log.size] += (other - p) * (log - log.mean())
-        begin = linearise(solver, data, start, u)
+            begin = linearise(solver, data, start, u)
         result = linearise_at_mode(solver, data, start, variance, begin, near=begin is not None)
         if result is None:
             return None
@@ -130,7 +130,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
         posterior = linear_posterior(mode.model, mode.grid(coarse=False), variance, samples)
         return _At(posterior.log_evidence, replace(start, motion=mode.motion), mode.u)
 
-    distribution = _explore(at, float(np.mean(exponents)), float(np.std(exponents)))
+    distribution = _explore(at, float(top.values[parameters.names.index("exponent")]), sd)
     return () if distribution is None else tuple(np.interp(LEVELS, *distribution).tolist())
 
 
