@@ -31,7 +31,8 @@ ALONE = 4.0
 LEAST_READINGS = 200
 """Fewest samples of a trajectory that are compared with the record."""
 LEAST_DECAY = 0.05
-"""Smallest decay that is assumed, so that a record that hardly decays has a range too."""
+"""Smallest fall of the amplitude over the record, as a fraction, that is assumed, so that a record that hardly decays
+has a range too."""
 PHASE = 3.0
 """Half-range of the frequency: so many radians of phase over the record, and half a per cent."""
 CHANGE = 1e-5
@@ -48,8 +49,7 @@ class GeneticOptions(Options):
     tournament: how many compete to be a parent. blend: α of the BLX-α crossover.
     mutation: standard deviation of the Gaussian mutation as a share of the range that the population spans, which is
     the search range at first. mutated: share of the variables that mutate.
-    elite: share of the population that is kept as it is. The paper keeps a tenth; with seven tenths the search reaches
-    the same misfit with half as many trajectories.
+    elite: share of the population that is kept as it is (the paper's tenth).
     generations: the most that are computed. patience: the search has converged when no more than a ten-thousandth of
     the misfit separates the mean of the population from the best one so many generations later.
     readings: largest number of samples of all trajectories of a generation; a longer record is averaged over short
@@ -60,8 +60,8 @@ class GeneticOptions(Options):
     tournament: int = Field(default=3, ge=2)
     blend: float = Field(default=0.5, ge=0.0, le=2.0)
     mutation: float = Field(default=0.1, ge=0.0, le=1.0)
-    mutated: float = Field(default=0.5, ge=0.0, le=1.0)
-    elite: float = Field(default=0.7, ge=0.0, lt=1.0)
+    mutated: float = Field(default=0.2, ge=0.0, le=1.0)
+    elite: float = Field(default=0.1, ge=0.0, lt=1.0)
     generations: int = Field(default=200, ge=1)
     patience: int = Field(default=2, ge=2)
     readings: int = Field(default=250_000, ge=10_000)
