@@ -24,10 +24,10 @@ from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.residual_tests import (
     SpectralLine,
     StrongestForm,
+    find_missing_form,
     find_spectral_line,
     name_peak,
     orthonormal,
-    other_form,
 )
 from bayesdamp.outcomes import P_LIMIT, Fitting
 from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
@@ -164,7 +164,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     tails = float(kurtosis(white))
     fitted = orthonormal(tangents(target, mode).T)
     line = find_spectral_line(t, white, period, fitted)
-    form = other_form(
+    form = find_missing_form(
         mode, white, fitted, lambda change: _comparable(mode, r + change) - _comparable(mode, r)
     )
     if (

@@ -151,7 +151,7 @@ class LocalSearch:
     volume : float
         Log volume of the posterior at the end, −½ log det of the information, which weights modes.
     converged : bool
-        Whether the search has_converged at a maximum.
+        Whether the search ended at a maximum.
     """
 
     seed: Seed

@@ -20,22 +20,22 @@ import scipy  # loads its modules when they are used
 from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
 
-BINS = 150
+HISTOGRAM_BINS = 150
 """Number of bins of the draws of a specimen."""
 LOCATIONS, SCALES = 121, 81
 """Numbers of values of m and τ on the grid."""
-REACH = 9.0
+GRID_SDS = 9.0
 """Half-width of the grid of m at each τ, in standard deviations of m given τ."""
-LARGEST = 4.0
+LARGEST_TAU = 4.0
 """Largest τ, in units of the prior scale of m; the probability beyond is below 1e-4."""
-FAR = 8.0
-"""Distance from zero, in widths, from which the truncation of a normal distribution is ignored."""
-POINTS, WIDE, HYPER_DRAWS = 801, 6.0, 2000
+FAR_FROM_ZERO = 8.0
+"""The truncation of a normal density at zero is ignored if its centre is this many of its sds away."""
+GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
 """Grid of a specimen's coefficient: number of points and half-width in sds; and number of draws of (m, τ)."""
 LEAST_EFFECTIVE = 100
 """Fewest effective draws of a specimen, given the others, for a reliable summary (conventional)."""
-FEW = 5
-"""Number of specimens below which the upper limit of the spread mostly follows from its prior."""
+FEW_SPECIMENS = 5
+"""With fewer specimens than this, the upper limit of the spread mostly follows from its prior."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Population:
 class Kernels:
     """The likelihood of a specimen's coefficient as a sum of normal densities of equal width.
 
-    centres, log_weights (b,): of the densities. mean, sd: of the likelihood.
+    centres, log_weights: of the b normal densities, (b,). width: their common sd. mean, sd: of the whole likelihood.
     """
 
     centres: np.ndarray
@@ -100,7 +100,7 @@ class Kernels:
         drawn = sample.values
         if not mean < 4 * sd:
             drawn = mean + np.sqrt(max(1 - relative_width**2, 0.0)) * (drawn - mean)
-        edges = np.linspace(drawn.min(), drawn.max(), BINS + 1)
+        edges = np.linspace(drawn.min(), drawn.max(), HISTOGRAM_BINS + 1)
         mass = np.histogram(drawn, edges, weights=w)[0]
         centres = np.histogram(drawn, edges, weights=w * drawn)[0]
         filled = mass > 0
@@ -122,7 +122,7 @@ class Kernels:
 
         for centre, log_weight in zip(self.centres, self.log_weights, strict=True):
             # Near zero the density is reflected, so that no probability is lost.
-            near = centre < FAR * width
+            near = centre < FAR_FROM_ZERO * width
             term = np.logaddexp(inside(centre), inside(-centre)) if near else overlap(centre)
             log = np.logaddexp(log, log_weight + term)
         return log - scipy.special.log_ndtr(m / tau)
@@ -138,7 +138,7 @@ class Kernels:
         return np.logaddexp(about(self.centres), about(-self.centres))
 
 
-def population(samples: Sequence[Sample], scale: float) -> Population:
+def infer_population(samples: Sequence[Sample], scale: float) -> Population:
     """Infer the population of a non-negative coefficient.
 
     Parameters
@@ -172,8 +172,8 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     mean, spread = m + tau * hazard, tau * np.sqrt(np.maximum(1 - ratio * hazard - hazard**2, 0.0))
     shrunk, size = {}, {}
     for sample, kernel in zip(samples, kernels, strict=True):
-        low, high = kernel.mean - WIDE * kernel.sd, kernel.mean + WIDE * kernel.sd
-        x, gap = np.linspace(max(low, 0.0), high, POINTS, retstep=True)
+        low, high = kernel.mean - GRID_HALF_WIDTH * kernel.sd, kernel.mean + GRID_HALF_WIDTH * kernel.sd
+        x, gap = np.linspace(max(low, 0.0), high, GRID_POINTS, retstep=True)
         drawn = np.random.default_rng(0).choice(weights.size, HYPER_DRAWS, p=weights.ravel())
         # The width is at least the distance of grid points, so that no density falls between them.
         wide = np.sqrt(tau.ravel()[drawn] ** 2 + gap**2)[:, None]
@@ -187,7 +187,7 @@ def population(samples: Sequence[Sample], scale: float) -> Population:
     if size[worst] < LEAST_EFFECTIVE:
         few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST_EFFECTIVE}"
         outcome = f"not to be trusted: {few}"
-    elif len(samples) < FEW:
+    elif len(samples) < FEW_SPECIMENS:
         outcome = (
             f"only {len(samples)} specimens: upper limits of mean and spread mostly follow from their priors"
         )
@@ -201,10 +201,10 @@ def _grid(kernels: Sequence[Kernels], scale: float) -> tuple[np.ndarray, np.ndar
     The scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
     """
     means, sds = (np.array([getattr(k, n) for k in kernels]) for n in ("mean", "sd"))
-    tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST * scale, SCALES)
+    tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST_TAU * scale, SCALES)
     precision = 1 / (sds[:, None] ** 2 + tau**2)
     middle = np.sum(means[:, None] * precision, axis=0) / precision.sum(axis=0)
-    reach = REACH / np.sqrt(precision.sum(axis=0))
+    reach = GRID_SDS / np.sqrt(precision.sum(axis=0))
     # For a wide truncated normal distribution m may be anywhere from zero on.
     low, high = np.maximum(middle - reach, 0.0), np.maximum(middle + reach, reach)
     m = np.linspace(low, high, LOCATIONS)

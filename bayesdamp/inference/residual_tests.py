@@ -27,13 +27,13 @@ from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
 """Overtones that are tested, as multiples of the frequency."""
-ACROSS = 2
+NEIGHBOURS = 2
 """Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
 residual
 of an oscillation under a wrong law is modulated slowly."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
 """Low frequencies that are tested, in periods per duration of the record."""
-ABSORBED = 0.3
+LEAST_REMAINING_NORM = 0.3
 """A wave is left out if the fitted directions leave at most this fraction of its norm."""
 MOST_SAMPLES = 20_000
 """Greatest number of values in the search for a peak; a longer record is averaged in blocks. The frequencies that are
@@ -47,15 +47,15 @@ AT_OVERTONES = (
 SLOW = "it is slow, as if the record's zero drifted"
 LINE = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
 
-PARTS = 32
+PARTS_PER_STEP = 32
 """Number of points in a step of the solver for the integration of a force."""
 NEAR_REST = 0.1
 """Width of the velocity range of friction near rest, as a fraction of the largest velocity."""
 REVERSAL = 0.02
 """Width within which this friction changes its sign, as a fraction of the largest velocity."""
-NEW = 1e-3
+LEAST_REMAINING_LENGTH = 1e-3
 """A direction is left out if the fitted directions leave at most this fraction of its length."""
-SIZE = 0.5
+FORCE_SCALE = 0.5
 """Prior scale of an additional force, as a fraction of the largest damping force (conventional). The prior is
 half-normal, or
 normal if the force may have either sign."""
@@ -116,7 +116,7 @@ def find_spectral_line(
         phase = 2 * np.pi * np.outer(t - t[0], frequencies[frequencies < fastest])
         waves = orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
         u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
-        remaining = u[:, s > ABSORBED]
+        remaining = u[:, s > LEAST_REMAINING_NORM]
         power = 0.5 * np.sum((remaining.T @ scores) ** 2)
         chance = float(scipy.special.gammaincc(0.5 * remaining.shape[1], power)) if remaining.size else 1.0
         lines.append(SpectralLine(chance, words))
@@ -134,7 +134,7 @@ def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
     """Return the duration of a record (s), its number of cycles, and the half width of a band in frequency steps."""
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
-    return length, length / period, int(np.clip(length / period / 3, 0, ACROSS))
+    return length, length / period, int(np.clip(length / period / 3, 0, NEIGHBOURS))
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -221,13 +221,13 @@ class StrongestForm:
     rivals: tuple[AddedForm, ...] = ()
 
 
-def other_form(
+def find_missing_form(
     mode: Mode,
     scores: np.ndarray,
     absorbed: np.ndarray,
     whiten: Callable[[np.ndarray], np.ndarray],
 ) -> StrongestForm:
-    """Find the form of force that the model lacks and the whitened residuals show most.
+    """Find the missing form of force that would reduce the whitened residuals most.
 
     Nothing is tested under exact friction (ε = 0), where the motion is not a smooth function of its start.
 
@@ -258,16 +258,18 @@ def other_form(
     law = [float(p[name]) for name in osc.law.parameters]
     forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
     largest = float(np.max(np.abs(forces)))
-    for form, response in zip(FORMS, responses(likelihood, motion, p), strict=True):
+    for form, response in zip(FORMS, responses_to_forms(likelihood, motion, p), strict=True):
         direction = whiten(response)
         size = np.linalg.norm(direction)
         direction = direction - absorbed @ (absorbed.T @ direction)
         remaining = np.linalg.norm(direction)
         score, log_bayes = 0.0, 0.0  # for a direction that is left out
-        if np.isfinite(remaining) and remaining > NEW * size > 0:
+        if np.isfinite(remaining) and remaining > LEAST_REMAINING_LENGTH * size > 0:
             score = float(direction @ scores / remaining)
             chances.append((float(scipy.special.erfc(abs(score) / np.sqrt(2))), form.words))
-            length = SIZE * largest * remaining / size * np.sqrt(likelihood.information(response, mode.z))
+            length = (
+                FORCE_SCALE * largest * remaining / size * np.sqrt(likelihood.information(response, mode.z))
+            )
             log_bayes = log_bayes_factor(score, float(length), form.signed)
         if form.damps:
             rivals.append(AddedForm(form.words, log_bayes))
@@ -288,7 +290,7 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     return float(log if signed else log + np.log(2.0) + scipy.special.log_ndtr(score * np.sqrt(shrunk)))
 
 
-def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
+def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
     """Return the response of the recorded quantity to a small force of each form along a motion, (forms, n).
 
     Parameters
@@ -312,7 +314,7 @@ def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) ->
     nodes, slopes = motion.times, motion.slopes.slopes
     names = likelihood.motions.kernel_names
     starts = motion.slopes.columns[[names.index("theta0"), names.index("omega0")]]
-    grid = (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS) / PARTS).ravel()
+    grid = (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS_PER_STEP) / PARTS_PER_STEP).ravel()
     grid = np.append(grid, nodes[-1])
     times = signal.t - signal.t[0]
     x, v = (at_times(nodes, motion.states, grid, order) for order in (0, 1))

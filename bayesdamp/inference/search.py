@@ -15,20 +15,20 @@ from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
-"""Distance of two ends, in posterior sds, up to which they count as the same mode (conventional)."""
+"""Two searches whose ends are closer than this, in posterior sds, reached the same mode (conventional)."""
 COARSEST = 1.0
 """Largest error of a motion in a search, in standard errors of the mean of all samples (conventional)."""
 MOST_RESIDUAL = 1.5
 """Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
 the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
-IN_PHASE = 0.3
+IN_PHASE_RESIDUAL = 0.3
 """Largest root mean square residual of a motion in phase with the record, in the same unit; 1.5 times the noise is
 always
 allowed."""
 LEAST_SAMPLES = 8
-"""Fewest samples in a window."""
+"""Fewest samples in a window that grows (see `_grow_windows`)."""
 SAME_START = 1e-4
-"""Largest difference of scores up to which two starts count as the same."""
+"""Two starts whose scores differ by less than this count as the same."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
@@ -40,7 +40,7 @@ def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[st
     }
 
 
-def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
+def group_searches(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
     """Group the searches of a mode by the maxima that they reached.
 
     Returns
@@ -74,8 +74,8 @@ def basins(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None
 class _Start(NamedTuple):
     """A start of a search.
 
-    seeds: its seeds. z (d,): its scores; those of the noise follow from the residuals there. likelihood: the likelihood
-    near it. value: log posterior. rms: root mean square residual.
+    seeds: origins with this start. z (d,): scores; those of the noise parameters are estimated from the residuals.
+    likelihood: the likelihood near z. value: log posterior at z. rms: root mean square residual at z.
     """
 
     seeds: list[Seed]
@@ -124,7 +124,7 @@ def find_mode(
     # A first tolerance; `refine_mode` then measures the effect of the error on the likelihood.
     tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
-    largest_in_phase = max(IN_PHASE * size, 1.5 * noise_level)
+    largest_in_phase = max(IN_PHASE_RESIDUAL * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
     starts: list[_Start] = []
@@ -236,4 +236,5 @@ def _grow_windows(
 
 
 def _rms(r: np.ndarray) -> float:
+    """Return the root mean square of residuals."""
     return float(np.sqrt(np.mean(r**2)))

@@ -28,22 +28,22 @@ from bayesdamp.priors import (
 )
 from bayesdamp.types import OK, Evidence, NestedRatio, Refusal
 
-FACTORS = np.geomspace(0.1, 10.0, 9)
+PRIOR_FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors of the scale of the priors: two decades."""
 LEAST_EFFECTIVE = 400.0
 """Effective number of reweighted draws below which new draws are made under the other prior (conventional)."""
 MOST_NATS = 5.0
-"""Size of a log Bayes factor above which draws do not determine the density at zero (conventional)."""
-DEGREE = 3
+"""If the absolute log Bayes factor is larger, the draws do not determine the density at zero (conventional)."""
+POLYNOMIAL_DEGREE = 3
 """Degree of the polynomial that approximates the log density near zero."""
-LOWER = 0.5
+LOWER_FRACTION = 0.5
 """Fraction of the draws, the smallest ones, to which the polynomial is fitted."""
 FAR_FROM_ZERO = 0.5
 """If the smallest draw is larger than this fraction of the median, the density at zero is not determined."""
-NODES = 400
-"""Number of quadrature nodes for the normalisation."""
-STEPS = 100
-"""Greatest number of Newton steps."""
+QUADRATURE_NODES = 400
+"""Number of quadrature nodes for the normalisation of the polynomial density."""
+MOST_NEWTON_STEPS = 100
+"""Greatest number of Newton steps in the fit of the polynomial."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def scale_prior(prior: Prior, factor: float) -> Prior | None:
     return None
 
 
-def against_width(
+def evidence_by_prior_width(
     priors: Mapping[str, Prior],
     coefficients: Sequence[str],
     y: np.ndarray,
@@ -90,7 +90,7 @@ def against_width(
     fit_under: Callable[[Mapping[str, Prior]], Mode],
     seed: int,
 ) -> Widths:
-    """Compute the evidence with all priors of damping coefficients scaled by each of `FACTORS`.
+    """Compute the evidence with all priors of damping coefficients scaled by each of `PRIOR_FACTORS`.
 
     The importance draws are reweighted by the ratio of the prior densities, which needs no new likelihoods.
 
@@ -135,9 +135,9 @@ def against_width(
             return np.nan, np.nan, size, True, False
         return evidence.log_evidence, evidence.stderr, size, True, evidence.outcome == OK
 
-    rows = [evidence_at(factor, seed + i) for i, factor in enumerate(FACTORS if varied else (1.0,))]
-    rows *= 1 if varied else FACTORS.size
-    return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
+    rows = [evidence_at(factor, seed + i) for i, factor in enumerate(PRIOR_FACTORS if varied else (1.0,))]
+    rows *= 1 if varied else PRIOR_FACTORS.size
+    return Widths(varied, PRIOR_FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
@@ -157,7 +157,7 @@ def first_half(mode: Mode) -> Mode:
     return mode_near(mode.likelihood.on(part), mode, mode.z)
 
 
-def predict(
+def predict_from_half(
     model: str, half: Mode, carry: Callable[[np.ndarray], Prediction], seed: int
 ) -> tuple[Evidence, Prediction]:
     """Compute the evidence of the first half of a record by importance sampling, and predict the second half.
@@ -272,7 +272,7 @@ def density_at_zero(
     log_density, stderr : float
         The log density and its standard error.
     """
-    top = float(np.quantile(x, LOWER))
+    top = float(np.quantile(x, LOWER_FRACTION))
     low = x <= top
     u = x[low] / top
     w = np.ones(u.size) if weights is None else weights[low]
@@ -280,11 +280,11 @@ def density_at_zero(
         effective *= float(np.sum(weights) ** 2 / np.sum(weights**2) / weights.size)
     if u.min() > FAR_FROM_ZERO:
         return float("nan"), float("inf")
-    nodes, node_weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, node_weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     nodes, node_weights = 0.5 * (nodes + 1.0), 0.5 * node_weights
-    basis = np.stack([nodes**k for k in range(1, DEGREE + 1)])
-    wanted = np.array([np.average(u**k, weights=w) for k in range(1, DEGREE + 1)])
-    c = np.zeros(DEGREE)
+    basis = np.stack([nodes**k for k in range(1, POLYNOMIAL_DEGREE + 1)])
+    wanted = np.array([np.average(u**k, weights=w) for k in range(1, POLYNOMIAL_DEGREE + 1)])
+    c = np.zeros(POLYNOMIAL_DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return log ∫ exp(c·basis), and mean and covariance of the basis under this density."""
@@ -296,7 +296,7 @@ def density_at_zero(
         return most + np.log(total), mean, (basis * mass / total) @ basis.T - np.outer(mean, mean)
 
     log_total, mean, covariance = moments(c)
-    for _ in range(STEPS):
+    for _ in range(MOST_NEWTON_STEPS):
         step = np.linalg.solve(covariance, wanted - mean)
         gain, size = float((wanted - mean) @ step), 1.0
         if gain < 1e-12:

@@ -62,7 +62,7 @@ class Maximum:
     """Result of a maximisation.
 
     x: end point, (d,); value: function value there, −inf if it is not finite; information: minus the Hessian there,
-    (d, d); evaluations: number of function evaluations.
+    (d, d); evaluations: number of function evaluations; converged: whether the convergence criterion ended the search.
     """
 
     x: np.ndarray
@@ -81,7 +81,7 @@ def levenberg_marquardt(
     expand: Expand,
     x: np.ndarray,
     floor: np.ndarray,
-    ended: Callable[[Step], bool],
+    has_converged: Callable[[Step], bool],
     *,
     limit: int,
     longest: float = np.inf,
@@ -89,6 +89,8 @@ def levenberg_marquardt(
     retract: Retract = straight_on,
 ) -> Maximum:
     """Return a local maximum of a function over x ≥ floor, elementwise.
+
+    A step is rejected if it decreases the function, or ends where the value or the information is not finite.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def levenberg_marquardt(
         Start point, (d,).
     floor
         Lower bounds, (d,); −inf for an unbounded coordinate.
-    ended
+    has_converged
         Convergence criterion: function that returns True if the search ends with this trial step.
     limit
         Largest number of steps.
@@ -112,7 +114,7 @@ def levenberg_marquardt(
     Returns
     -------
     Maximum
-        The best point; its value is −inf if the function is not finite there.
+        The best point; its value is −inf if the function is not finite at the start.
     """
 
     def is_finite(at: Expansion) -> bool:
@@ -136,14 +138,14 @@ def levenberg_marquardt(
         end = np.maximum(retract(x, move), floor)
         new = expand(end)
         evaluations += 1
-        gain = float(new.value - at.value) if np.isfinite(new.value) else -np.inf
-        converged = ended(Step(x, end - x, at, gain, float(move @ at.gradient), damping))
-        over = converged or (damping if gain < 0 else damping * schedule.less) > MAX_LAMBDA
+        gain = float(new.value - at.value) if is_finite(new) else -np.inf
+        converged = has_converged(Step(x, end - x, at, gain, float(move @ at.gradient), damping))
+        stopping = converged or (damping if gain < 0 else damping * schedule.less) > MAX_LAMBDA
         if gain >= 0:
             x, at, damping = end, new, max(damping * schedule.less, MIN_LAMBDA)
         else:
             damping = max(damping, MIN_BEFORE_GROWTH) * schedule.more
-        if over:
+        if stopping:
             return Maximum(x, float(at.value), at.information, evaluations, converged)
     if not is_finite(at):
         return Maximum(x, -np.inf, np.eye(x.size), evaluations, False)

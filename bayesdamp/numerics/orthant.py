@@ -11,21 +11,21 @@ from itertools import product
 import numpy as np
 import scipy  # loads its modules when they are used
 
-POINTS = 24
+GAUSS_POINTS = 24
 """Number of Gauss–Legendre nodes for each coordinate (conventional)."""
 MIN_PROBABILITY = 1e-280
 """If the probability of values above zero is smaller, quantiles are computed from its logarithm (conventional)."""
-MAX_NESTED, LATTICE = 3, 256
+MAX_NESTED, LATTICE_POINTS = 3, 256
 """Up to this many coordinates nested Gauss rules are used; for more, a lattice of this many points (conventional)."""
-SURE = 7.0
+SURE_SDS = 7.0
 """If every mean is this many standard deviations above zero, the probability is taken as 1 (error 1e-12 a
 coordinate)."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
 """Primes whose square roots generate the lattice, one for each coordinate."""
-DEGREES = 7.0
+T_DEGREES = 7.0
 """Degrees of freedom of the reflected Student t (conventional)."""
-_X, _W = np.polynomial.legendre.leggauss(POINTS)
-LEVELS, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
+_X, _W = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+GAUSS_LEVELS, GAUSS_WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 """Gauss–Legendre nodes on [0, 1], used as quantile levels, and their weights."""
 
 
@@ -46,7 +46,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         mean = mean[rows, order]
         covariance = covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
         # Rows that are surely positive have probability 1 and need no quadrature.
-        unsure = mean[:, 0] < SURE * np.sqrt(covariance[:, 0, 0])
+        unsure = mean[:, 0] < SURE_SDS * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
             logs = np.zeros(count)
             if unsure.any():
@@ -58,7 +58,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     first = scipy.special.log_ndtr(mean[:, 0] / sd)
     if k == 1:
         return first
-    at = truncated_quantiles(mean[:, 0], sd, LEVELS[None, :])
+    at = truncated_quantiles(mean[:, 0], sd, GAUSS_LEVELS[None, :])
     # Mean and covariance of the other coordinates, given each value of the first.
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
@@ -66,9 +66,11 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if k == 2:
         inner = scipy.special.log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
     else:
-        inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, -1)
+        inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, GAUSS_POINTS, axis=0)).reshape(
+            count, -1
+        )
     top = inner.max(axis=1, keepdims=True)
-    return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
+    return first + top[:, 0] + np.log(np.exp(inner - top) @ GAUSS_WEIGHTS)
 
 
 def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -81,8 +83,8 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
     part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
     lower, centres = np.linalg.cholesky(part), mean / scale
-    levels = np.mod(0.5 + np.arange(1, LATTICE + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
-    z, log = np.zeros((count, LATTICE, k)), np.zeros((count, LATTICE))
+    levels = np.mod(0.5 + np.arange(1, LATTICE_POINTS + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
+    z, log = np.zeros((count, LATTICE_POINTS, k)), np.zeros((count, LATTICE_POINTS))
     for i in range(k):
         centre = centres[:, i, None] + np.einsum("cpj,cj->cp", z[:, :, :i], lower[:, i, :i])
         sd = np.broadcast_to(lower[:, i, i, None], centre.shape)
@@ -201,9 +203,9 @@ class ReflectedT:
         self.centre, self.factor, self.reflected = centre, factor, reflected
         d = factor.shape[0]
         self._constant = (
-            scipy.special.gammaln(0.5 * (DEGREES + d))
-            - scipy.special.gammaln(0.5 * DEGREES)
-            - 0.5 * d * np.log(DEGREES * np.pi)
+            scipy.special.gammaln(0.5 * (T_DEGREES + d))
+            - scipy.special.gammaln(0.5 * T_DEGREES)
+            - 0.5 * d * np.log(T_DEGREES * np.pi)
             - np.sum(np.log(np.diag(factor)))
         )
         index = np.flatnonzero(reflected)
@@ -213,7 +215,7 @@ class ReflectedT:
     def draw(self, rng: np.random.Generator | np.random.RandomState, n: int) -> np.ndarray:
         """Return independent draws, (n, d)."""
         normal = rng.standard_normal((n, self.factor.shape[0]))
-        scale = np.sqrt(DEGREES / rng.chisquare(DEGREES, n))[:, None]
+        scale = np.sqrt(T_DEGREES / rng.chisquare(T_DEGREES, n))[:, None]
         z = self.centre + (normal * scale) @ self.factor.T
         return np.where(self.reflected, np.abs(z), z)
 
@@ -222,11 +224,11 @@ class ReflectedT:
         d = self.factor.shape[0]
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
         white = np.linalg.solve(self.factor, images.T)
-        kernel = -0.5 * (DEGREES + d) * np.log1p(np.sum(white**2, axis=0) / DEGREES)
+        kernel = -0.5 * (T_DEGREES + d) * np.log1p(np.sum(white**2, axis=0) / T_DEGREES)
         return self._constant + scipy.special.logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
 
 
 def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
     """Return the `ReflectedT` whose t distribution has the mean and covariance of the draws y, (n, d)."""
-    covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
+    covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (T_DEGREES - 2) / T_DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

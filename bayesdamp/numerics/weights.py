@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy  # loads its modules when they are used
 
-LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
+SUMMARY_LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
 """Levels of the quantiles in summaries, by name."""
 NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
 """A log weight this far below the largest counts as zero (e^−690 is close to the smallest float); smallest number of
@@ -50,11 +50,11 @@ def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.n
 
 
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
-    """Return mean, sd and the quantiles of `LEVELS` by name, of draws x, (n,), with weights that sum to 1, (n,)."""
+    """Return mean, sd and quantiles (`SUMMARY_LEVELS`) by name, of draws x, (n,), with weights of sum 1, (n,)."""
     mean = float(weights @ x)
-    ends = quantiles(x, weights, list(LEVELS.values())).tolist()
+    ends = quantiles(x, weights, list(SUMMARY_LEVELS.values())).tolist()
     sd = float(np.sqrt(weights @ (x - mean) ** 2))
-    return {"mean": mean, "sd": sd, **dict(zip(LEVELS, ends, strict=True))}
+    return {"mean": mean, "sd": sd, **dict(zip(SUMMARY_LEVELS, ends, strict=True))}
 
 
 def pareto_k(log_weights: np.ndarray) -> float:

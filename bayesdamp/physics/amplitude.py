@@ -28,13 +28,13 @@ SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, coun
 """All seven sums of these terms, each a tuple of names."""
 LOG_AT_REST = -60.0
 """Value of ln(A/A_ref) that stands for an oscillation that has come to rest (conventional)."""
-EXPONENTS = -1.0, 3.0
+EXPONENT_RANGE = -1.0, 3.0
 """Smallest and largest exponent p of a power law; p < 0 is friction that increases as the amplitude decreases."""
 NEAR_VISCOUS = 1e-4
-"""If the exponent is closer to 1, the derivative by the exponent is computed from a series."""
+"""If the exponent differs from 1 by less than this, the derivative by the exponent is computed from a series."""
 _NEAR_ONE = 1e-6  # if |p - 1| is smaller, p = 1 is used
 _SMALL_ANGLE = 1e-6  # if |kt| is smaller, tanh(kt)/k = t is used
-PANELS = 200
+LAW_PANELS = 200
 """Number of panels in ln A of the numerical integration; the relative error of the time is then 1e-8 (measured)."""
 MIN_RATE = 1e-30
 """Smallest decay rate (1/s) in divisions; it leaves an undamped amplitude constant."""
@@ -42,14 +42,14 @@ _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # nodes of the two-point Gauss ru
 
 Shape = Callable[[np.ndarray], np.ndarray]
 """A function s(x) of x = ln(A/A_ref): the decay rate -dx/dt of a term relative to its value at x = 0."""
-GRID = np.linspace(-12.0, 1.5, 68)
+LOSS_GRID = np.linspace(-12.0, 1.5, 68)
 """Values of ln(A/A_start) at which losses are tabulated; outside, a loss is extrapolated as a power of A."""
 MIN_RELATIVE_LOSS = 1e-12
 """Smallest loss in the table, relative to the largest; smaller losses are raised to it, so that their log is finite."""
 LOSS_TOLERANCE = 1e-6
 """Two losses count as equal if their relative difference is smaller."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
-"""The names of `damping.GIVEN` that are reference scales."""
+"""Those names in `damping.GIVEN` that are reference scales."""
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
@@ -119,7 +119,7 @@ def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones_like(t), -passed / left, by_exponent])
 
 
-def coefficient(
+def coefficient_from_rate(
     term: str, rate: np.ndarray, reference: float, omega: float | None
 ) -> tuple[str, np.ndarray, str]:
     """Return name, values and unit of a term's coefficient; `{}` in the unit stands for the amplitude's unit.
@@ -234,7 +234,7 @@ class TabulatedLaw(DecayLaw):
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x at the ends of the panels, decreasing, the shapes there, and those at two Gauss points a panel."""
-        x = np.linspace(self.high, self.low, PANELS + 1)
+        x = np.linspace(self.high, self.low, LAW_PANELS + 1)
         middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
         inside = (middle[:, None] + half * _GAUSS).ravel()
         return x, self.shapes(x), self.shapes(inside)
@@ -341,11 +341,6 @@ class AmplitudeSolver:
         """Return one over the duration, in 1/s, in place of a frequency, because nothing oscillates."""
         return 1.0 / self.duration
 
-    @cached_property
-    def hats(self) -> np.ndarray:
-        """Return the matrix (n, knots) that interpolates linearly from values at the knots to the readings."""
-        return hats(self.t / self.duration, self.knots)
-
     def solve(
         self,
         p: np.ndarray,
@@ -358,7 +353,7 @@ class AmplitudeSolver:
         """Return the decay for parameters p, (d + 1,), with derivatives by p and, for `ALL`, by the deviation g.
 
         All rates are multiplied by 1 + g(t), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To first order,
-        ∂x/∂g_k = -rate(x) ∫ b_k dt with the hat function b_k of knot k. `active`, `stop` and `tolerance` have no
+        ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and `tolerance` have no
         effect.
         """
         rates, start = p[:-1], float(p[-1])
@@ -370,7 +365,7 @@ class AmplitudeSolver:
             by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # undamped
             slopes = np.column_stack([self.law.slopes(self.t, x, start, rates, self.step), by_start])
         if tangents == ALL:
-            passed = warp_integrals(self.t / self.duration, self.knots) * self.duration
+            passed = basis_integrals(self.t / self.duration, self.knots) * self.duration
             slopes = np.column_stack([slopes, -speed[:, None] * passed])
         states = np.column_stack([x, -speed])
         if self.white is not None:
@@ -378,20 +373,20 @@ class AmplitudeSolver:
         return Motion(x, slopes, self.t, states)
 
 
-def hats(s: np.ndarray, count: int) -> np.ndarray:
-    """Return hat functions with `count` equidistant knots on [0, 1], at s, shape (n, count)."""
+def linear_basis(s: np.ndarray, count: int) -> np.ndarray:
+    """Return the basis of linear interpolation between `count` equidistant knots on [0, 1], at s: (n, count)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
 
 
-def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the integrals from 0 to s of the basis functions of `hats`, shape (n, count)."""
+def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
+    """Return the integrals from 0 to s of the functions of `linear_basis`, shape (n, count)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     u = at[:, None] - np.arange(count)
     rising = np.clip(u + 1.0, 0.0, 1.0)
     falling = np.clip(u, 0.0, 1.0)
     integrals = 0.5 * rising**2 + falling - 0.5 * falling**2
-    integrals[:, 0] -= 0.5  # the first hat has no rising half
+    integrals[:, 0] -= 0.5  # the first basis function has no rising half
     return integrals / (count - 1)
 
 
@@ -430,7 +425,7 @@ def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> di
 def log_loss(
     term: DampingTerm, scores: tuple[float, ...] = (), scale: Scale = Scale()
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return ln of the decay rate -dA/dt/A (1/s) per unit of the coefficient, as a function of ln(A/A_start).
+    """Return a function of ln(A/A_start): ln of the decay rate -dA/dt/A (1/s) per unit of the coefficient.
 
     Parameters
     ----------
@@ -446,7 +441,7 @@ def log_loss(
     InputError
         If the term dissipates no energy, or its loss is not finite.
     """
-    loss = losses(term, GRID, parameters(term, scores, scale), scale)
+    loss = rates_per_unit(term, LOSS_GRID, parameters(term, scores, scale), scale)
     most = float(np.max(loss))
     if not (np.all(np.isfinite(loss)) and most > 0):
         raise InputError(
@@ -456,11 +451,11 @@ def log_loss(
     log = np.log(np.maximum(loss, MIN_RELATIVE_LOSS * most))
     # If the loss is zero at some amplitudes, a spline would overshoot.
     table = (
-        scipy.interpolate.CubicSpline(GRID, log)
+        scipy.interpolate.CubicSpline(LOSS_GRID, log)
         if loss.min() > MIN_RELATIVE_LOSS * most
-        else scipy.interpolate.PchipInterpolator(GRID, log)
+        else scipy.interpolate.PchipInterpolator(LOSS_GRID, log)
     )
-    ends = GRID[[0, -1]]
+    ends = LOSS_GRID[[0, -1]]
     slopes = table(ends, 1)
 
     def at(x: np.ndarray) -> np.ndarray:
@@ -471,7 +466,9 @@ def log_loss(
     return at
 
 
-def losses(term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale) -> np.ndarray:
+def rates_per_unit(
+    term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale
+) -> np.ndarray:
     """Return decay rates -dA/dt/A (1/s) per unit of the coefficient, (n,), at x = ln(A/A_start), (n,)."""
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
@@ -493,7 +490,7 @@ def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
     def shapes(scale: Scale) -> np.ndarray:
         rows = []
         for scores in product((-1.0, 0.5), repeat=len(term.inferred)):
-            loss = losses(term, x, parameters(term, scores, scale), scale)
+            loss = rates_per_unit(term, x, parameters(term, scores, scale), scale)
             rows.append(loss / max(float(loss.max()), 1e-300))
         return np.array(rows)
 
@@ -509,5 +506,5 @@ def are_proportional(a: DampingTerm, b: DampingTerm) -> bool:
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b
     x = np.array([-6.0, -4.0, -2.0, -1.0, 0.0])
-    first, second = (losses(term, x, {}, Scale()) for term in (a, b))
+    first, second = (rates_per_unit(term, x, {}, Scale()) for term in (a, b))
     return bool(np.allclose(first / first[-1], second / second[-1], LOSS_TOLERANCE, 0.0))

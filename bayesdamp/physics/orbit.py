@@ -15,8 +15,9 @@ from bayesdamp.physics.forces import newton_many, slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 
 NODES, NEWTON_STEPS, CENTRING_STEPS = 32, 30, 8
-"""Number of quadrature nodes; Newton steps to the equilibrium, and to the centre c of the turning points. Newton's
-method converges quadratically from a start near by, so both numbers of steps are ample; neither is checked."""
+"""Numbers of quadrature nodes, of Newton steps to the equilibrium, and of Newton steps to the centre c of the turning
+points. Newton's method converges quadratically from a start near by, so both numbers of steps are ample; neither is
+checked."""
 _T, _W = np.polynomial.legendre.leggauss(NODES)
 PHI, WEIGHT = 0.5 * np.pi * _T, 0.5 * np.pi * _W
 """Quadrature nodes φ between −π/2 and π/2, and their weights."""

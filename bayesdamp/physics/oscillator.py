@@ -16,7 +16,7 @@ from bayesdamp.types import FeaturesSeen, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
 """Parameter values by name."""
-REACH, POINTS = 10.0, 4001
+SEARCH_REACH, SEARCH_POINTS = 10.0, 4001
 """Half width (rad) and number of points of the grid that is searched for an equilibrium (conventional)."""
 NEWTON_STEPS = 4
 """Newton steps from a position near the equilibrium; from 0.1 rad away the result is right to 1e-15."""
@@ -120,27 +120,27 @@ class Oscillator:
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
 
-    def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = REACH) -> float:
+    def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
         """Return ω_n in rad/s with an error of about 0.1 %, which is enough for limits.
 
         Raises ValueError if no equilibrium is within `reach` of `near`.
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
-        ends = bracket(force, near, reach, POINTS)
+        ends = bracket(force, near, reach, SEARCH_POINTS)
         if ends is None:
             raise _no_rest(self.restoring, near)
         return frequency_over(force, *ends)
 
 
 def _no_rest(restoring: str, near: float) -> ValueError:
-    return ValueError(f"{restoring} has no stable equilibrium within {REACH:g} rad of {near:.3g}")
+    return ValueError(f"{restoring} has no stable equilibrium within {SEARCH_REACH:g} rad of {near:.3g}")
 
 
 @lru_cache(maxsize=4096)
 def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
     p = dict(zip(LAWS.get(restoring).parameters, values))
     law = LAWS.get(restoring)
-    rest = rest_near(lambda x: law.force(x, p), near, REACH, POINTS)
+    rest = rest_near(lambda x: law.force(x, p), near, SEARCH_REACH, SEARCH_POINTS)
     if rest is None:
         raise _no_rest(restoring, near)
     return rest
@@ -163,7 +163,7 @@ def reference_of(system: System, features: FeaturesSeen) -> Reference:
     rest = features.rest
     try:
         if known:
-            reach = REACH * max(1.0, features.amplitude)
+            reach = SEARCH_REACH * max(1.0, features.amplitude)
             osc.rough_frequency(law.start(features.frequency, rest, known), rest, reach)
         if len(known) == len(law.parameters):
             if frequency is None:

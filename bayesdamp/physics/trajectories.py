@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.physics.forces import by_kernel, newton, rest_near
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
-from bayesdamp.physics.oscillator import POINTS, REACH, Oscillator
+from bayesdamp.physics.oscillator import SEARCH_POINTS, SEARCH_REACH, Oscillator
 from bayesdamp.types import Refusal
 
 STEPS_PER_CYCLE = 25.0
@@ -200,7 +200,9 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     law = np.array([float(p[name]) for name in osc.law.parameters])
     force = _force(osc, p)
     try:
-        rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+        rest = rest_near(
+            by_kernel(osc.law.kernel, law), theta0, SEARCH_REACH * max(1.0, abs(theta0)), SEARCH_POINTS
+        )
     except NotImplementedError:
         raise Refusal(
             f"the restoring law {osc.restoring!r} has no `kernel`; define this method to compute trajectories"

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.specimen import (
     compare_runs,
     priors_of,
 )
-from bayesdamp.inference.population import Sample, population
+from bayesdamp.inference.population import Sample, infer_population
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
@@ -264,7 +264,7 @@ def compute_population(study: Study, store: Store) -> Product:
             samples.append(Sample(label, values, np.zeros(values.size), log_prior))
         priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
         scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
-        populations[name] = CoefficientPopulation(scale, **vars(population(samples, scale)))
+        populations[name] = CoefficientPopulation(scale, **vars(infer_population(samples, scale)))
     content = PopulationContent(
         deviation=assumed[0],
         best=best,

@@ -33,7 +33,7 @@ from bayesdamp.inference.envelope.sums import (
     rank_sums,
 )
 from bayesdamp.numerics.weights import normalise
-from bayesdamp.physics.amplitude import POWERS, Scale, coefficient, parameter
+from bayesdamp.physics.amplitude import POWERS, Scale, coefficient_from_rate, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
 from bayesdamp.types import InputError, Reference
@@ -190,8 +190,8 @@ def _coefficients_of(
     for term in best.terms:
         if term in POWERS:
             whole, exact = draws.rates[term], plain.rates[term]
-            name, values, of = coefficient(term, whole, amplitude, omega)
-            same = coefficient(term, exact, amplitude, omega)[1] if exact.size else values
+            name, values, of = coefficient_from_rate(term, whole, amplitude, omega)
+            same = coefficient_from_rate(term, exact, amplitude, omega)[1] if exact.size else values
             results.append(_coefficient(name, of.format(unit), values, same))
         else:
             results += _coefficients_with_own(term, ranking, (draws, plain), amplitude, omega, unit)

@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
-from bayesdamp.physics.amplitude import EXPONENTS, SUMS, ClosedForm, Scale, power_decay, power_slopes
+from bayesdamp.physics.amplitude import EXPONENT_RANGE, SUMS, ClosedForm, Scale, power_decay, power_slopes
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import (
@@ -252,7 +252,7 @@ def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
     def slopes(p: np.ndarray) -> np.ndarray:
         return -inverse @ power_slopes(b.t, p)
 
-    steepest, top = EXPONENTS[0], b.ends[0]
+    steepest, top = EXPONENT_RANGE[0], b.ends[0]
     q = 0.5 * steepest - 1.0
     rate = np.expm1(q * (top - b.ends[1])) / (q * b.duration)  # the same decrease in the same time
     begin = np.array([top, np.log(rate), q + 1.0])

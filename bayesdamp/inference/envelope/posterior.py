@@ -15,7 +15,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
 from bayesdamp.numerics.weights import normalise
-from bayesdamp.physics.amplitude import hats
+from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
 """Number of draws, from all candidates together."""
@@ -114,13 +114,13 @@ def draw_rates(
         # Mean rate: decrease of x divided by the time that it takes.
         whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, : ends.size], 1e-300)) @ ends)
         passed = np.interp(-amplitudes, -c.fit, s)
-        at = rates @ c.law.shapes(amplitudes) * (1.0 + g @ hats(passed, KNOTS).T)
+        at = rates @ c.law.shapes(amplitudes) * (1.0 + g @ linear_basis(passed, KNOTS).T)
         losses = rates * (shapes @ (np.exp(2.0 * x) * took))
         energy, by_term = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
         columns = [names.index(term) for term in c.terms]
         energy[:, columns] = losses / losses.sum(axis=1, keepdims=True)
         by_term[:, columns] = rates
-        rms = np.sqrt(np.mean((g @ hats(s, KNOTS).T) ** 2, axis=1))
+        rms = np.sqrt(np.mean((g @ linear_basis(s, KNOTS).T) ** 2, axis=1))
         off = 1.0 + sensor * rng.standard_normal((count, 1))
         parts.append((at * off, whole * off[:, 0], energy, rms, by_term * off, np.full(count, number)))
     at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))

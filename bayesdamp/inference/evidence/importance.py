@@ -9,7 +9,7 @@ from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.numerics.orthant import DEGREES, ReflectedT, fit_reflected_t
+from bayesdamp.numerics.orthant import T_DEGREES, ReflectedT, fit_reflected_t
 from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
@@ -118,7 +118,9 @@ class Importance(EvidenceMethod):
             centre, factor = normal.moments
         except np.linalg.LinAlgError:
             return None
-        return ReflectedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), normal.reflected), shear
+        return ReflectedT(
+            centre, factor * np.sqrt((T_DEGREES - 2) / T_DEGREES * 1.2), normal.reflected
+        ), shear
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
@@ -131,7 +133,7 @@ class Importance(EvidenceMethod):
             return None
         centre = w @ y
         spread = (y - centre) * np.sqrt(w)[:, None]
-        covariance = spread.T @ spread * (DEGREES - 2) / DEGREES * 1.2
+        covariance = spread.T @ spread * (T_DEGREES - 2) / T_DEGREES * 1.2
         covariance += 1e-10 * np.trace(covariance) / centre.size * np.eye(centre.size)
         try:
             return ReflectedT(centre, np.linalg.cholesky(covariance), reflected)

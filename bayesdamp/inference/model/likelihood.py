@@ -51,7 +51,8 @@ class Likelihood:
     target : Target
         The record, its model and priors.
     reference : mapping of str to float
-        Values of all parameters near those of later calls, which determine the scales of the solver.
+        Values of all parameters, near those at which the likelihood will be evaluated; they set the scales of the
+        solver.
     tolerance : float
         Largest error of a motion, in the unit of the record.
     part : slice
@@ -82,7 +83,7 @@ class Likelihood:
         return replace(self, target=replace(self.target, deviation=deviation))
 
     def on(self, part: slice) -> Likelihood:
-        """Return this likelihood for a part of the samples."""
+        """Return the likelihood of a part of the samples, on the motion from the first sample of the record."""
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
@@ -145,6 +146,7 @@ class Likelihood:
         return self._log_density(residual, self.target.noise_values(z))
 
     def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
+        """Return the log density (nats) of residuals (n,) for noise parameters p; −∞ if it is not finite."""
         with np.errstate(all="ignore"):  # a noise model may overflow at extreme scores
             value = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
         return value if np.isfinite(value) else -np.inf
@@ -249,7 +251,7 @@ class Likelihood:
     def _slopes_by_parameters(
         self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
     ) -> np.ndarray:
-        """Return the derivatives, (d,), of the log density of residuals (n,). slopes: those of the motion, (k, n)."""
+        """Return the derivatives, (d,), of the log density of residuals, (n,); slopes: those of the motion, (k, n)."""
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))
         derivatives[target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
@@ -268,11 +270,13 @@ class Likelihood:
         return tuple(self.target.names[i] for i in self.target.moving)
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the log posterior at scores z, (d,), where the motion was linearised, and its gradient, (d,)."""
         value = self.log_noise(line.residual, z)
         if not np.isfinite(value):
             return -np.inf, self._prior(z)[1]
         return value + self._prior(z)[0], self._slope(line, z)
 
     def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
+        """Return the gradient of the log posterior at scores z, (d,), where the motion was linearised."""
         by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self.target.noise_values(z))
         return self._prior(z)[1] + self.target.rates(z) * by_parameters

@@ -31,10 +31,10 @@ from bayesdamp.priors import (
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Reference, Signal, System
 
-AT_ZERO = 1e-12
-"""Score at which the derivative of a reflected map is taken instead of zero, where it does not exist."""
-SMALL = 1e-6
-"""Fraction of a step over which its direction is measured."""
+NEAR_ZERO_SCORE = 1e-12
+"""Score that replaces 0 in derivatives of reflected parameters, which do not exist at 0."""
+DIRECTION_STEP = 1e-6
+"""Fraction of a step over which the direction in natural coordinates is measured by a difference."""
 EPSILON_RANGE = (0.0005, 0.05)
 """Range of the default prior of ε, as fractions of the peak velocity."""
 
@@ -89,7 +89,10 @@ class Scores:
         """Return the derivative of each inferred parameter by its score at z, both (d,)."""
         both = zip(self._rates, z.tolist(), strict=True)
         return np.array(
-            [rate((z or AT_ZERO) if reflected else z, *numbers) for (rate, numbers, reflected), z in both],
+            [
+                rate((z or NEAR_ZERO_SCORE) if reflected else z, *numbers)
+                for (rate, numbers, reflected), z in both
+            ],
             float,
         )
 
@@ -117,10 +120,10 @@ class Scores:
             return None if natural is None else np.array([natural[n] for n in names])
 
         here = coordinates(z)
-        near = None if here is None else coordinates(z + SMALL * (new - z))
+        near = None if here is None else coordinates(z + DIRECTION_STEP * (new - z))
         if here is None or near is None:
             return new
-        ends = here + (near - here) / SMALL
+        ends = here + (near - here) / DIRECTION_STEP
         end = law.from_natural({**known, **dict(zip(names, ends.tolist(), strict=True))})
         if end is None:
             return new
@@ -141,7 +144,7 @@ class Target(Scores):
     signal : Signal
         The record.
     oscillator : Oscillator
-        Its damping terms and restoring law.
+        The oscillator: damping terms and restoring law.
     noise : str
         Name of the noise model.
     priors : mapping of str to Prior

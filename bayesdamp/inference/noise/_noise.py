@@ -18,14 +18,14 @@ from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
-DIFFERENCE = 1e-5
+DERIVATIVE_STEP = 1e-5
 """Step of central differences, relative to the scale of the noise: near the cube root of the rounding error, where
 errors
 of rounding and of truncation are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
-STEP = 0.02
-"""Step of second differences, in standard normal scores."""
-SHIFT = 0.3
+EVIDENCE_STEP = 0.02
+"""Step of the second differences for the evidence, in standard normal scores of the noise parameters."""
+INFORMATION_STEP = 0.3
 """Step of the differences that give the observed information, in median absolute residuals (conventional)."""
 LEAST_INFORMATION = 0.3
 """Smallest observed information that is used, as a fraction of the expected one; by chance it can be negative
@@ -78,7 +78,7 @@ class NoiseModel(ABC):
         """Return the derivatives of the log likelihood of residuals (n,) by the parameters, by central differences."""
         slopes = {}
         for name in self.parameters:
-            step = DIFFERENCE * abs(p[name])
+            step = DERIVATIVE_STEP * abs(p[name])
             above, below = (self.log_likelihood(r, gaps, {**p, name: p[name] + s}) for s in (step, -step))
             slopes[name] = float(above - below) / (2 * step)
         return slopes
@@ -132,7 +132,7 @@ class IndependentNoise(NoiseModel):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of each log density by central differences."""
         p = by_sample(p)
-        above, below = r + DIFFERENCE * p["noise_sd"], r - DIFFERENCE * p["noise_sd"]
+        above, below = r + DERIVATIVE_STEP * p["noise_sd"], r - DERIVATIVE_STEP * p["noise_sd"]
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -192,7 +192,7 @@ class FittedNoise:
             The variance, in the unit of the record squared.
         """
         noise = NOISES.get(self.name)
-        step = SHIFT * float(np.median(np.abs(residual)) / np.max(np.abs(direction))) * direction
+        step = INFORMATION_STEP * float(np.median(np.abs(residual)) / np.max(np.abs(direction))) * direction
         above, below = (noise.slope(residual + s, gaps, self.values) for s in (step, -step))
         observed = float(step @ (below - above)) / (2 * float(step @ step))
         root = noise.information_root(direction, gaps, self.values)
@@ -224,15 +224,15 @@ class FittedNoise:
 
 @dataclass(frozen=True)
 class SampleNoise:
-    """The noise model of a record's samples, and the evidence of all noise models.
+    """The noise model that is chosen for a record's samples, and the evidence of all noise models.
 
     Attributes
     ----------
     fitted : FittedNoise
         The noise model that the answer uses.
     weighed : tuple of FittedNoise
-        All noise models that apply to the record, fitted to the residual of the sum of all terms, or to that of
-        amplitudes and phases.
+        All noise models that apply to the record, each fitted to the residual of the sum of all terms, or to the
+        residual of amplitudes and phases.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
@@ -245,7 +245,7 @@ class SampleNoise:
 
     @property
     def likeliest(self) -> str:
-        """Name of the noise model with the largest evidence. (For correlated noise the answer uses another method.)"""
+        """Name of the noise model with the largest evidence; it may be "correlated", which `name` never is."""
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
     @property
@@ -312,7 +312,7 @@ def fit_noise(
     z = scipy.optimize.minimize(
         negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
     ).x
-    axes = STEP * np.eye(z.size)
+    axes = EVIDENCE_STEP * np.eye(z.size)
     mixed = [
         [
             negative_log_density(z + a + b)
@@ -323,7 +323,7 @@ def fit_noise(
         ]
         for a in axes
     ]
-    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * STEP**2))
+    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * EVIDENCE_STEP**2))
     return FittedNoise(
         name, values(z), (-negative_log_density(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf
     )

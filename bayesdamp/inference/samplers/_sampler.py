@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from bayesdamp.inference.mode import Mode
     from bayesdamp.inference.model.target import Target
 
-WARMUP = 50
+LINEAR_WARMUP = 50
 """Warm-up draws of chains that start with draws of a linear model (conventional)."""
-SCATTER = 1.5
-"""Standard deviation of starts about a seed, in those of the posterior: starts are wider than the posterior."""
-REACH = 5.0
-"""Distance of a start below the log density of the centre, at most, in nats per parameter (conventional)."""
-FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
+START_SCATTER = 1.5
+"""Standard deviation of starts about a seed, in posterior sds: starts are scattered more widely than the posterior."""
+START_NATS = 5.0
+"""The log density of a start is at most this many nats per parameter below that of the centre (conventional)."""
+SEED_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
 """Fractions of the way from the centre to a seed at which a start is tried; the first one within reach is used."""
 
 
@@ -52,7 +52,7 @@ class Settings:
 
     def warmup_of(self, mode: Mode) -> int:
         """Return the warm-up draws; few if chains start with draws of a linear model, because nothing is adapted."""
-        return self.warmup if mode.linear is None else min(self.warmup, WARMUP)
+        return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
 
 
 class Sampler(ABC):
@@ -103,9 +103,9 @@ def seeded_starts(
 ) -> tuple[np.ndarray, np.ndarray, list[Start]]:
     """Return starts of chains or walkers, over-dispersed about the seeds of the search for the mode.
 
-    A start is a seed plus scatter. If its log density is too low (`REACH`), it is moved towards the centre. Seeds that
-    are far from each other come first, so that few chains cover their range; one of the first two is a draw from the
-    prior, if there is one. With deviations from the laws, starts are draws of the linear model.
+    A start is a seed plus scatter. If its log density is too low (`START_NATS`), it is moved towards the centre. Seeds
+    that are far from each other come first, so that few chains cover their range; one of the first two is a draw from
+    the prior, if there is one. With deviations from the laws, starts are draws of the linear model.
 
     Parameters
     ----------
@@ -140,12 +140,12 @@ def seeded_starts(
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
     order = _order_seeds(seeds, [seed.drawn for seed in given])
-    scatter = SCATTER * rng.standard_normal((count, seeds.shape[1]))
+    scatter = START_SCATTER * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
     # Further tries are a small scatter about the centre, and the centre itself.
     tries = np.stack(
         [
-            *(fraction * seeds[chosen] + scatter for fraction in FRACTIONS),
+            *(fraction * seeds[chosen] + scatter for fraction in SEED_FRACTIONS),
             0.3 * scatter,
             np.zeros_like(scatter),
         ]
@@ -154,7 +154,7 @@ def seeded_starts(
     z = np.where(reflected, np.abs(z), z)
     log_density = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
     log_density += at.shear.log_volume(at.shear.straight(z))
-    good = log_density > log_density[-1, 0] - REACH * z.shape[-1]
+    good = log_density > log_density[-1, 0] - START_NATS * z.shape[-1]
     good[-1] = True
     first, each = np.argmax(good, axis=0), np.arange(count)
     u = at.whitened(z[first, each])

@@ -17,9 +17,9 @@ from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
 """Number of independent ensembles."""
-BLOCK = 200
+STEPS_PER_BLOCK = 200
 """Steps between checks of whether there are enough draws."""
-OUTSIDE = -1e300
+OUTSIDE_LOG_DENSITY = -1e300
 """Log density outside the support. It is finite because emcee computes differences."""
 MOST_BLOCKS = 40
 """Greatest number of blocks."""
@@ -52,7 +52,7 @@ class Emcee(Sampler):
             z = at.scores(u)
             values = mode.likelihood.log_posteriors(z) + at.log_volume(u)
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
-            return np.where(inside, values, OUTSIDE)
+            return np.where(inside, values, OUTSIDE_LOG_DENSITY)
 
         def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
             """Draw from the Student t about the mode, and return the log Metropolis–Hastings factors."""
@@ -76,7 +76,7 @@ class Emcee(Sampler):
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
-        for block in [BLOCK] * MOST_BLOCKS if settings.grows else [settings.draws]:
+        for block in [STEPS_PER_BLOCK] * MOST_BLOCKS if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
             sizes = [effective(v) for v in target.values(at.scores(draws)).values()]

@@ -1,4 +1,4 @@
-"""An unscented Kalman filter with static damping parameters, for online estimates, and its repetition."""
+"""An unscented Kalman filter that estimates static parameters online, and its repetition until it converges."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
 """Mean and standard deviation of a reflected score under its half-normal prior."""
 MOST_PASSES = 20
 """Greatest number of passes over the record."""
-SETTLED = 0.01
+SETTLED_SDS = 0.01
 """Change of the final mean from one pass to the next, in standard deviations, at which the filter has converged."""
 STORED_TIMES = 300
 """Number of times at which running estimates are stored."""
 
 
 @dataclass(frozen=True)
-class Online:
+class OnlineEstimates:
     """Online estimates of the k scores that determine the motion.
 
     means, sds (n, k): after each sample. covariance (k, k): after the last sample.
@@ -39,7 +39,7 @@ class Online:
     covariance: np.ndarray
 
 
-def filter_online(target: Target, mode: Mode) -> Online:
+def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
     """Run the unscented Kalman filter once over the record, starting from the priors.
 
     The state is (scores, θ, θ̇) without process noise. After each sample, 2(k + 2) sigma points at √(k + 2) standard
@@ -88,11 +88,11 @@ def filter_online(target: Target, mode: Mode) -> Online:
         if not np.all(np.isfinite(covariance)):
             means[i:], sds[i:] = np.nan, np.nan
             break
-    return Online(means, sds, covariance[:k, :k])
+    return OnlineEstimates(means, sds, covariance[:k, :k])
 
 
 @dataclass(frozen=True)
-class Repeated:
+class LastPass:
     """The last pass of the repeated filter.
 
     means (n, k), covariances (n, k, k): of the scores after each sample, without truncation at zero. final: the
@@ -160,7 +160,7 @@ class Kalman(Sampler):
         return replace(posterior, running=names, arrays=arrays)
 
 
-def _repeat(target: Target, mode: Mode, online: Online) -> Repeated:
+def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
     """Repeat the filter from the priors, with sigma points about the result of the pass before, until it converges.
 
     Raises Refusal if it does not converge.
@@ -198,8 +198,8 @@ def _repeat(target: Target, mode: Mode, online: Online) -> Repeated:
         means = np.einsum("nij,nj->ni", covariances, weighted_sum)
         now = TruncatedNormal(means[-1], covariances[-1], reflected)
         new, width = now.moments
-        if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
-            return Repeated(means, covariances, now, passes)
+        if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED_SDS:
+            return LastPass(means, covariances, now, passes)
     raise Refusal(f"the repeated Kalman filter did not converge in {MOST_PASSES} passes")
 
 

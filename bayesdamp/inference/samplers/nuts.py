@@ -19,13 +19,13 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings, Start, compare_chains, seeded_starts
 from bayesdamp.types import OK, Posterior
 
-DOUBLINGS = 7
+MOST_DOUBLINGS = 7
 """Greatest number of doublings of a trajectory, which has at most 2⁷ leapfrog steps."""
-DIVERGED = 1000.0
+DIVERGENCE_NATS = 1000.0
 """Increase of the energy, in nats, at which a trajectory counts as divergent (conventional)."""
-BOUNCES = 4
+MOST_REFLECTIONS = 4
 """Greatest number of reflections in a leapfrog step, for each wall; a step with more is rejected."""
-STEP = 1.05
+LEAPFROG_STEP = 1.05
 """Step in whitened coordinates, slightly above π/3: four points then span half of a circle, where a trajectory ends.
 With
 a shorter step trajectories are twice as long, and the draws are not better."""
@@ -35,12 +35,12 @@ MOST_DIVERGENT = 0.002
 """Fraction of divergent transitions above which sampling is repeated; above 1 % the outcome reports them."""
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the step that are tried with the exact gradient."""
-MOST_DRAWS = 3
-"""Greatest number of draws, as a multiple of the requested number."""
+MOST_DRAWS_FACTOR = 3
+"""Draws are added up to this multiple of the requested number."""
 
 
 @dataclass(frozen=True)
-class Whitened:
+class WhitenedPosterior:
     """The log posterior density in whitened coordinates u, (d,), and the force of the leapfrog steps.
 
     Attributes
@@ -62,7 +62,7 @@ class Whitened:
     offsets: np.ndarray
 
     @classmethod
-    def of(cls, mode: Mode, at: Whitening, exact: bool) -> Whitened:
+    def of(cls, mode: Mode, at: Whitening, exact: bool) -> WhitenedPosterior:
         """Return the posterior density at a mode. exact: whether the force is the exact gradient."""
         likelihood = mode.likelihood
         line = None if exact else likelihood.line(at.shear.scores(at.centre))
@@ -74,7 +74,7 @@ class Whitened:
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
-        """Return the force, (d,)."""
+        """Return the force of a leapfrog step: the gradient of the log density by u, (d,), exact or approximate."""
         at, shear = self.at, self.at.shear
         away = at.factor @ u
         if self.line is None:
@@ -123,7 +123,7 @@ class _Subtree:
 class Chain:
     """A Markov chain of NUTS with a fixed step."""
 
-    def __init__(self, space: Whitened, step: float, rng: np.random.Generator) -> None:
+    def __init__(self, space: WhitenedPosterior, step: float, rng: np.random.Generator) -> None:
         self.space, self.step, self.rng = space, step, rng
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
@@ -144,7 +144,7 @@ class Chain:
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.force, at.log_density)
         self._initial_joint, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
         tree = _Subtree(at, at, at, at.joint, at.p.copy(), True)
-        for doubling in range(DOUBLINGS):
+        for doubling in range(MOST_DOUBLINGS):
             forwards = bool(self.rng.random() < 0.5)
             new = self._build(tree.last if forwards else tree.first, 1 if forwards else -1, doubling)
             if not new.goes_on:
@@ -169,7 +169,7 @@ class Chain:
             joint = point.joint if np.isfinite(log_density) else -np.inf
             self._steps += 1
             self._accepted += float(np.exp(min(0.0, joint - self._initial_joint)))
-            diverged = not joint > self._initial_joint - DIVERGED
+            diverged = not joint > self._initial_joint - DIVERGENCE_NATS
             self._diverged = self._diverged or diverged
             return _Subtree(point, point, point, joint, point.p, not diverged)
         near = self._build(end, direction, depth - 1)
@@ -188,15 +188,15 @@ class Chain:
         early, late = (tree, new) if forwards else (new, tree)
         momentum = early.momentum + late.momentum
         goes_on = (
-            _apart(early.first, late.last, momentum)
-            and _apart(early.first, late.first, early.momentum + late.first.p)
-            and _apart(early.last, late.last, late.momentum + early.last.p)
+            _ends_move_apart(early.first, late.last, momentum)
+            and _ends_move_apart(early.first, late.first, early.momentum + late.first.p)
+            and _ends_move_apart(early.last, late.last, late.momentum + early.last.p)
         )
         weight = float(np.logaddexp(early.weight, late.weight))
         return _Subtree(early.first, late.last, chosen, weight, momentum, goes_on)
 
 
-def _apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
+def _ends_move_apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
     """Return whether both ends still move apart. momentum: sum of the momenta between them."""
     return float(first.p @ momentum) > 0 and float(last.p @ momentum) > 0
 
@@ -221,14 +221,15 @@ def drift(
     Returns
     -------
     u, p : ndarray, shape (d,)
-        Position and momentum at the end. The position is nan after more than `BOUNCES` reflections for each wall.
+        Position and momentum at the end. The position is nan after more than `MOST_REFLECTIONS` reflections for each
+        wall.
     """
     straight = u + time * p
     if np.all(walls @ straight + offsets >= 0.0):  # both points are inside, and the support is convex
         return straight, p
     towards = 1.0 if time >= 0 else -1.0
     v, remaining = towards * p, abs(time)
-    for _ in range(BOUNCES * len(walls) + 1):
+    for _ in range(MOST_REFLECTIONS * len(walls) + 1):
         closing = -(walls @ v)
         distance = np.maximum(walls @ u + offsets, 0.0)
         reach = np.where(closing > 0, distance / np.where(closing > 0, closing, 1.0), np.inf)
@@ -326,24 +327,29 @@ class MixtureChain(Chain):
     ----------
     mode : Mode
         Mode of the posterior.
-    whole : Whitened
+    whole : WhitenedPosterior
         The whole mixture, with the coordinates of the positions that the chain returns.
-    given : dict of int to Whitened
+    given : dict of int to WhitenedPosterior
         The posterior given each combination that was drawn, with its own coordinates; all chains share it.
     """
 
     def __init__(
-        self, mode: Mode, whole: Whitened, given: dict[int, Whitened], step: float, rng: np.random.Generator
+        self,
+        mode: Mode,
+        whole: WhitenedPosterior,
+        given: dict[int, WhitenedPosterior],
+        step: float,
+        rng: np.random.Generator,
     ) -> None:
         super().__init__(whole, step, rng)
         self.mode, self.whole, self.given = mode, whole, given
 
-    def under(self, combination: int) -> Whitened:
+    def under(self, combination: int) -> WhitenedPosterior:
         """Return the posterior given a combination."""
         if combination not in self.given:
             at = whitening_under(self.mode, combination, self.whole.at.shear)
             conditional = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
-            self.given[combination] = Whitened.of(conditional, at, self.whole.line is None)
+            self.given[combination] = WhitenedPosterior.of(conditional, at, self.whole.line is None)
         return self.given[combination]
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
@@ -420,7 +426,11 @@ class Nuts(Sampler):
         """
         target, warmup = mode.likelihood.target, settings.warmup_of(mode)
         u, log_densities, starts = seeded_starts(target, mode, at, settings.chains, settings)
-        space, step, given = Whitened.of(mode, at, exact), factor * STEP, dict[int, Whitened]()
+        space, step, given = (
+            WhitenedPosterior.of(mode, at, exact),
+            factor * LEAPFROG_STEP,
+            dict[int, WhitenedPosterior](),
+        )
         chains = [
             Chain(space, step, rng)
             if target.deviation is None
@@ -436,7 +446,7 @@ class Nuts(Sampler):
     def _extend(self, mode: Mode, settings: Settings, run: ChainRun) -> tuple[ChainRun, Posterior]:
         """Add draws while they are too few and more may be enough. Return the run and its posterior."""
         posterior, count = run.posterior(mode), run.results[0].shape[1]
-        most = MOST_DRAWS * settings.draws if settings.grows else settings.draws
+        most = MOST_DRAWS_FACTOR * settings.draws if settings.grows else settings.draws
         while posterior.outcome != OK and not is_poor(posterior) and run.draws < most:
             run = run.continue_chains(count)
             posterior = run.posterior(mode)

@@ -14,20 +14,20 @@ from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior, Refusal
 
-FIRST, SECOND = 0.9, 0.999
+FIRST_DECAY, SECOND_DECAY = 0.9, 0.999
 """Decay rates of Adam's first and second moments (the values of its authors)."""
-DRAWS = 8
+GRADIENT_DRAWS = 8
 """Number of draws for a gradient."""
-BLOCK = 50
+STEPS_PER_BLOCK = 50
 """Number of Adam steps between checks of convergence."""
-BLOCKS = 60
+MOST_BLOCKS = 60
 """Greatest number of blocks."""
-RATE = 0.04
+FIRST_RATE = 0.04
 """Adam's first learning rate."""
-SETTLED = 0.1
+SETTLED_CHANGE = 0.1
 """Largest difference between the means over two successive blocks at which the learning rate is halved: of a mean in
 standard deviations of the start, of a width in its logarithm."""
-HALVINGS = 3
+MOST_HALVINGS = 3
 """Number of halvings of the learning rate after which training ends."""
 
 
@@ -54,7 +54,7 @@ class MappedPoints:
 
 
 @dataclass(frozen=True)
-class Unbounded:
+class UnboundedMap:
     """A triangular map from v in R^d to scores (Genz, Journal of Computational and Graphical Statistics 1, 1992).
 
     It maps a standard normal v to a given truncated normal distribution; exactly if at most one wall is near. A wall is
@@ -76,14 +76,14 @@ class Unbounded:
     walls: int
 
     @staticmethod
-    def of(normal: TruncatedNormal) -> Unbounded:
+    def of(normal: TruncatedNormal) -> UnboundedMap:
         """Return the coordinates in which a truncated normal is (nearly) standard normal."""
         rest = np.setdiff1d(np.arange(normal.mean.size), normal.walls)
         # The wall that truncates most comes first: the others then truncate little.
         near = normal.walls[np.argsort((normal.mean / np.sqrt(np.diag(normal.covariance)))[normal.walls])]
         order = np.r_[near, rest].astype(int)
         factor = np.linalg.cholesky(normal.covariance[np.ix_(order, order)])
-        return Unbounded(order, normal.mean[order], factor, normal.walls.size)
+        return UnboundedMap(order, normal.mean[order], factor, normal.walls.size)
 
     def to_scores(self, v: np.ndarray) -> MappedPoints:
         """Map points v, (n, d), to scores.
@@ -119,7 +119,7 @@ def _hazard(x: np.ndarray) -> np.ndarray:
 
 
 class Variational(Sampler):
-    """The normal distribution with the largest evidence lower bound, in the coordinates of `Unbounded`.
+    """The normal distribution with the largest evidence lower bound, in the coordinates v of `UnboundedMap`.
 
     It starts at Laplace's approximation, which is standard normal in these coordinates, and is optimised by Adam with
     reparameterised gradients without the score term (Roeder, Wu and Duvenaud, NeurIPS 30, 2017). It has converged if
@@ -134,7 +134,7 @@ class Variational(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws of the nearest normal distribution, with importance weights. Raises Refusal if it diverges."""
-        at = Unbounded.of(laplace(target, mode))
+        at = UnboundedMap.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)
         n, d = settings.chains * settings.draws, mean.size
         normal = np.random.default_rng(settings.seed).standard_normal((n, d))
@@ -144,7 +144,7 @@ class Variational(Sampler):
         return approximate_posterior(self.name, target, mode, points.z, log_density, settings, more=more)
 
 
-def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
+def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Optimise the normal distribution in unbounded coordinates.
 
     Returns its mean (d,), its Cholesky factor (d, d), the number of steps and the bound in nats. Raises Refusal if it
@@ -155,16 +155,16 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
     # x: the mean (d,), the logarithms of the diagonal of the Cholesky factor (d,), and its elements below the diagonal.
     # first, second: Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
     x, first, second = np.zeros((3, 2 * d + d * (d - 1) // 2))
-    before, steps, halvings, rate = None, 0, 0, RATE
-    for _ in range(BLOCKS):
+    before, steps, halvings, rate = None, 0, 0, FIRST_RATE
+    for _ in range(MOST_BLOCKS):
         trace, bounds = [], []
-        for _ in range(BLOCK):
+        for _ in range(STEPS_PER_BLOCK):
             gradient, bound = _bound_gradient(mode, at, x, rng)
             steps += 1
-            first = FIRST * first + (1 - FIRST) * gradient
-            second = SECOND * second + (1 - SECOND) * gradient**2
-            scale = np.sqrt(second / (1 - SECOND**steps)) + 1e-8
-            x = x + rate * (first / (1 - FIRST**steps)) / scale
+            first = FIRST_DECAY * first + (1 - FIRST_DECAY) * gradient
+            second = SECOND_DECAY * second + (1 - SECOND_DECAY) * gradient**2
+            scale = np.sqrt(second / (1 - SECOND_DECAY**steps)) + 1e-8
+            x = x + rate * (first / (1 - FIRST_DECAY**steps)) / scale
             trace.append(x)
             bounds.append(bound)
         now = np.mean(trace, axis=0)
@@ -172,22 +172,22 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
             raise Refusal(
                 "variational inference reached parameters with unbounded motions, where the density is not finite"
             )
-        if before is not None and np.max(np.abs(now - before)) < SETTLED:
-            if halvings == HALVINGS:
+        if before is not None and np.max(np.abs(now - before)) < SETTLED_CHANGE:
+            if halvings == MOST_HALVINGS:
                 return now[:d], _factor(now, d), steps, float(np.mean(bounds))
             halvings += 1
-            rate = RATE * 0.5**halvings
+            rate = FIRST_RATE * 0.5**halvings
         before = now
-    raise Refusal(f"variational inference did not converge in {BLOCKS * BLOCK} steps")
+    raise Refusal(f"variational inference did not converge in {MOST_BLOCKS * STEPS_PER_BLOCK} steps")
 
 
 def _bound_gradient(
-    mode: Mode, at: Unbounded, x: np.ndarray, rng: np.random.Generator
+    mode: Mode, at: UnboundedMap, x: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """Return estimates of the gradient of the bound by the parameters x, (k,), and of the bound in nats."""
     d = at.mean.size
     factor = _factor(x, d)
-    normal = rng.standard_normal((DRAWS, d))
+    normal = rng.standard_normal((GRADIENT_DRAWS, d))
     points = at.to_scores(x[:d] + normal @ factor.T)
     log_densities, slopes = zip(*(mode.likelihood.gradient(z) for z in points.z), strict=True)
     if not np.all(np.isfinite(log_densities)):
@@ -195,7 +195,7 @@ def _bound_gradient(
     by_points = np.einsum("ni,nij->nj", np.array(slopes), points.slopes) + points.volume_slopes
     # The gradient of the log density of the normal by its parameters (the score term) has mean zero and is left out.
     by_points = by_points + np.linalg.solve(factor.T, normal.T).T
-    by_factor = by_points.T @ normal / DRAWS
+    by_factor = by_points.T @ normal / GRADIENT_DRAWS
     gradient = np.concatenate(
         [by_points.mean(axis=0), np.diag(by_factor) * np.diag(factor), by_factor[np.tril_indices(d, -1)]]
     )

@@ -17,9 +17,9 @@ from bayesdamp.plugins import Registry
 from bayesdamp.priors import Prior
 from bayesdamp.types import InputError, Symbol
 
-NODES = 48
+NODES_PER_QUARTER = 48
 """Number of Gauss–Legendre nodes in a quarter of a cycle."""
-SHARP = 1e-9
+SHARP_WIDTH = 1e-9
 """Switching width ε, relative to the peak velocity, with which the work of an abrupt switch is computed."""
 EXACT, TINY = 1e-8, 1e-100
 """Ratio ε/|v| at which tanh(v/ε) equals the sign of v to rounding, and the velocity (rad/s) that replaces v = 0."""
@@ -31,7 +31,7 @@ displacement."""
 
 
 # Quadrature nodes and weights for the phase of sin ωt from −π/2 to π/2, with the rule on each side of 0.
-_X, _W = np.polynomial.legendre.leggauss(NODES)
+_X, _W = np.polynomial.legendre.leggauss(NODES_PER_QUARTER)
 _QUARTER = 0.25 * math.pi * (_X + 1)
 _PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
 _WEIGHTS = np.concatenate([_W, _W]) * 0.25 * math.pi
@@ -152,7 +152,11 @@ class DampingTerm(ABC):
         total = 0.0
         for phase, weight in zip(_PHASES, _WEIGHTS, strict=True):
             x, v = rest + amplitude * math.sin(phase), peak * math.cos(phase)
-            total += weight * math.cos(phase) * (force(x, v, SHARP * peak) - force(x, -v, SHARP * peak))
+            total += (
+                weight
+                * math.cos(phase)
+                * (force(x, v, SHARP_WIDTH * peak) - force(x, -v, SHARP_WIDTH * peak))
+            )
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:

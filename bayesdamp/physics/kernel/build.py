@@ -32,13 +32,13 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
 TEMPLATES, END = ("tangents", "march"), "# --- end ---"
-"""Names of the template modules, and the comment line that ends the part of each that is copied."""
+"""Names of the template modules, and the comment line at which the copied part of each ends."""
 MAX_STORED = 50
 """Most kernels on disk (0.6 MB each); beyond this number, the least recently used ones are removed (conventional)."""
-USUAL = 3
-"""The generated code tests for each of the first `USUAL` damping terms whether it is on. The other terms are rarely on,
-so they share one test, which skips all of them."""
-IN_USE = 3600.0
+USUAL_TERMS = 3
+"""The generated code tests for each of the first `USUAL_TERMS` damping terms whether it is on. The other terms are
+rarely on, so they share one test, which skips all of them."""
+IN_USE_SECONDS = 3600.0
 """A kernel that was used within this time (s) is not removed: another process may be compiling it (conventional)."""
 # First lines of each kernel's source.
 _HEAD = f"""import math
@@ -100,21 +100,21 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
         parts.append(_function(term, DampingTerm, f"_shape_{number}", f"damping term {name!r}"))
         further = [f"q[{at + i}]" for i in range(len(term.further))]
         inside = ", ".join(["x", "v", "rounding" if term.rounded else "epsilon", *further])
-        slope, changes = _slopes_of_term(parts[-1], number, len(further))
+        slope, sizes_argument = _slopes_of_term(parts[-1], number, len(further))
         parts.append(slope)
         owners += [number] * len(further)
         switches.append(bool(term.switches))
         jumps.append(bool(term.switches and not term.rounded))
-        if number == USUAL:
+        if number == USUAL_TERMS:
             sums.append(f"if c[{len(terms)}] != 0.0:")
             slopes.append(sums[-1])
-        margin, c = "" if number < USUAL else "    ", f"c[{number}]"
+        margin, c = "" if number < USUAL_TERMS else "    ", f"c[{number}]"
         sums += [f"{margin}if {c} != 0.0:", f"{margin}    total += {c} * _shape_{number}({inside})"]
         calls.append(f"out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
         by_further = [f"by_{i}" for i in range(len(further))]
         slopes += [
             f"{margin}if active[{number}]:",
-            f"{margin}    {', '.join(['f', 'by_x', 'by_v', *by_further])} = _slopes_{number}({inside}{changes})",
+            f"{margin}    {', '.join(['f', 'by_x', 'by_v', *by_further])} = _slopes_{number}({inside}{sizes_argument})",
             f"{margin}    out[{2 + number}] = share * f",
             f"{margin}    total, x_slope, v_slope = (total + {c} * f, x_slope + {c} * by_x, v_slope + {c} * by_v)",
             *(
@@ -123,7 +123,7 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
             ),
         ]
         at += len(further)
-    others = " or ".join(f"active[{i}]" for i in range(USUAL, len(terms))) or "False"
+    others = " or ".join(f"active[{i}]" for i in range(USUAL_TERMS, len(terms))) or "False"
     acting = [f"coefficients[{i}] if active[{i}] else 0.0" for i in range(len(terms))]
     further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(most_parameters(laws) + 1)]
     tuples = ", ".join(
@@ -157,7 +157,7 @@ def _njit(signature: str, *lines: str) -> str:
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
     """Return the source of a function for a term's value and its derivatives by x, v and the further parameters.
 
-    Also return text that is to be added to the arguments in a call of it: ", sizes" if it uses difference quotients.
+    Also return the text of an additional argument of its calls: ", sizes" if it uses difference quotients, else "".
     """
     given, name = _arguments(source), f"_slopes_{number}"
     try:
@@ -165,9 +165,9 @@ def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
     except NoSlopeError:
         q = [f"q{i}" for i in range(further)]
         call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{seed}}}' for seed in q)})"
-        changes = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
-        changes |= {seed: f"1e-6 * (abs({seed}) + 1e-3)" for seed in q}
-        return difference_source(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
+        steps = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
+        steps |= {seed: f"1e-6 * (abs({seed}) + 1e-3)" for seed in q}
+        return difference_source(call, ["x", "v", "epsilon", *q, "sizes"], steps, name), ", sizes"
 
 
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
@@ -199,22 +199,22 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
     x, p = _arguments(source)
     name = f"_numbers_of_law_{number}"
     try:
-        own, changes = derivative_source(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
+        own, sizes_argument = derivative_source(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
     except NoSlopeError:
         numbers = [f"p{i}" for i in range(count)]
         call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in numbers)}, 0.0))"
-        moved = {"x": "1e-6 * sizes[0]"}
-        moved |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
-        inner = difference_source(call, ["x", *numbers, "sizes"], moved, f"{name}_moved")
+        steps = {"x": "1e-6 * sizes[0]"}
+        steps |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
+        inner = difference_source(call, ["x", *numbers, "sizes"], steps, f"{name}_moved")
         given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
         own = f"{inner}\n\n{_njit(f'{name}(x, p, sizes)', f'return {name}_moved({given})')}"
-        changes = ", sizes"
+        sizes_argument = ", sizes"
     by_parameters = [f"by_{i}" for i in range(count)]
     return [
         own,
         _njit(
             f"_slopes_of_law_{number}(x, p, sizes, share, out, first)",
-            f"{', '.join(['f', 'by_x', *by_parameters])} = {name}(x, p{changes})",
+            f"{', '.join(['f', 'by_x', *by_parameters])} = {name}(x, p{sizes_argument})",
             *(f"out[first + {i}] = share * {slope}" for i, slope in enumerate(by_parameters)),
             "return f, by_x",
         ),
@@ -285,7 +285,7 @@ def _store(name: str, text: str) -> Path:
         path = _write(home / name, text)
         folders = sorted(home.glob("bayesdamp_kernel_*"), key=lambda folder: folder.stat().st_mtime)
         for folder in folders[: max(len(folders) - MAX_STORED, 0)]:
-            if time.time() - folder.stat().st_mtime > IN_USE:
+            if time.time() - folder.stat().st_mtime > IN_USE_SECONDS:
                 shutil.rmtree(folder, ignore_errors=True)
     except OSError:
         path = _write(_temporary() / name, text)

@@ -52,7 +52,7 @@ def to_tuples(coefficients, q, active, law):
     """Return coefficients, further parameters and law as tuples, which Numba passes without reference counts.
 
     Coefficients of terms that are off are 0. After the coefficients follows 1 if any term beyond the first
-    `build.USUAL` is on, else 0.
+    `build.USUAL_TERMS` is on, else 0.
     """
     return (coefficients[0],), (0.0,), (law[0], law[1])
 

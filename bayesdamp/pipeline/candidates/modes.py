@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesdamp.inference.checks import check_fit
-from bayesdamp.inference.search import basins
+from bayesdamp.inference.search import group_searches
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import (
     PRIOR_STARTS,
@@ -76,7 +76,7 @@ def compute_mode(candidate: StudyCandidate) -> Product:
     seed = task_seed(candidate.study, f"checks/{candidate.spec.name}/{candidate.repeat}")
     checks, residuals = check_fit(target, mode, candidate.record.features.period, seed)
     arrays = {"t": candidate.record.signal.t, **residuals}
-    maxima, numbers = basins(mode)
+    maxima, numbers = group_searches(mode)
     climbs = []
     for search, number in zip(mode.searches, numbers, strict=True):
         away = search.origin - mode.z

@@ -16,10 +16,10 @@ from bayesdamp.inference.deviation.single import first_half as first_half_of, re
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.mode import Mode, log_evidence_near
 from bayesdamp.inference.sensitivity import (
-    against_width,
+    evidence_by_prior_width,
     first_half,
     log_predictive,
-    predict,
+    predict_from_half,
     savage_dickey,
     under_priors,
 )
@@ -95,7 +95,7 @@ def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) ->
         return under_priors(mode, priors) if law is None else replace_priors(law, priors).mode
 
     coefficients = target.oscillator.coefficients
-    widths = asdict(against_width(target.priors, coefficients, y, log_weights, fit_under, seed))
+    widths = asdict(evidence_by_prior_width(target.priors, coefficients, y, log_weights, fit_under, seed))
     varied = widths.pop("varied")
     return Product(WidthsContent(tuple(varied)), widths)
 
@@ -109,7 +109,7 @@ def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> P
         data, single = law.comparison.data, first_half_of(law)
         t, half = float(signal.t[0]) + data.t, single.mode
         carry = partial(law.predict_second_half, single, seed=seed)
-    evidence, ahead = predict(candidate.model, half, carry, seed)
+    evidence, ahead = predict_from_half(candidate.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
     assert whole is not None  # a source with draws was weighed
     density, uncertainty = log_predictive(whole, evidence)

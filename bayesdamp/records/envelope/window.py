@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.physics.amplitude import EXPONENTS, power_decay, power_slopes
+from bayesdamp.physics.amplitude import EXPONENT_RANGE, power_decay, power_slopes
 from bayesdamp.types import Refusal
 
 NEPER = 20.0 / np.log(10.0)
@@ -291,7 +291,7 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
         columns = np.column_stack([2.0 * decay[:, None] * power_slopes(t, p), np.full(t.size, floor)])
         return columns * (5.0 / ((decay + floor) * width))[:, None]
 
-    low, high = [-30.0, -60.0, EXPONENTS[0], -80.0], [10.0, 60.0, EXPONENTS[1], 1.0]
+    low, high = [-30.0, -60.0, EXPONENT_RANGE[0], -80.0], [10.0, 60.0, EXPONENT_RANGE[1], 1.0]
     starts = [] if begin is None else [begin]
     for exponent in (1.0, 0.2, 1.8) if begin is None else ():
         # The initial rate with which ln A falls by `depth` in the time `half`.

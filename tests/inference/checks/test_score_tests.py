@@ -15,11 +15,11 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.residual_tests import (
+    FORCE_SCALE,
     FORMS,
-    SIZE,
     StrongestForm,
+    find_missing_form,
     orthonormal,
-    other_form,
 )
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
@@ -78,7 +78,7 @@ def probed(target: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
     absorbed = orthonormal(tangents(target, mode).T)
     scores = mode.likelihood.whitened(mode.likelihood.residual(mode.z), mode.z)
     scores = scores + noise - absorbed @ (absorbed.T @ noise)
-    return other_form(mode, scores, absorbed, lambda change: change / NOISE)
+    return find_missing_form(mode, scores, absorbed, lambda change: change / NOISE)
 
 
 def test_the_chance_is_that_of_noise() -> None:
@@ -111,9 +111,9 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     largest = 2 * ZETA * V
     target, mode = fitted(form, 0.01 * largest)
     way = mode.likelihood.residual(mode.z) / (0.01 * largest)  # what is left, per size of the form
-    noise = 0.1 * largest * SIZE * np.linalg.norm(way)
+    noise = 0.1 * largest * FORCE_SCALE * np.linalg.norm(way)
     target, mode = fitted(form, share * largest)
-    scale = SIZE * 2 * float(target.values(mode.z)["zeta"]) * V
+    scale = FORCE_SCALE * 2 * float(target.values(mode.z)["zeta"]) * V
     target = replace(target, known={**target.known, "noise_sd": noise})
     mode = replace(mode, likelihood=Likelihood.near(target, mode.z, mode.tolerance))
     left = mode.likelihood.residual(mode.z) / noise
@@ -129,7 +129,7 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
 
     low = -8 * scale if FORMS[form].signed else 0.0
     truth = np.log(quad(weight, low, 8 * scale, limit=400, points=[0.0, 0.1 * largest])[0])
-    result = other_form(mode, scores, absorbed, lambda change: change / noise).rivals
+    result = find_missing_form(mode, scores, absorbed, lambda change: change / noise).rivals
     of = {r.words: r.log_bayes for r in result}
     assert of.pop(FORMS[form].words) == pytest.approx(truth, abs=0.05 + 0.02 * abs(truth))
     assert not all(abs(b - truth) < 0.05 for b in of.values())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bayesdamp.inference.population import Sample, population
+from bayesdamp.inference.population import Sample, infer_population
 from bayesdamp.types import Refusal
 
 SCALE = 0.3
@@ -25,7 +25,7 @@ def test_at_zero_it_is_the_cut_off_model():
     """Specimens whose likelihoods reach over zero, against a dense grid over θ, m and τ of the cut-off normals."""
     rng = np.random.default_rng(3)
     means, sds = np.array([0.004, 0.012, -0.003, 0.007, 0.02]), np.full(5, 0.008)
-    result = population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
+    result = infer_population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
     theta = np.linspace(0, 0.07, 1401)
     tau = np.geomspace(1e-4, 4 * SCALE, 70)
     m = np.r_[np.linspace(2e-4, 0.05, 160), np.linspace(0.05, 3 * SCALE, 80)[1:]][:, None]
@@ -60,6 +60,6 @@ def test_one_specimen_is_refused_and_few_draws_are_told():
     rng = np.random.default_rng(5)
     item = sample("a", 0.1, 1e-3, rng)
     with pytest.raises(Refusal, match="two specimens or more"):
-        population([item], SCALE)
+        infer_population([item], SCALE)
     poor = Sample("b", item.values[:60], item.log_weights[:60], item.log_prior[:60])
-    assert "b has" in population([item, poor], SCALE).outcome
+    assert "b has" in infer_population([item, poor], SCALE).outcome

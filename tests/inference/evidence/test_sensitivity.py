@@ -14,11 +14,11 @@ from bayesdamp.inference.evidence.importance import Importance
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.sensitivity import (
-    against_width,
     density_at_zero,
+    evidence_by_prior_width,
     first_half,
     log_predictive,
-    predict,
+    predict_from_half,
     savage_dickey,
     under_priors,
 )
@@ -58,14 +58,16 @@ def importance(case: str) -> Evidence:
 
 def halves(target: Target, mode: Mode) -> tuple[Evidence, Prediction]:
     half = target.signal.t.size // 2
-    return predict("m", first_half(mode), partial(predict_second_half, mode.likelihood, half=half), 1)
+    return predict_from_half(
+        "m", first_half(mode), partial(predict_second_half, mode.likelihood, half=half), 1
+    )
 
 
 def test_widths_against_quadrature():
     target, mode = problem(TWO)
     evidence = importance(TWO)
     y, log_weights = evidence.arrays["y"], evidence.arrays["log_weights"]
-    built = against_width(
+    built = evidence_by_prior_width(
         target.priors, ("zeta", "mu_c"), y, log_weights, lambda priors: under_priors(mode, priors), 1
     )
     exact = np.array([under_width(f) for f in built.factors])

@@ -10,7 +10,7 @@ import pytest
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Start, compare_chains
-from bayesdamp.inference.search import basins, find_mode
+from bayesdamp.inference.search import find_mode, group_searches
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
@@ -49,7 +49,7 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
 
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
     target, mode = climbed(0.0)
-    result, where = basins(mode)
+    result, where = group_searches(mode)
     assert [c.seed.source for c in mode.searches] == ["slow", "fast"]
     assert mode.searches[0].same == (Seed("slow again"),)
     assert len(result) == 2
@@ -65,7 +65,7 @@ def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
 
 def test_without_aliasing_the_other_mode_is_far_below():
     _, mode = climbed(0.1)
-    result, where = basins(mode)
+    result, where = group_searches(mode)
     assert where[0] == 0
     assert all(share < 1e-6 for _, share in result[1:])
 

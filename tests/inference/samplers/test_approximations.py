@@ -85,7 +85,7 @@ def test_a_wrong_normal_is_called_poor(shift, stretch):
 
 
 def test_what_does_not_converge_is_refused(monkeypatch):
-    monkeypatch.setattr(variational, "BLOCKS", 2)
+    monkeypatch.setattr(variational, "MOST_BLOCKS", 2)
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     with pytest.raises(Refusal, match="did not converge in 100 steps"):
         SAMPLERS.get("variational").sample(target, mode, Settings())

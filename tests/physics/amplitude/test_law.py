@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
-from bayesdamp.physics.amplitude import SUMS, DecayLaw, Scale, TabulatedLaw, decay, losses
+from bayesdamp.physics.amplitude import SUMS, DecayLaw, Scale, TabulatedLaw, decay, rates_per_unit
 from bayesdamp.physics.damping import TERMS
 
 T = np.linspace(0.0, 5.0, 101)
@@ -63,4 +63,4 @@ def test_losses_are_those_of_the_terms_equations():
         "coulomb": 2 / (np.pi * omega * a),
     }
     for name, truth in known.items():
-        assert losses(TERMS.get(name), np.zeros(1), {}, scale) == pytest.approx(truth, rel=1e-6), name
+        assert rates_per_unit(TERMS.get(name), np.zeros(1), {}, scale) == pytest.approx(truth, rel=1e-6), name

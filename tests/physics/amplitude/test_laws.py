@@ -10,7 +10,7 @@ from bayesdamp.physics.amplitude import (
     LOG_AT_REST,
     SUMS,
     ClosedForm,
-    coefficient,
+    coefficient_from_rate,
     decay,
     power_decay,
 )
@@ -56,10 +56,10 @@ def test_coefficients_are_those_of_the_equation_of_motion():
     losses = np.array(
         [zeta * amplitude, 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)]
     )
-    found = [coefficient(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)]
+    found = [coefficient_from_rate(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)]
     assert [name for name, _, _ in found] == ["zeta", "mu_c", "mu_q"]
     assert [float(value) for _, value, _ in found] == pytest.approx([zeta, mu_c, mu_q])
-    free = [coefficient(*pair, amplitude, None) for pair in zip(SUMS[-1], losses / amplitude)]
+    free = [coefficient_from_rate(*pair, amplitude, None) for pair in zip(SUMS[-1], losses / amplitude)]
     assert sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2))) == pytest.approx(
         losses.sum()
     )
