@@ -41,25 +41,25 @@ def short(error: float) -> str:
     return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
 
 
-def fixed(value: float, places: int) -> str:
+def fixed_decimals(value: float, places: int) -> str:
     """Return a number with `places` decimals."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
-def given(value: float) -> str:
+def as_entered(value: float) -> str:
     """Return a number that a user specified, without trailing zeros."""
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
-NEGLIGIBLE = 1e-7
-"""Errors below this fraction of the value (records without noise) are not shown."""
+NEGLIGIBLE_ERROR = 1e-7
+"""An error below this fraction of the value is not shown (records without noise)."""
 
 
 def with_error(value: float | None, error: float | None) -> str:
     """Return value ± error with two significant digits of the error; only the value if the error is missing or tiny."""
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
-    if error < NEGLIGIBLE * abs(value):
+    if error < NEGLIGIBLE_ERROR * abs(value):
         return number(value, 7)
     decimals = 1 - _power(error, 2)
     top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
@@ -95,14 +95,14 @@ def interval(low: float | None, high: float | None) -> str:
     return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
 
 
-AGREE = 1e-6
+EQUAL_FRACTION = 1e-6
 """Values count as equal if their relative difference is smaller."""
 
 
 def spread(values: Sequence[float]) -> str:
     """Return "smallest to largest" of values, or a single value if they agree."""
     low, high = min(values), max(values)
-    agree = high - low <= AGREE * abs(high)
+    agree = high - low <= EQUAL_FRACTION * abs(high)
     return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
 
 
@@ -156,9 +156,9 @@ def compact(value: float, digits: int = 4) -> str:
     return NONE if math.isnan(value) else f"{value:.{digits}g}"
 
 
-FIXED, SMALL, LARGE = 8, 1e-3, 1e6
-"""A number has an exponent if its absolute value is at least `LARGE`, or if it is below `SMALL` and needs more than
-`FIXED` decimals."""
+MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6
+"""A number has an exponent if its absolute value is at least `LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and needs
+more than `MOST_DECIMALS` decimals."""
 
 
 def digits(value: float, width: float) -> str:
@@ -166,7 +166,7 @@ def digits(value: float, width: float) -> str:
     if not width > 0 or value == 0:
         return f"{value:.3g}"
     places = 1 - math.floor(math.log10(width))
-    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
+    if abs(value) >= LARGE_NUMBER or (places > MOST_DECIMALS and abs(value) < SMALL_NUMBER):
         return f"{value:.{min(max(places + math.floor(math.log10(abs(value))) + 1, 1), 15)}g}"
     places = max(0, places)
     return f"{value:.{min(places, 15)}f}"
@@ -197,7 +197,7 @@ def by_ten(text: str) -> str:
 
 
 T = TypeVar("T")
-LONG = 24
+LONG_CELL = 24
 """A table cell with more characters than this may wrap."""
 
 
@@ -292,7 +292,7 @@ def _look(is_text: bool, cell: str = "") -> str:
     """Return the HTML class attribute of a cell; "" for numbers. Long text cells may wrap."""
     if not is_text:
         return ""
-    return ' class="t w"' if len(Markup(cell).striptags()) > LONG else ' class="t"'
+    return ' class="t w"' if len(Markup(cell).striptags()) > LONG_CELL else ' class="t"'
 
 
 def symbols(text: str) -> Markup:

@@ -16,8 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that end a run, as far as the system has them."""
+END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a run; only those that the operating system has."""
 
 
 def cache_folder() -> Path:
@@ -43,7 +43,7 @@ def kill_as_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    defaults = [end for end in ENDS if signal.getsignal(end) is signal.SIG_DFL]
+    defaults = [end for end in END_SIGNALS if signal.getsignal(end) is signal.SIG_DFL]
     for end in defaults:
         signal.signal(end, interrupt)
     try:
@@ -75,19 +75,19 @@ def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         return list(pool.map(function, work))
 
 
-GARBAGE = 100_000
+OBJECTS_PER_COLLECTION = 100_000
 """Number of new objects after which Python collects garbage. The default, 700, takes a tenth of a short run, because
 each collection traverses the 100,000 objects of JAX (measured)."""
 
 
 def collect_garbage_rarely() -> None:
     """Collect garbage after many new objects, and not when the process ends, which takes 0.3 s after drawing."""
-    gc.set_threshold(GARBAGE)
+    gc.set_threshold(OBJECTS_PER_COLLECTION)
     atexit.register(gc.freeze)
 
 
 class Processes(Executor):
-    """A pool of spawned processes that can be restarted after one of them was killed, which breaks the whole pool.
+    """A pool of spawned processes. It can be restarted after one of them was killed, which stops the whole pool.
 
     width: number of processes.
     """

@@ -8,22 +8,22 @@ from pathlib import Path
 
 from bayesdamp.types import InputError
 
-LARGEST = 2**24
-"""Largest size of such a file in bytes (conventional)."""
+MOST_BYTES = 2**24
+"""Largest size in bytes of a file that is read (conventional)."""
 
 
 def read_plain(path: Path, right: str) -> str:
     """Return the text of a file in UTF-8.
 
-    right: what to give instead, for error messages. Raises InputError if it is not a regular file in UTF-8 of at most
-    LARGEST bytes.
+    right: what to give instead, such as "a study file", for error messages. Raises InputError if the path is not a
+    regular file in UTF-8 of at most `MOST_BYTES`.
     """
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
-            raise OSError(errno.EINVAL, "is a device or a pipe, not a file")
-        if status.st_size > LARGEST:
-            raise OSError(errno.EFBIG, f"has more than {LARGEST >> 20} MiB")
+            raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
+        if status.st_size > MOST_BYTES:
+            raise OSError(errno.EFBIG, f"it has more than {MOST_BYTES >> 20} MiB")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"there is no such file; give {right}") from None
@@ -31,7 +31,7 @@ def read_plain(path: Path, right: str) -> str:
         raise InputError(f"is not text in UTF-8; give {right}") from None
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read: {what.lower()}; give {right}") from None
+        raise InputError(f"cannot be read: {what[:1].lower()}{what[1:]}; give {right}") from None
 
 
 def at_home(path: Path) -> Path:

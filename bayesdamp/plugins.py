@@ -181,7 +181,7 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
     return tuple(modules)
 
 
-def use(modules: Sequence[PluginModule]) -> None:
+def use_modules(modules: Sequence[PluginModule]) -> None:
     """Register the plug-ins of these modules in this process, and remove those of all other modules.
 
     Raises InputError if a module cannot be run or does not contain valid plug-ins.
@@ -300,7 +300,7 @@ def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
     return plugin
 
 
-def extended() -> bool:
+def has_added_plugins() -> bool:
     """Return whether a plug-in that does not ship has ever been added in this process."""
     return bool(_EXTENDED)
 

@@ -64,7 +64,7 @@ class _Prior(BaseModel):
     reflected: bool = Field(default=False, exclude=True, init=False, repr=False)
 
     def _begin(self, **numbers: float) -> None:
-        """Validate the numbers of a prior that is made in Python. Raises InputError with a message of one line.
+        """Validate the numbers of a prior that is created in Python. Raises InputError with a message of one line.
 
         Tables of study files are validated directly by pydantic.
         """
@@ -402,7 +402,8 @@ class _Between(_Prior):
     high: float = Field(description="a number")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
+        """Raise ValueError unless low is below high."""
         if not self.low < self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         return self
@@ -491,9 +492,9 @@ FURTHER_TERM = 0.125
 """Factor of a model's prior probability for each term beyond the first. Measured on 82 simulated records with a damping
 ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor nearly as many records are
 decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
-OTHERS, OTHER_SUMS = 0.1, 9
+OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
 """Prior odds of all other forms of damping together, relative to a single term (conventional), and the number of sums
-of the paper's terms with one of these forms. Each has the same share, however many are compared on a record."""
+of the paper's terms with such a form. Each of these sums has the same share of the odds, however many are compared."""
 
 
 def odds(damping: Sequence[str], other: bool = False) -> float:
@@ -506,4 +507,4 @@ def odds(damping: Sequence[str], other: bool = False) -> float:
     other
         Whether the model has another form of damping, and is not a sum among the compared models.
     """
-    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / OTHER_SUMS if other else 1.0)
+    return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / OTHER_FORMS_COUNT if other else 1.0)

@@ -19,8 +19,8 @@ _adapter = cache(TypeAdapter)
 UNIONS = (Union, UnionType)
 
 
-class Reduced:
-    """Base of classes whose instances are stored as, and restored from, an instance of the class `_STORED`."""
+class Storable:
+    """Base of classes whose instances are stored in the form of another class, `_STORED`, and restored from it."""
 
     _STORED: type
 
@@ -54,7 +54,7 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
         The converted value. Raises TypeError if a part cannot be converted.
     """
     below = f"{path}/" if path else ""
-    if isinstance(value, Reduced):
+    if isinstance(value, Storable):
         value = value._reduced()
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json")
@@ -95,7 +95,7 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
         return _adapter(kind).validate_python(value)
     if not isinstance(origin, type):
         return value
-    if issubclass(origin, Reduced):
+    if issubclass(origin, Storable):
         return origin._restored(join(origin._STORED, value, arrays, path))
     if issubclass(origin, BaseModel):
         return _adapter(origin).validate_python(value)

@@ -10,13 +10,13 @@ from pathlib import Path
 
 PACKAGE = "bayesdamp"
 ROOT = Path(__file__).parent
-OUTSIDE = (
+UNRELATED_MODULES = (
     "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
     "bayesdamp.sources", "bayesdamp.store",
 )  # fmt: skip
 """Modules that do not affect results, but only where and when something is computed and how it is shown; they are not
 part of a digest. (The values of settings are part of a key.)"""
-LEAVES = (
+LEAF_MODULES = (
     "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.candidate", "bayesdamp.pipeline.candidates.tasks",
     "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
@@ -31,7 +31,7 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 _TEXTS: dict[str, str | None] = {}
 """Source of each module when it was first requested; a later change of the file does not affect this process."""
 _IMPORTED: dict[str, frozenset[str]] = {}
-"""Results of `imported`, by module."""
+"""Results of `direct_imports`, by module."""
 
 
 @cache
@@ -41,7 +41,7 @@ def code_digest(*modules: str) -> str:
     Plug-ins that are found by name are not imports; a caller must add their sources.
     """
     digest = hashlib.sha256()
-    for name in sorted(reached(modules)):
+    for name in sorted(import_closure(modules)):
         digest.update(f"{name}\0{_text(name)}\0".encode())
     return digest.hexdigest()
 
@@ -52,8 +52,8 @@ def package_digest() -> str:
     return hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in sorted(_files())).encode()).hexdigest()
 
 
-def reached(modules: Iterable[str]) -> set[str]:
-    """Return the modules and all that they import, at any depth, without those `OUTSIDE` unless given explicitly."""
+def import_closure(modules: Iterable[str]) -> set[str]:
+    """Return the modules and all that they import, at any depth, without `UNRELATED_MODULES` unless given."""
     waiting = list(modules)
     names = {name for name in waiting if _is_outside(name)}
     while waiting:
@@ -62,17 +62,17 @@ def reached(modules: Iterable[str]) -> set[str]:
             continue
         names.add(name)
         waiting.append(name.rpartition(".")[0])
-        if name not in LEAVES:
-            waiting += imported(name) - names
+        if name not in LEAF_MODULES:
+            waiting += direct_imports(name) - names
     return names
 
 
 @cache
 def _is_outside(name: str) -> bool:
-    return any(name == module or name.startswith(f"{module}.") for module in OUTSIDE)
+    return any(name == module or name.startswith(f"{module}.") for module in UNRELATED_MODULES)
 
 
-def imported(name: str) -> frozenset[str]:
+def direct_imports(name: str) -> frozenset[str]:
     """Return the modules of the package that a module imports directly, at its top or in functions."""
     if name not in _IMPORTED:
         text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()

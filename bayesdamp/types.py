@@ -1,4 +1,4 @@
-"""Define the data types that all parts of the package share. They are frozen and have hardly any methods."""
+"""Define the data types that all parts of the package share: frozen dataclasses with hardly any methods."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class InputError(BayesdampError):
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
-        """Return the error with arguments in the message as `name(argument)`, such as keywords or keys of a study."""
+        """Return this error with arguments named `name(argument)` in its message, instead of as options."""
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
-    """A method cannot work on this record; the message, a sentence, is shown in tables."""
+    """Raised if a method cannot be applied to a record; the message, a sentence, is shown in tables."""
 
 
 Fact = str | float
@@ -151,8 +151,8 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class FeaturesSeen:
-    """Features of an oscillation, as numbers.
+class FeatureValues:
+    """Features of an oscillation: the numbers that are stored.
 
     rest: median midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
     amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
@@ -292,7 +292,7 @@ class FitCheck:
     residual_autocorrelation
         Autocorrelation of the residuals at lag one.
     predictive_p, tails_p
-        Posterior predictive p-values of the structure in the whitened residuals, and of their kurtosis.
+        Posterior predictive p-values of the autocorrelation of the whitened residuals, and of their kurtosis.
     line_p
         p-value of the strongest line in the spectrum of the whitened residuals.
     form_p
@@ -305,7 +305,7 @@ class FitCheck:
     forecast
         Prediction of the second half from the first; None if the first half does not determine it.
     rivals
-        The model with other forms of damping added.
+        Log Bayes factors of the model with other forms of damping added, one for each form.
     verdict
         Whether the model fits, and the reason if not.
     """
@@ -470,7 +470,7 @@ def candidate_parts(name: str) -> tuple[str, str]:
     return damping, restoring
 
 
-def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
+def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
     """Sum the probabilities of candidates over restoring laws; return them by damping sum, the largest first.
 
     With `part` 1, sum over damping sums and return them by restoring law.
@@ -484,7 +484,7 @@ def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem for an estimator: estimate the coefficients of these damping terms, given what is known."""
+    """The problem that an estimator solves: the damping terms whose coefficients are estimated, and what is known."""
 
     damping: tuple[str, ...]
     system: System

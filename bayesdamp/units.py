@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 _PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
-"""Text after the unit of displacement, for each quantity."""
+"""Text that follows the unit of displacement in the unit of each quantity, such as /s."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Unit:
         """Return the unit of displacement amplitudes: this unit, or its base for a unit of velocity or acceleration."""
         return self if self.quantity is None else UNITS[self.base]
 
-    def called(self, quantity: str) -> str:
+    def quantity_name(self, quantity: str) -> str:
         """Return the name of a quantity in this unit: "angle", "position", "signal", "velocity" or "acceleration"."""
         if quantity != "angle":
             return quantity

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.pipeline.tasks import CODE
-from bayesdamp.sources import OUTSIDE, ROOT, imported, reached
+from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
 from tests.studies import COMPARED, study_text
 
 SCRIPT = """
@@ -72,9 +72,11 @@ def test_imports_are_found_as_the_parser_finds_them():
     modules = every_module()
     for name, path in modules.items():
         # a text for another process may import the module that it stands in
-        assert by_parser(path, set(modules)) - {name} == set(imported(name)) & set(modules) - {name}, name
+        assert by_parser(path, set(modules)) - {name} == set(direct_imports(name)) & set(modules) - {name}, (
+            name
+        )
     # negative control: it does tell apart
-    assert by_parser(modules["bayesdamp.pipeline.run"], set(modules)) != imported(
+    assert by_parser(modules["bayesdamp.pipeline.run"], set(modules)) != direct_imports(
         "bayesdamp.pipeline.candidates.tasks"
     )
 
@@ -83,10 +85,10 @@ def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it():
     for kind in CODE:
         modules = every_module()
         assert set(CODE[kind]) <= set(modules)
-        found = reached(CODE[kind])
+        found = import_closure(CODE[kind])
         assert any(name.startswith("bayesdamp.physics.") for name in found)
         assert "bayesdamp.pipeline.run" not in found, "it reaches everything: no kind would keep its results"
-        assert not [name for name in found - set(CODE[kind]) if name.startswith(OUTSIDE)]
+        assert not [name for name in found - set(CODE[kind]) if name.startswith(UNRELATED_MODULES)]
         assert "bayesdamp.physics.damping.viscous" not in found  # a plug-in: it counts where it is used
 
 

@@ -32,7 +32,8 @@ def test_how_recorded_values_are_labelled():
     assert quantity_unit("g", "acceleration") == "g"
     assert quantity_unit("rpm", "velocity") == "rpm"
     called = [
-        UNITS[u].called(q) for u, q in (("deg", "angle"), ("in", "angle"), ("V", "angle"), ("V", "velocity"))
+        UNITS[u].quantity_name(q)
+        for u, q in (("deg", "angle"), ("in", "angle"), ("V", "angle"), ("V", "velocity"))
     ]
     assert called == ["angle", "position", "signal", "velocity"]
 

@@ -28,7 +28,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
 from bayesdamp.pipeline.tasks import compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
-from bayesdamp.plugins import use
+from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult, provenance, write_json, write_table
 from bayesdamp.store.contents import ChunkContent, RanksContent
 from bayesdamp.types import OK
@@ -229,7 +229,7 @@ def is_failed(result: TaskResult) -> bool:
 
 def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) -> TaskResult:
     """Return the result of a task; compute and store it if it is missing."""
-    use(study.plugins)
+    use_modules(study.plugins)
     store, (name, key) = Store(folder), series.task(study, first)
     stored = store.find(name)
     if stored is None or stored.key != key or is_failed(stored):

@@ -74,7 +74,7 @@ def view_motion(record: FileRecord) -> RecordView:
     name = (record.several and record.label) or raw.channel or "the record"
     unit, what = record.unit, record.quantity
     if record.unit in UNITS:
-        unit, what = UNITS[record.unit].of(record.quantity), UNITS[record.unit].called(record.quantity)
+        unit, what = UNITS[record.unit].of(record.quantity), UNITS[record.unit].quantity_name(record.quantity)
     time, value = raw.columns
     clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
     reading = f"column {value!r} as {what} in {unit}, {clock}, {raw.y.size} samples"

@@ -12,7 +12,7 @@ from bayesdamp.config.load import resolve_study
 from bayesdamp.config.study import Study
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.plugins import PluginModule, use
+from bayesdamp.plugins import PluginModule, use_modules
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -78,7 +78,7 @@ def comparison(
     InputError
         A setting is wrong. The message names the option of the command.
     """
-    use(plugins)
+    use_modules(plugins)
     try:
         return resolve_study(comparison_tables(records, **settings), Path("compare"), plugins)
     except StudyError as error:

@@ -55,7 +55,7 @@ from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
-from bayesdamp.plugins import PluginModule, nearest, read_modules, use
+from bayesdamp.plugins import PluginModule, nearest, read_modules, use_modules
 from bayesdamp.types import InputError
 from bayesdamp.units import unit_named
 
@@ -216,7 +216,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     check_keys(raw, [*Header.model_fields, *_TABLES], "")
     named = read_section(PluginsTable, raw.get("plugins", {}), "plugins").modules or ()
     modules = tuple(dict.fromkeys((*read_modules(named, path.parent), *plugins)))
-    use(modules)
+    use_modules(modules)
     table = read_section(ModelsTable, raw.get("models", {}), "models")
     sums = canonical_models(tuple(all_sums() if table.compare == "all" else table.compare), "models.compare")
     further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]

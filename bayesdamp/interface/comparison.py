@@ -194,6 +194,7 @@ class Comparison(Result):
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:
+        """Return damping ratios or decay rates against amplitude, below the sentence of the verdict."""
         v = self.verdict
         table = (
             decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
@@ -247,7 +248,8 @@ def compare(
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file; by default three.
     sample
-        Whether to confirm the linear approximations by sampling with the full equation of motion.
+        Whether to replace the linear approximations of the most probable models by sampling with the full equation of
+        motion.
     seed
         Seed of all random numbers.
 
@@ -296,8 +298,8 @@ def compare(
             if is_given:
                 raise InputError(f"compare: {option} does not apply to envelopes; remove it")
         units, quantities = tuple(r.unit for r in envelopes), ("envelope",) * len(envelopes)
-        weighed = [parse_model(sum_) for sum_ in sums or all_sums()]
-        answers = tuple(answer_envelope(r, None, weighed, seed, len(every) > 1) for r in envelopes)
+        compared_sums = [parse_model(sum_) for sum_ in sums or all_sums()]
+        answers = tuple(answer_envelope(r, None, compared_sums, seed, len(every) > 1) for r in envelopes)
         together = specimen_of_envelopes(name, answers) if len(every) > 1 else None
     else:
         units = tuple(Signal.of(s).own_unit.name for s in motions)

@@ -15,7 +15,7 @@ from bayesdamp.formatting import Table, compact, data_frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.result import Result, Shown
+from bayesdamp.interface.result import Result, ResultView
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 PRECISION = 1e-3
-"""Tolerance of the solver as a fraction of the fit's tolerance. Measured on viscous, Coulomb, quadratic and Duffing
+"""Tolerance of the solver, as a fraction of the fit's tolerance. Measured on viscous, Coulomb, quadratic and Duffing
 motions: within three standard deviations of the best fit, the log likelihood then agrees within 1e-3 nats with that of
 SciPy's solver at a tolerance of 1e-11. With the fit's own tolerance the error was up to 0.006 nats, or up to 0.1 if the
 width of friction is inferred."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Density(Shown):
+class Density(ResultView):
     """The posterior density of a model on a record.
 
     Its methods take a vector x of the parameters in natural units, in the order of `names`. The solver's step sizes are

@@ -21,10 +21,10 @@ from bayesdamp.verdict.envelope import EnvelopeAnswer, answer, specimen
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
-POINTS = 4000
+STORED_READINGS = 4000
 """Approximate number of readings that are stored for the figure of a record."""
 LIKELIHOOD, PICTURE = "likelihood/", "picture"
-"""Names of stored arrays: prefix of the likelihoods of the decay rates, and the figure as the bytes of a PNG."""
+"""Names of stored arrays: the prefix of the likelihoods of decay rates, and the figure as the bytes of a PNG file."""
 
 
 def analyse(
@@ -56,8 +56,8 @@ def analyse(
     try:
         # The matrices have about a hundred rows; with more than one BLAS thread this is slower.
         with threadpool_limits(1, "blas"):
-            decay, weighed = free_decay(record, window, sums)
-            return answer(decay, weighed, seed)
+            decay, scaled_sums = free_decay(record, window, sums)
+            return answer(decay, scaled_sums, seed)
     except Refusal as refusal:
         why = f"No free decay: {refusal}."
         nan = float("nan")
@@ -98,7 +98,7 @@ def answer_envelope(
 
     chosen, left_out = distinguishable_sums(sums)
     result = analyse(record, window, seed, chosen)
-    t, level = thinned(record.t, record.level, POINTS)
+    t, level = thinned(record.t, record.level, STORED_READINGS)
     arrays = {"t": t, "level": level}
     if result.curve is not None:
         arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}

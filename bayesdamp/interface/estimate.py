@@ -96,7 +96,7 @@ class Estimate(Result):
                 motion = simulate(oscillator, values, t, self.signal.quantity, precision)
                 ax.plot(t, unit.scale * motion, dashes, color=colour, lw=1.0, label=stage.stage)
         ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{unit.called(self.signal.quantity)} / {unit.of(self.signal.quantity)}")
+        ax.set_ylabel(f"{unit.quantity_name(self.signal.quantity)} / {unit.of(self.signal.quantity)}")
         ax.set_title(f"{self.estimator}, {self.model.name}", fontsize="small", loc="left")
         ax.legend(loc="upper right")
         return ax

@@ -39,27 +39,27 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.serial import Reduced
+from bayesdamp.serial import Storable
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.words import UNSEEN
+from bayesdamp.verdict.words import UNDETECTED_DEVIATION
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
-EXACT = (
+NO_RATIO_TABLE = (
     "laws hold exactly in this fit, so it has no table of damping ratios; use sample(fit).derived, or fit a Model "
     'with deviation="law"'
 )
 """Reason why a fit has no table of damping ratios."""
 _EMPTY = np.empty(0)
-BAND = 200
+BAND_DRAWS = 200
 """Number of draws for the standard deviation of a prediction. Its relative standard error is then 1/√(2·200) = 5 %."""
 PRECISION = 1e-6
 """Precision of a predicted motion, as a fraction of the record's range (conventional)."""
-SHOWN = 8
+PRINTED_TIMES = 8
 """Largest number of times in a printed prediction."""
 TWO_SIDED = 1.96
 """Half width of a 95 % band in standard deviations."""
@@ -103,7 +103,7 @@ class Prediction(Result):
         return ax
 
     def _table(self) -> Table:
-        some = np.unique(np.linspace(0, self.t.size - 1, min(SHOWN, self.t.size)).astype(int))
+        some = np.unique(np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int))
         columns = (self.t[some].tolist(), self.value[some].tolist(), self.sd[some].tolist())
         rows = tuple((compact(t), compact(v, 5), compact(sd, 2)) for t, v, sd in zip(*columns, strict=True))
         notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
@@ -127,7 +127,7 @@ class StoredFit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Result, Reduced):
+class Fit(Result, Storable):
     """The best fit of a model to a record.
 
     If laws hold exactly, it is the posterior mode in coordinates z in which the prior of each parameter is N(0, 1).
@@ -329,7 +329,7 @@ class Fit(Result, Reduced):
             above.plot(ahead.t, value, color=BLUE, lw=1.0, ls="--", label="beyond the record")
             low, high = value - 2 * sd, value + 2 * sd
             above.fill_between(ahead.t, low, high, color=BLUE, alpha=0.2, lw=0)
-        above.set_ylabel(f"{unit.called(self.signal.quantity)} / {label}")
+        above.set_ylabel(f"{unit.quantity_name(self.signal.quantity)} / {label}")
         above.legend(loc="upper right")
         for below in rest:
             below.plot(t, self.residuals * scale, color=BLUE, lw=0.6)
@@ -360,7 +360,7 @@ class Fit(Result, Reduced):
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
             f"No deviation of the {what} from its law is detected (95 %: below {100 * q.high:.2g} %)."
-            if q.value < UNSEEN
+            if q.value < UNDETECTED_DEVIATION
             else f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
             for what, q in both
             if q is not None
@@ -507,7 +507,7 @@ def tabulate_ratios(
     `u`, (n, K), contains the draws; by default draws of the linear approximation are used.
     """
     if fit.law is None:
-        raise Refusal(EXACT if fit.outcome == OK else fit.outcome)
+        raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)
     comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
     wanted = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(
         comparison
@@ -538,8 +538,8 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
     osc, best = target.oscillator, target.all_values(mode.z)
-    z = laplace_draws(target, mode, BAND, 0)
-    drawn = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
+    z = laplace_draws(target, mode, BAND_DRAWS, 0)
+    drawn = {**{n: np.full(BAND_DRAWS, float(v)) for n, v in target.known.items()}, **target.values(z)}
     value, sd = np.empty(times.size), np.empty(times.size)
     for chosen, way in ((times >= 0, 1.0), (times < 0, -1.0)):
         if not chosen.any():
@@ -566,6 +566,8 @@ def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str)
             'the deviations from the law are not known elsewhere; use a Model with deviation="none" to extrapolate'
         )
     grid, at = np.unique(times, return_inverse=True)
-    motions = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)
+    motions = law.motions(
+        np.concatenate([law.best, law.scores[:: len(law.scores) // BAND_DRAWS]]), grid, wanted
+    )
     band = np.nanstd(motions[1:], axis=0)
     return Prediction(times, motions[0][at], band[at], wanted, UNITS[signal.unit].of(wanted))

@@ -56,11 +56,12 @@ from bayesdamp.units import UNITS
 if TYPE_CHECKING:
     import pandas as pd
 
-FIXED = (*POSITIVE, "epsilon")
-"""Parameters that are not inferred if laws may hold approximately; they are known, or determined once per record."""
+NOT_INFERRED = (*POSITIVE, "epsilon")
+"""Parameters that are not inferred if laws may hold approximately; they are known, or estimated once for the record."""
 PRIOR_STARTS = 2
 """Number of draws from the prior from which searches start, in addition to the starting points from the record."""
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+"""Message of the Refusal of a record without noise."""
 Starts = Mapping[Seed, Mapping[str, float]]
 """Starting points of a search: parameter values by name, for each source of a starting point."""
 REGRESSION = "least_squares"
@@ -141,7 +142,7 @@ class Model(Result):
         if self.approximate:
             check_sensor("Model", self.sensor)
             for name in self.priors:
-                if name in FIXED:
+                if name in NOT_INFERRED:
                     raise InputError(
                         f"Model: {name!r} is not inferred under deviation {self.deviation!r}; remove its prior, or "
                         "give its value as known"

@@ -14,7 +14,7 @@ from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, Us
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
-ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
+DERIVATIVES = {"angle": 0, "velocity": 1, "acceleration": 2}
 """Number of time derivatives of the displacement in each recorded quantity."""
 TWO_SIDED = 1.96
 """Half width of a 95 % interval in standard deviations."""
@@ -47,7 +47,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
         return None
     own = other.modes
     ratios, half = own.ratios, TWO_SIDED * own.errors / (2 * np.pi * own.frequencies)
-    scale = (2 * np.pi * own.frequencies) ** ORDER[signal.quantity]
+    scale = (2 * np.pi * own.frequencies) ** DERIVATIVES[signal.quantity]
     columns = np.column_stack(
         [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
     )

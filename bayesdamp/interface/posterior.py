@@ -34,13 +34,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
-"""Columns of a summary."""
-CELLS = 20_000_000
-"""Largest number of values in a group along the record (160 MB); with more, draws are thinned evenly."""
-TOGETHER = 500_000
+SUMMARY_COLUMNS = (
+    "mean",
+    "sd",
+    "median",
+    "q2.5",
+    "q97.5",
+    "hdi_low",
+    "hdi_high",
+    "ess_bulk",
+    "ess_tail",
+    "rhat",
+)
+"""Columns of the table of `Posterior.summary`."""
+MOST_VALUES = 20_000_000
+"""Largest number of values in a group of variables along the record (160 MB); with more, draws are thinned evenly."""
+VALUES_AT_ONCE = 500_000
 """Number of values along the record that are computed at a time, which limits the memory."""
-ORDER = (
+GROUP_ORDER = (
     "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
 )  # fmt: skip
 """Order of the groups in `Posterior.data`."""
@@ -54,7 +65,7 @@ TEMPERED = "smc"
 """Default sampler if laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
 """Default sampler if laws hold exactly."""
-DRAWS = 1000
+DEFAULT_DRAWS = 1000
 """Default number of draws of each chain (conventional)."""
 _OF_THE_MOTION = {
     "theta0": "displacement at the first sample",
@@ -165,7 +176,9 @@ class Posterior(Result, types.Posterior):
             "constant_data": _along(self, known),
             "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
         }
-        tree = xr.DataTree.from_dict({name: xr.Dataset(*groups[name]) for name in ORDER if name in groups})
+        tree = xr.DataTree.from_dict(
+            {name: xr.Dataset(*groups[name]) for name in GROUP_ORDER if name in groups}
+        )
         tree.attrs |= {
             "inference_library": "bayesdamp",
             "inference_library_version": __version__,
@@ -232,7 +245,7 @@ class Posterior(Result, types.Posterior):
                     row = diagnostics.summarise(values.values, self.ensembles, self.effective)
                     rows[str(name)] = {**row, "unit": values.attrs["units"]}
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
-        return data_frame(rows.values(), [*COLUMNS, *parts, "unit"], index=rows)
+        return data_frame(rows.values(), [*SUMMARY_COLUMNS, *parts, "unit"], index=rows)
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Plot the trace of each parameter, and its density to the right.
@@ -353,7 +366,7 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
     """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time)."""
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
-    numbers = np.arange(0, count, max(1, -(-chains * count * n // CELLS)))
+    numbers = np.arange(0, count, max(1, -(-chains * count * n // MOST_VALUES)))
     if law is None:
         likelihoods, replications = _pointwise_exactly(post, numbers)
         definition = "log density of each sample given all others"
@@ -392,7 +405,7 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     gaps, rng = np.diff(post.fit.signal.t), np.random.default_rng([post.seed, 2])
     likelihoods, replications = np.empty((len(draws), n)), np.empty((len(draws), n))
     drawn = True
-    for rows in np.array_split(np.arange(len(draws)), max(1, len(draws) * n // TOGETHER)):
+    for rows in np.array_split(np.arange(len(draws)), max(1, len(draws) * n // VALUES_AT_ONCE)):
         some = {name: v[rows] for name, v in values.items()}
         motion = mode.likelihood.motions.many(some)
         of_noise = {name: some[name] for name in (*noise.parameters, *noise.constants)}
@@ -463,7 +476,7 @@ def sample(
         raise InputError(
             f"sample: the first argument is {type(fit).__name__}; it must be a Fit, the result of fit(signal, model)"
         )
-    grows, draws = draws is None, DRAWS if draws is None else draws
+    grows, draws = draws is None, DEFAULT_DRAWS if draws is None else draws
     for name, value, least in (
         ("chains", chains, 2),
         ("warmup", warmup, 10),

@@ -122,7 +122,7 @@ class Record(Result):
             ax.plot(times, raw.y, lw=0.8, label=f"run {run}")
         ax.set_xlabel("time / s")
         unit = UNITS[self.unit]
-        ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
+        ax.set_ylabel(f"{unit.quantity_name(self.quantity)} / {unit.of(self.quantity)}")
         ax.set_title(self.path.name, fontsize="small", loc="left")
         if len(self.raw) > 1:
             ax.legend(loc="upper right")
@@ -134,7 +134,7 @@ class Record(Result):
             for run, raw, (time, value) in zip(self.runs, self.raw, self.columns, strict=True)
         ]
         unit = UNITS[self.unit]
-        title = f"Record {self.path.name}: {unit.called(self.quantity)} in {unit.of(self.quantity)}"
+        title = f"Record {self.path.name}: {unit.quantity_name(self.quantity)} in {unit.of(self.quantity)}"
         return Table(("run", "time", "values", "samples", "range"), rows, caption=title)
 
 

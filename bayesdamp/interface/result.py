@@ -18,7 +18,7 @@ from bayesdamp.calls import CheckedMethods
 from bayesdamp.formatting import Table
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import BROKEN, pack, save_bytes, unpack
+from bayesdamp.store.files import READ_ERRORS, pack, save_bytes, unpack
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 GivenAxes: TypeAlias = "Axes | Sequence[Axes] | NDArray[Any] | None"
 """Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
-META = "result.json"
+VALUES_FILE = "result.json"
 """Name of the file with plain values inside a saved result; the arrays are next to it."""
 KINDS = (
     "Record", "Signal", "Model", "Estimate", "Fit", "Posterior", "Evidence", "Comparison", "Prediction",
@@ -35,8 +35,8 @@ KINDS = (
 """Names of the classes whose results can be saved."""
 
 
-class Shown(CheckedMethods, ABC):
-    """Base class of values that are printed as a short table, also in a notebook.
+class ResultView(CheckedMethods, ABC):
+    """Base class of values that print as a short table, also in a notebook.
 
     Its methods reject misspelt keywords with a one-line error.
     """
@@ -51,7 +51,7 @@ class Shown(CheckedMethods, ABC):
         return self._table().__html__()
 
 
-class Result(Shown):
+class Result(ResultView):
     """Base class of results: they are printed as a short table, and can be saved and loaded."""
 
     def save(self, path: str | Path) -> Path:
@@ -64,7 +64,7 @@ class Result(Shown):
         """
         arrays = dict[str, np.ndarray]()
         head = {"kind": type(self).__name__, "version": __version__, "value": split(self, arrays)}
-        return save_bytes(path, pack(META, head, arrays, zipfile.ZIP_DEFLATED))
+        return save_bytes(path, pack(VALUES_FILE, head, arrays, zipfile.ZIP_DEFLATED))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -105,9 +105,9 @@ def _read(path: str | Path, cls: type[Any] | None) -> Any:
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a file that save() wrote")
     try:
-        head, arrays = unpack(path, META)
+        head, arrays = unpack(path, VALUES_FILE)
         kind, version = head["kind"], head["version"]
-    except BROKEN:
+    except READ_ERRORS:
         raise InputError(
             f"{path}: is not a result of bayesdamp, or is damaged; give a file that save() wrote"
         ) from None
@@ -121,7 +121,7 @@ def _read(path: str | Path, cls: type[Any] | None) -> Any:
         cls = getattr(import_module("bayesdamp"), kind)
     try:
         return join(cls, head["value"], arrays)
-    except BROKEN:
+    except READ_ERRORS:
         raise InputError(
             f"{path}: was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
         ) from None
@@ -132,7 +132,7 @@ def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
     return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)
 
 
-INVISIBLE = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+INVISIBLE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 """Backends of Matplotlib that do not show figures."""
 INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
 """Colours of plots: three greys from dark to light, and blue."""
@@ -195,7 +195,7 @@ def show_in_notebook() -> None:
 
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     named = os.environ.get("MPLBACKEND", "").lower()
-    if shell is None or not hasattr(shell, "kernel") or named not in INVISIBLE:
+    if shell is None or not hasattr(shell, "kernel") or named not in INVISIBLE_BACKENDS:
         return
     if mpl.get_backend().lower() == named:
         shell.run_line_magic("matplotlib", "inline")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-LEAST = 10
+LEAST_SAMPLES = 10
 """Smallest number of samples of a signal."""
 _EMPTY = np.empty(0)
 
@@ -87,7 +87,7 @@ class Signal(Result, types.Signal):
             "length": float(self.t[-1]),
             "rate": (n - 1) / float(self.t[-1]),
             "uniform": self.uniform,
-            "quantity": unit.called(self.quantity),
+            "quantity": unit.quantity_name(self.quantity),
             "unit": unit.of(self.quantity),
             "low": float(self.y.min()) * unit.scale,
             "high": float(self.y.max()) * unit.scale,
@@ -103,7 +103,7 @@ class Signal(Result, types.Signal):
             ax.plot(self.whole_t, self.whole_y * unit.scale, color=FAINT, lw=1.0, label="cut away")
         ax.plot(self.t + begun, self.y * unit.scale, color=INK, lw=0.8, label="kept")
         ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
+        ax.set_ylabel(f"{unit.quantity_name(self.quantity)} / {unit.of(self.quantity)}")
         notes = textwrap.wrap(" ".join(self.notes), 110)
         ax.set_title("\n".join([self.name, *notes]), fontsize="x-small", loc="left")
         if self.whole_t.size:
@@ -118,7 +118,7 @@ class Signal(Result, types.Signal):
             ("samples", str(n)),
             ("length", f"{compact(length, 5)} s"),
             ("sampling rate", rate if self.uniform else f"{rate}, uneven"),
-            ("quantity", f"{unit.called(self.quantity)} in {unit.of(self.quantity)}"),
+            ("quantity", f"{unit.quantity_name(self.quantity)} in {unit.of(self.quantity)}"),
             ("range", f"{compact(low)} to {compact(high)}"),
         )
         return Table(("", "value"), rows, caption=f"Signal {self.name}", notes=self.notes)
@@ -203,8 +203,8 @@ def signal(
             f"t and y must be vectors of equal length, but their shapes are {times.shape} and {values.shape}",
             name,
         )
-    if times.size < LEAST:
-        raise InputError(f"t and y have {times.size} samples; a signal needs at least {LEAST}", name)
+    if times.size < LEAST_SAMPLES:
+        raise InputError(f"t and y have {times.size} samples; a signal needs at least {LEAST_SAMPLES}", name)
     for what, column in (("t", times), ("y", values)):
         if not np.all(np.isfinite(column)):
             at = int(np.flatnonzero(~np.isfinite(column))[0])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.forces import bracket, by_kernel, frequency_over, newton_many, rest_near
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
-from bayesdamp.types import FeaturesSeen, InputError, Reference, System
+from bayesdamp.types import FeatureValues, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
 """Parameter values by name."""
@@ -146,7 +146,7 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
     return rest
 
 
-def reference_of(system: System, features: FeaturesSeen) -> Reference:
+def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the amplitude and frequency with which prior widths scale.
 
     Each is the value stated for the system; else it follows from the known parameters, if they determine it; else it is

@@ -27,7 +27,7 @@ from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest, task_key
-from bayesdamp.plugins import use
+from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import EvidenceContent
 from bayesdamp.store.results import TaskName
@@ -158,7 +158,7 @@ class Job:
 
 def task_names(study: Study) -> list[str]:
     """Return the names of all tasks of a study, in an order in which they could be computed. Nothing is computed."""
-    use(study.plugins)
+    use_modules(study.plugins)
     store = Store(Path("."))
     return [name for job in jobs_of(study) for name in tasks_of(study, store, job)]
 

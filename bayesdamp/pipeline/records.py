@@ -27,7 +27,7 @@ from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.store import Store, TaskResult, sha256
-from bayesdamp.store.contents import FeaturesSeen, RecordContent
+from bayesdamp.store.contents import FeatureValues, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
@@ -176,7 +176,7 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
         remarks.append(f"{clause[0].upper()}{clause[1:]}.")
     return replace(
         content,
-        features=FeaturesSeen(**{f.name: getattr(measured, f.name) for f in fields(FeaturesSeen)}),
+        features=FeatureValues(**{f.name: getattr(measured, f.name) for f in fields(FeatureValues)}),
         anomalies=tuple(remarks),
         reference=reference,
         known=known,

@@ -17,7 +17,7 @@ from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.formatting import Table, compact, data_frame
-from bayesdamp.interface.result import Shown, outcome_notes
+from bayesdamp.interface.result import ResultView, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
@@ -36,7 +36,7 @@ PRINTED = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Candidate(Shown):
+class Candidate(ResultView):
     """The results of a run for one damping model on one record.
 
     record: name of the signal. repeat: number of the repeat, from 0.
@@ -74,7 +74,7 @@ class Candidate(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run(Shown):
+class Run(ResultView):
     """The run of a study, read from its folder.
 
     folder: folder of the run, with tables, results of tasks, figures and report.html. name: name of the study. outcome:

@@ -33,7 +33,7 @@ from bayesdamp.pipeline.records import read_free_decay, signal_of
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
 from bayesdamp.pipeline.tasks import compute_and_store, digest
 from bayesdamp.pipeline.workers import KILLED, open_pool, restart, run_in_pool
-from bayesdamp.plugins import use
+from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
 from bayesdamp.store import Store, TaskResult
@@ -99,7 +99,7 @@ def run_study(
     """
     from rich.console import Console
 
-    use(study.plugins)
+    use_modules(study.plugins)
     console = console or Console(stderr=True)
     if not checked:
         read_records(study)
@@ -196,7 +196,7 @@ def _run_job(
     store, names = Store(folder), []
     # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
-        use(study.plugins)
+        use_modules(study.plugins)
         for name, (key, make) in tasks_of(study, store, job).items():
             if name not in given_up and not _is_done(store, name, key):
                 compute_and_store(store, name, key, make)

@@ -38,11 +38,11 @@ from bayesdamp.store.contents import (
     CoefficientPopulation,
     JointCandidate,
     JointContent,
+    JointEvidence,
     PopulationContent,
     Summary,
-    WeighingContent,
 )
-from bayesdamp.types import OK, Reference, Refusal, candidate_parts, summed
+from bayesdamp.types import OK, Reference, Refusal, candidate_parts, sum_probabilities
 from bayesdamp.units import UNITS
 
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
@@ -151,14 +151,14 @@ def compute_joint(specimen: Specimen) -> Product:
         raise Refusal("no damping model was weighed on all records")
     best = find_likeliest({c: row.probability for c, row in rows.items()})
     model = specimen.model_of(best)
-    alone: dict[str, WeighingContent] = {}
+    alone: dict[str, JointEvidence] = {}
     no_spread = float("nan")
     if model is not None and model in weighed.repeats:
         runs, units = weighed.under(model), rows[best].units
         for record, run in zip(specimen.answered, runs, strict=True):
             single = compare_runs([run], specimen.priors, seed=specimen.seed)
             summary = summarise_draws(single.repeats[model])
-            alone[record.label] = WeighingContent(OK, single.log_evidence[model], summary, units)
+            alone[record.label] = JointEvidence(OK, single.log_evidence[model], summary, units)
         without_spread = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
         no_spread = without_spread.log_evidence[model] - weighed.log_evidence[model]
     content = JointContent(
@@ -222,7 +222,7 @@ def find_likeliest(probabilities: Mapping[str, float]) -> str:
 
     The probability of a damping is summed over restoring laws.
     """
-    dampings = summed(probabilities)
+    dampings = sum_probabilities(probabilities)
     first = max(dampings, key=lambda d: dampings[d])
     return max((c for c in probabilities if candidate_parts(c)[0] == first), key=lambda c: probabilities[c])
 

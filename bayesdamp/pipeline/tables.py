@@ -44,13 +44,13 @@ from bayesdamp.store.contents import (
     AnswerContent,
     EstimateContent,
     JointContent,
+    JointEvidence,
     ModeContent,
     PopulationContent,
     PosteriorContent,
     RecordContent,
     SampledPosterior,
     Summary,
-    WeighingContent,
 )
 from bayesdamp.store.files import SCHEMA
 from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
@@ -318,7 +318,7 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
             yield from _parameter_rows({**common, "probability": row.probability}, row)
 
 
-def _parameter_rows(head: Row, row: WeighingContent) -> Iterator[Row]:
+def _parameter_rows(head: Row, row: JointEvidence) -> Iterator[Row]:
     common = {**head, "outcome": row.outcome}
     if row.log_evidence is not None:
         common["log_evidence"] = row.log_evidence

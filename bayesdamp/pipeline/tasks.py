@@ -14,7 +14,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status
-from bayesdamp.sources import code_digest, reached
+from bayesdamp.sources import code_digest, import_closure
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import is_disk_full
@@ -74,7 +74,9 @@ def task_key(kind: str, *parts: object) -> str:
 
 def uses_library(method: str) -> bool:
     """Return whether an estimator regresses on all damping terms of the package, not only on those it estimates."""
-    return "bayesdamp.estimators.regression.library" in reached([f"bayesdamp.estimators.methods.{method}"])
+    return "bayesdamp.estimators.regression.library" in import_closure(
+        [f"bayesdamp.estimators.methods.{method}"]
+    )
 
 
 def task_seed(study: Study, name: str) -> int:

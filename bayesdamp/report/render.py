@@ -8,7 +8,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from bayesdamp.plugins import extended
+from bayesdamp.plugins import has_added_plugins
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, TEMPLATES, fill
 from bayesdamp.store import write_bytes
@@ -69,7 +69,7 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.place(run))
     names = [section.name for section in sections]
-    if pool is None or extended():  # a user's own section exists in this process only
+    if pool is None or has_added_plugins():  # a user's own section exists in this process only
         bodies = [_section(run, name) for name in names]
     else:
         bodies = list(pool.map(partial(_section, RunFolder(run.folder.resolve())), names))

@@ -14,7 +14,7 @@ from bayesdamp.types import (
     OK,
     Estimate,
     Evidence,
-    FeaturesSeen,
+    FeatureValues,
     FitCheck,
     Forecast,
     Friction,
@@ -77,7 +77,7 @@ class RecordContent(Content):
     step: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     bound: Mapping[str, float] = field(default_factory=dict)
-    features: FeaturesSeen | None = None
+    features: FeatureValues | None = None
     anomalies: tuple[str, ...] = ()
     reference: Reference | None = None
     known: Mapping[str, float] = field(default_factory=dict)
@@ -106,8 +106,8 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Climb:
-    """A search for the mode from one seed.
+class SearchContent:
+    """A search for the mode from one seed (starting point).
 
     same: other seeds with the same start. start, end: log posterior at start and end. evaluations: number of
     likelihoods. volume: log volume of the posterior at the end. distance: of the start from the mode, in sds. mode:
@@ -127,7 +127,7 @@ class Climb:
 
 @dataclass(frozen=True)
 class RefusedSeed:
-    """A seed without values, with the outcome of its estimator."""
+    """A seed (starting point) whose estimator gave no values, with the outcome of the estimator."""
 
     seed: Seed
     outcome: str
@@ -158,7 +158,7 @@ class ModeContent(FitCheck, Content):
     priors: Mapping[str, str] = field(default_factory=dict)
     log_posterior: float = NAN
     error_budget: Mapping[str, float] = field(default_factory=dict)
-    climbs: tuple[Climb, ...] = ()
+    climbs: tuple[SearchContent, ...] = ()
     modes: tuple[MaximumContent, ...] = ()
     touching_zero: tuple[str, ...] = ()
     refused: tuple[RefusedSeed, ...] = ()
@@ -208,7 +208,7 @@ class AverageContent(Content):
 class EvidenceContent(Content):
     """The evidence by one method (`evidence/NAME/REPEAT/CANDIDATE/METHOD`).
 
-    It is None if the referee was not needed, because the other methods agree.
+    evidence: None if the referee (nested sampling) was not needed, because the other methods agree.
     """
 
     evidence: Evidence | None = None
@@ -286,7 +286,7 @@ class SampledPosterior:
     """The posterior of a candidate in a sampled answer.
 
     parameters: summaries by name. deviation: size of the deviation from the damping law, (2.5 %, median, 97.5 %).
-    unexplained: root mean square misfit beyond the noise, as a fraction of the amplitude. log_evidence: in nats.
+    unexplained: root mean square residual beyond the noise, as a fraction of the amplitude. log_evidence: in nats.
     """
 
     damping: str
@@ -310,7 +310,7 @@ class CandidatePriors:
 
 
 @dataclass(frozen=True)
-class WeighedNoise:
+class NoiseEvidence:
     """A noise model fitted to the residuals of the sum of all terms: log evidence in nats, and parameters."""
 
     name: str
@@ -365,23 +365,23 @@ class AnswerContent(Content):
     laws: tuple[StoredFit, ...] = ()
     rivals: tuple[WeighedCandidate, ...] = ()
     noise: str = ""
-    noises: tuple[WeighedNoise, ...] = ()
+    noises: tuple[NoiseEvidence, ...] = ()
     terms: tuple[str, ...] = ()
     epsilon: float | None = None
     frictions: tuple[Friction, ...] = ()
     envelope: EnvelopeContent | None = None
 
 
-CLEAR = 3.0
-"""Log Bayes factor (nats) from which a statement is made: odds of 20 (conventional)."""
-APART = 0.05
-"""Lower limit of the spread's 95 % interval above which the records differ: half the scale of its prior."""
+CLEAR_NATS = 3.0
+"""A log Bayes factor (nats) of at least this decides whether records differ or agree: odds of 20 (conventional)."""
+LEAST_SPREAD = 0.05
+"""Records differ if the lower end of the 95 % interval of their spread is above this: half the scale of its prior."""
 Summary = Mapping[str, float]
 """mean, sd, median, q2.5 and q97.5 of a parameter."""
 
 
 @dataclass(frozen=True)
-class WeighingContent:
+class JointEvidence:
     """The log evidence of a candidate on one or several records, with summaries and units of its damping parameters.
 
     log_evidence: in nats, relative to the sum of the best log evidences of the single records; None if it was not
@@ -395,7 +395,7 @@ class WeighingContent:
 
 
 @dataclass(frozen=True)
-class JointCandidate(WeighingContent):
+class JointCandidate(JointEvidence):
     """A candidate in the joint fit of a specimen's records, with its posterior probability."""
 
     probability: float = 0.0
@@ -440,19 +440,19 @@ class JointContent(Content):
     candidates: Mapping[str, JointCandidate]
     spread: Summary
     no_spread: float
-    alone: Mapping[str, WeighingContent]
+    alone: Mapping[str, JointEvidence]
     others: Mapping[str, float] = field(default_factory=dict)
     deviation: str = "none"
 
     @property
     def differ(self) -> bool:
         """Whether the damping differs between the records."""
-        return self.spread["q2.5"] > APART or self.no_spread < -CLEAR
+        return self.spread["q2.5"] > LEAST_SPREAD or self.no_spread < -CLEAR_NATS
 
     @property
     def agree(self) -> bool:
         """Whether the evidence clearly favours equal damping in all records."""
-        return not self.differ and self.no_spread >= CLEAR
+        return not self.differ and self.no_spread >= CLEAR_NATS
 
 
 @dataclass(frozen=True)
@@ -476,7 +476,10 @@ class PopulationContent(Content):
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """The records of one calibration task. accepted: whether each is usable. first: number of the first record."""
+    """The simulated records of one calibration task.
+
+    outcomes: of each record. accepted: whether each record is usable. first: number of the first record.
+    """
 
     outcomes: tuple[str, ...] = ()
     accepted: tuple[bool, ...] = ()

@@ -25,13 +25,13 @@ from bayesdamp.types import InputError
 
 SCHEMA = 1
 """Version of the tables, stated in run.json. It increases when a column is renamed, removed or redefined."""
-BROKEN = (
+READ_ERRORS = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
 """Exceptions that reading an archive can raise if the file is damaged, truncated or of another program."""
-TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
-"""Names of temporary files."""
+TEMPORARY_NAME = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
+"""Pattern of the names of temporary files."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
@@ -137,6 +137,7 @@ def write_json(path: Path, obj: object) -> None:
 
 
 def _strict(value: object) -> object:
+    """Return a JSON value with nan replaced by None, and infinities by "inf" and "-inf"."""
     if isinstance(value, dict):
         return {k: _strict(v) for k, v in value.items()}
     if isinstance(value, list):
@@ -165,7 +166,7 @@ def pack(
 def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return the values and the arrays of an archive; no arrays if `arrays` is false.
 
-    Raises one of `BROKEN` if the file is damaged or is not such an archive.
+    Raises one of `READ_ERRORS` if the file is damaged or is not such an archive.
     """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))

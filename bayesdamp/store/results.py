@@ -18,8 +18,8 @@ from typing import IO, Any
 import numpy as np
 
 from bayesdamp.store.files import (
-    BROKEN,
-    TEMPORARY,
+    READ_ERRORS,
+    TEMPORARY_NAME,
     create,
     is_disk_full,
     name_in_errors,
@@ -31,15 +31,16 @@ from bayesdamp.store.files import (
 from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
 from bayesdamp.types import OK, InputError
 
-MARK = ".bayesdamp"
-"""Name of the file that marks a folder as the folder of a run."""
+MARK_FILE = ".bayesdamp"
+"""Name of the file that marks a folder as the folder of a run (the mark)."""
 MARK_TEXT = "bayesdamp run\n"
-"""Content of the mark."""
+"""Content of the file `MARK_FILE`."""
 FOLDERS = ("cells", "figures", "posterior")
 """Folders in the folder of a run; `cells` has the results of tasks."""
 LOCK = ".lock"
 FILES = (LOCK, "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
-HEAD = "cell.json"
+"""Files in the folder of a run, besides its tables; `LOCK` is the file that a running process locks."""
+HEAD_MEMBER = "cell.json"
 """Name of the first member in the archive of a result: its name, key, outcome, seconds and values."""
 _ZIP_HEADER = 30
 """Bytes before the name of the first member in a zip archive (format specification, local file header)."""
@@ -65,7 +66,7 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         The folder cannot be written.
     """
     present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
-    if MARK not in present:
+    if MARK_FILE not in present:
         taken = sorted(present & {*FOLDERS, *FILES, *tables})
         # A run that was cloned from a repository has a run.json but may have no mark.
         try:
@@ -78,9 +79,9 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
             what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
         with suppress(FileExistsError):
-            create(folder / MARK, MARK_TEXT.encode())
+            create(folder / MARK_FILE, MARK_TEXT.encode())
     if not _is_marked(folder):
-        raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+        raise InputError(f"{folder / MARK_FILE}: is not the mark of a run; {_ELSEWHERE}, or remove it")
     for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
         kind = special_kind(entry)
         if kind is not None:
@@ -92,7 +93,8 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
 
 
 def _is_marked(folder: Path) -> bool:
-    path = folder / MARK
+    """Return whether a folder has the mark of a run."""
+    path = folder / MARK_FILE
     if not is_regular(path):
         return False
     with path.open("rb") as handle:
@@ -120,7 +122,7 @@ def remove_temporary(folder: Path) -> None:
     """Remove the temporary files of a killed run, which have names that no other file has."""
     files = (folder / name for name in os.listdir(folder))
     for path in (*files, *(entry for name in FOLDERS for entry in _entries(folder / name))):
-        if TEMPORARY.fullmatch(path.name) and is_regular(path):
+        if TEMPORARY_NAME.fullmatch(path.name) and is_regular(path):
             path.unlink(missing_ok=True)
 
 
@@ -135,7 +137,7 @@ def remove_results(folder: Path) -> None:
             continue
         # A stored result begins with its own name, even if the file is truncated.
         name = path.relative_to(top).as_posix().removesuffix(".npz")
-        beginning = f'{HEAD}{{"name": {json.dumps(name)},'.encode()
+        beginning = f'{HEAD_MEMBER}{{"name": {json.dumps(name)},'.encode()
         with path.open("rb") as handle:
             is_cell = handle.read(_ZIP_HEADER + len(beginning))[_ZIP_HEADER:] == beginning
         if is_cell:
@@ -229,14 +231,14 @@ class Store:
         self._keys: dict[tuple[object, ...], tuple[tuple[object, ...], str]] = {}
 
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
-        """Return the key of a task; it is computed once for the objects `of` that it depends on."""
+        """Return the key of a task, computed by `compute` only once for the same objects `of`, on which it depends."""
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
             self._keys[identity] = of, compute()  # storing the objects keeps their ids valid
         return self._keys[identity][1]
 
     def has(self, task_name: str, key: str) -> bool:
-        """Return whether an undamaged result is stored under this key."""
+        """Return whether an undamaged result of a task is stored under this key."""
         result = self.find(task_name)
         return result is not None and result.key == key
 
@@ -248,11 +250,11 @@ class Store:
             path = self._path(task_name)
             if not is_regular(path):  # reading a device or a pipe could block
                 raise FileNotFoundError(path)
-            head, stored = unpack(path, HEAD, arrays=arrays)
+            head, stored = unpack(path, HEAD_MEMBER, arrays=arrays)
             result = TaskResult(
                 task_name, head["key"], head["meta"], stored, head["outcome"], head["seconds"]
             )
-        except BROKEN as fault:
+        except READ_ERRORS as fault:
             raise KeyError(task_name) from fault
         if self.only is not None and self.only[task_name] != result.key:
             raise KeyError(task_name)
@@ -269,7 +271,7 @@ class Store:
         """Store a result in one step: other processes see the old file or the new one, never a part of it."""
         head = {"name": result.name, "key": result.key, "outcome": result.outcome}
         head |= {"seconds": float(result.seconds), "meta": result.meta}
-        write_bytes(self._path(result.name), pack(HEAD, head, result.arrays))
+        write_bytes(self._path(result.name), pack(HEAD_MEMBER, head, result.arrays))
 
     def names(self) -> list[str]:
         """Return the names of all tasks with a stored result, sorted; some results may be damaged."""
@@ -314,6 +316,7 @@ class Store:
             yield
 
     def _path(self, task_name: str) -> Path:
+        """Return the path of a task's result. Raises ValueError if the name could be a path outside the folder."""
         parts = task_name.split("/")
         if any(not p or p[0] == "." or "\\" in p or "\0" in p for p in parts):
             raise ValueError(f"not the name of a task: {task_name!r}")

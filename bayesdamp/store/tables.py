@@ -33,6 +33,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "window_spread", "predictive_p", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "verdict",
     ),
 }  # fmt: skip
+"""Columns of the tables of every study, by file name."""
 
 SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     "specimens.csv": (
@@ -44,12 +45,13 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
         "effective", "prior_scale", "outcome",
     ),
 }  # fmt: skip
-"""Tables of a study that names specimens."""
+"""Columns of the tables of a study that names specimens, by file name."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude; an answer stores them as arrays
 `free/NAME`."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
+"""Names of the tables of a calibration."""
 
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
@@ -88,7 +90,7 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     """
     path = Path(path)
 
-    def typed(line: int, column: str, text: str) -> object:
+    def convert(line: int, column: str, text: str) -> object:
         try:
             if column in _WHOLE:
                 return int(text) if text else None
@@ -100,4 +102,6 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
     with path.open(newline="", encoding="utf-8") as handle:
         reader = csv.DictReader(handle)
-        return [{c: typed(reader.line_num, c, text or "") for c, text in row.items() if c} for row in reader]
+        return [
+            {c: convert(reader.line_num, c, text or "") for c, text in row.items() if c} for row in reader
+        ]

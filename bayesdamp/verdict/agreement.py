@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 
-from bayesdamp.verdict.thresholds import MOVED, WIDTHS_AGREE
+from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTHS_AGREE
 from bayesdamp.verdict.types import Verdict
 
 Z95 = 1.96
@@ -26,8 +26,8 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
-        """Return whether the damping is the same and every ratio moved by less than `MOVED`."""
-        return self.same and self.moved < MOVED
+        """Return whether the damping is the same and every ratio moved by less than `AGREEMENT_SDS`."""
+        return self.same and self.moved < AGREEMENT_SDS
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,12 @@ class Intervals:
 
     @property
     def confirms(self) -> bool:
-        """Return whether the value moved by less than `MOVED` and the widths agree within `WIDTHS_AGREE`."""
-        return self.moved < MOVED and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
+        """Return whether the value moved by less than `AGREEMENT_SDS` and the widths agree within `WIDTHS_AGREE`."""
+        return self.moved < AGREEMENT_SDS and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
 
 
 def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[Intervals]:
+    """Compare each damping ratio of a verdict with another (value, low, high)."""
     comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
         width = max(r.high - r.low, 1e-300)
@@ -57,8 +58,8 @@ def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> li
     return comparisons
 
 
-def intervals(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> Intervals:
-    """Compare the damping ratios at all amplitudes, and return the worst agreement.
+def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> Intervals:
+    """Compare the damping ratios at all amplitudes, and return the comparison that agrees worst.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def intervals(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> I
     """
     return max(
         _compare(first, ratios),
-        key=lambda i: max(i.moved / MOVED, abs(log(i.wider)) / log(WIDTHS_AGREE)),
+        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(log(i.wider)) / log(WIDTHS_AGREE)),
     )
 
 

@@ -27,7 +27,7 @@ from bayesdamp.verdict.parts import (
     UsedWindow,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import frequency_off, remarks, sentence
+from bayesdamp.verdict.words import frequency_remark, remarks, sentence
 
 
 def decide(
@@ -155,7 +155,7 @@ def decide(
     if contradicted:  # energy, exponent and coefficients follow from the law that is contradicted
         verdict = replace(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
     if off and by_law is not None and instead is None:
-        notes = [*notes, frequency_off(verdict, by_law)]
+        notes = [*notes, frequency_remark(verdict, by_law)]
     reservations = remarks(verdict, findings, same, notes, twins)
     return replace(verdict, remarks=reservations, sentence=sentence(verdict))
 
@@ -194,16 +194,17 @@ def grade_of(findings: Findings) -> Grade:
 
 
 def _have_same_amplitude(first: DampingRatio | FrequencyAt, second: DampingRatio | FrequencyAt) -> bool:
+    """Return whether two values are at the same amplitude, within `SAME_AMPLITUDE`."""
     return abs(log(first.amplitude / second.amplitude)) < thresholds.SAME_AMPLITUDE
 
 
 def _contradict(
     by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
 ) -> bool:
-    """Return whether a value by the law contradicts the measured one at an amplitude that both have.
+    """Return whether a law contradicts a value that is measured without a law, at an amplitude that both have.
 
-    They must differ by more than a fraction `least` of the measured value, and the law's interval must not overlap the
-    measured interval, widened by the factor `WIDER`.
+    It does if the two values differ by more than the fraction `least` of the measured one, and if the law's interval
+    does not overlap the measured interval after this is widened by the factor `WIDER`.
     """
     wider = thresholds.WIDER
     return any(
@@ -224,7 +225,10 @@ def interval_of(q: Quantity, unit: str = "") -> Interval:
 
 
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
-    """Return the worst amplitude where the damping surely deviates from its law by more than `DEVIATES`, or None."""
+    """Return the damping divided by its law at the worst amplitude where it surely deviates by more than `DEVIATES`.
+
+    None if there is no such amplitude.
+    """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)
         for r, q in zip(findings.ratios, findings.over_law, strict=False)

@@ -45,7 +45,7 @@ from bayesdamp.verdict.parts import (
     DampingRatio,
     Grade,
     Interval,
-    Measured,
+    MeasuredNumber,
     Share,
     UsedWindow,
 )
@@ -59,7 +59,7 @@ from bayesdamp.verdict.specimen import (
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
 
-FALLS = (0.15, 0.5, 0.85)
+FALL_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of the decay's fall in dB at which rates are given (conventional)."""
 Kind = TypeVar("Kind", bound=AtAmplitude)
 
@@ -94,7 +94,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     power = fit_power_law(b, ranking)
     rng = np.random.default_rng([seed, b.t.size])
     top, bottom = b.ends
-    amplitudes = np.array([top + share * (bottom - top) for share in FALLS])
+    amplitudes = np.array([top + share * (bottom - top) for share in FALL_FRACTIONS])
     # Relative error of every rate by the sensor, which leaves no trace in the record.
     sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
 
@@ -128,7 +128,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
-        """Return a function of the rates, with intervals, at each amplitude."""
+        """Return the function `of` of the decay rates at each amplitude, with its interval, as a `kind`."""
         values = []
         for x, draws, exact in zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True):
             e = estimate_of(draws, exact)
@@ -168,10 +168,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     return EnvelopeAnswer(verdict, decay.curve(*ranking.fitted.curve(b)), likelihoods)
 
 
-def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measured:
-    """Summarise draws (n,); `plain` are draws (m,) that vary by the noise of the readings alone."""
+def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> MeasuredNumber:
+    """Summarise draws of a number, (n,); `plain` are draws (m,) that vary by the noise of the readings alone."""
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
-    return Measured(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
+    return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
 
 def _coefficients_of(
@@ -229,19 +229,19 @@ def _coefficients_with_own(
         units[k] = at_start if omega is None else -log_rate
 
     def over_candidates(
-        called: str, of: str, value: Callable[[int], float], rates: bool = False
+        parameter_name: str, of: str, value: Callable[[int], float], rates: bool = False
     ) -> Coefficient:
         values = []
         for some in draws:
             places = some.candidate[np.isin(some.candidate, list(own))]
             each = np.array([value(int(k)) for k in places])
             values.append(each * some.rates[name] if rates else each)
-        return _coefficient(called, of, values[0], values[1] if values[1].size else values[0])
+        return _coefficient(parameter_name, of, values[0], values[1] if values[1].size else values[0])
 
-    called, of = (
+    parameter_name, of = (
         (f"rate_{name}", "1/s") if omega is None else (term.parameter, term.unit.replace("rad", unit))
     )
-    results = [over_candidates(called, of, lambda k: float(np.exp(units[k])), rates=True)]
+    results = [over_candidates(parameter_name, of, lambda k: float(np.exp(units[k])), rates=True)]
     for i, p in enumerate(term.inferred):
         of = p.unit.replace("rad", unit)
         if omega is not None or "s" not in p.unit.replace("rad", ""):
@@ -316,10 +316,11 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return the likelihoods of all records with a decay, by damping sum, in common coordinates.
+    """Return for each damping sum that all records with a decay have: the likelihood of each record.
 
-    The coordinates are scores of the damping ratios at the geometric mean of the records' reference amplitudes. Where a
-    frequency is missing they are rates, in a unit from the geometric mean of the durations.
+    The likelihood of each record is a function of scores: the damping ratios at a common reference amplitude (the
+    geometric mean of those of the records) divided by `SCORE_RATIO`. If the frequency of a record is not known, the
+    scores are decay rates times the geometric mean of the durations, up to a constant.
 
     Raises
     ------
@@ -335,7 +336,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
         raise InputError(
             f"records of one specimen are in {' and '.join(units)}; record all of them in one unit to compare them"
         )
-    amplitude = float(np.mean([likelihood.reference for likelihood in firsts]))
+    log_amplitude = float(np.mean([likelihood.reference for likelihood in firsts]))
     omegas = [likelihood.omega for likelihood in firsts]
     if None not in omegas:
         rates = [SCORE_RATIO * float(omega or 1.0) for omega in omegas]
@@ -345,7 +346,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
         rates = [SCORE_RATIO / (time * middle)] * len(firsts)
     return {
         name: tuple(
-            DampingLikelihood(*likelihoods[name].in_scores(amplitude, rate))
+            DampingLikelihood(*likelihoods[name].in_scores(log_amplitude, rate))
             for likelihoods, rate in zip(records, rates, strict=True)
         )
         for name in records[0]
@@ -406,7 +407,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
         [p.mean - 1.96 * p.sd, p.mean + 1.96 * p.sd, p.low, p.high]
     ).tolist()
     between = value * float((p.sd**2 - alone**2) ** 0.5)
-    common = Measured(value, value * alone, between, low, high, unit)
+    common = MeasuredNumber(value, value * alone, between, low, high, unit)
     damping = specimen_probabilities(joint)[0] if joint else {"": float("nan")}
     verdict = replace(
         common_verdict(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),

@@ -55,7 +55,7 @@ class OverLaw(IntervalAt):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredNumber:
     """A number with its total 95 % interval and unit.
 
     sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law.
@@ -73,7 +73,7 @@ class Measured:
 class AtAmplitude:
     """A number at an amplitude of the record, with its total 95 % interval.
 
-    unit: that of the amplitude. sd_noise, sd_law: as in `Measured`.
+    unit: that of the amplitude. sd_noise, sd_law: as in `MeasuredNumber`.
     """
 
     amplitude: float
@@ -246,7 +246,7 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
     return Table.of(range(len(rates)), columns)
 
 
-def number(value: Measured | Interval | AtAmplitude | None) -> str:
+def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
     """Return a number with its 95 % interval as text; large numbers have a power of ten."""
     return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 

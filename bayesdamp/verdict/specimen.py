@@ -19,20 +19,20 @@ from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence
 
-GRID = 400
+SPREAD_VALUES = 400
 """Number of values of the spread between records in the quadrature of its posterior."""
-WIDE = 2.0
-"""Scale of the spread's half-Cauchy prior, relative to the scatter of the values or their median sd (weakly
-informative; Gelman 2006)."""
-DRAWS = 20_000
-"""Draws of a damping ratio: an end of a 95 % interval is then good to 2 % of its width."""
+PRIOR_SCATTERS = 2.0
+"""Scale of the spread's half-Cauchy prior, relative to the scatter of the values, or to their median sd if that is
+larger (weakly informative; Gelman 2006)."""
+RATIO_DRAWS = 20_000
+"""Number of draws of a damping ratio: an end of a 95 % interval is then accurate to 2 % of its width."""
 Curve = Mapping[str, np.ndarray]
 """Arrays of a damping curve by name."""
 
 
 @dataclass(frozen=True)
-class Pooled:
-    """Mean over records, and the spread between them.
+class PooledMean:
+    """The mean of a number over records, and the spread between records.
 
     mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: standard deviation
     between records, with its 95 % interval. low, high: 95 % interval of the value of one more record.
@@ -47,7 +47,7 @@ class Pooled:
     high: float
 
 
-def pool_records(values: np.ndarray, sds: np.ndarray) -> Pooled:
+def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     """Pool values of records that differ by a normal random effect with an unknown spread.
 
     The prior of the spread is half-Cauchy, that of the mean is flat. For a single value the spread is 0.
@@ -60,9 +60,9 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> Pooled:
     values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
     if values.size == 1:
         v, s = float(values[0]), float(sds[0])
-        return Pooled(v, s, 0.0, 0.0, 0.0, v - 1.96 * s, v + 1.96 * s)
-    scale = WIDE * max(float(np.std(values)), float(np.median(sds)))
-    spreads = np.concatenate([[0.0], np.geomspace(1e-3, 20.0, GRID - 1) * scale])
+        return PooledMean(v, s, 0.0, 0.0, 0.0, v - 1.96 * s, v + 1.96 * s)
+    scale = PRIOR_SCATTERS * max(float(np.std(values)), float(np.median(sds)))
+    spreads = np.concatenate([[0.0], np.geomspace(1e-3, 20.0, SPREAD_VALUES - 1) * scale])
     precision = 1.0 / (sds**2 + spreads[:, None] ** 2)
     total = precision.sum(axis=1)
     means = precision @ values / total
@@ -84,7 +84,7 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> Pooled:
             share = float(weight @ scipy.special.ndtr((middle - means) / width))
             low, high = (middle, high) if share < q else (low, middle)
         ends.append(0.5 * (low + high))
-    return Pooled(mean, sd, spread, below, above, *ends)
+    return PooledMean(mean, sd, spread, below, above, *ends)
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def specimen_probabilities(
 
 
 def spread_of(comparison: SpecimenComparison) -> Interval:
-    """Return the relative standard deviation of the damping between records."""
+    """Return the relative standard deviation of the damping between records, with its 95 % interval."""
     spread = comparison.spread()
     return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
@@ -260,9 +260,9 @@ def _ratios(
     specimen_rows, following_rows = [], []
     for row, amplitude in enumerate(amplitudes):
         rng = np.random.default_rng([seed, row])
-        law, spreads = comparison.ratios(float(amplitude), DRAWS, seed)
+        law, spreads = comparison.ratios(float(amplitude), RATIO_DRAWS, seed)
         own = law.copy()
-        scatter = np.zeros(DRAWS)
+        scatter = np.zeros(RATIO_DRAWS)
         if approximate:
             over = []
             for curve in (r.curve for r in records):
@@ -270,10 +270,10 @@ def _ratios(
                 x = np.log(curve["amplitude"][order])
                 over.append([np.interp(np.log(amplitude), x, curve[n][order]) for n in ("over", "over_sd")])
             p = pool_records(*np.array(over).T)
-            own = own * np.exp(p.mean + p.sd * rng.standard_normal(DRAWS))
-            scatter = np.full(DRAWS, p.spread)
-        own = own * (1 + (sensor if approximate else 0.0) * rng.standard_normal(DRAWS))
-        more = own * np.exp(np.hypot(spreads, scatter) * rng.standard_normal(DRAWS))
+            own = own * np.exp(p.mean + p.sd * rng.standard_normal(RATIO_DRAWS))
+            scatter = np.full(RATIO_DRAWS, p.spread)
+        own = own * (1 + (sensor if approximate else 0.0) * rng.standard_normal(RATIO_DRAWS))
+        more = own * np.exp(np.hypot(spreads, scatter) * rng.standard_normal(RATIO_DRAWS))
         noise = float(np.std(law))
         for draws, rows in ((own, specimen_rows), (more, following_rows)):
             value, low, high = (float(q) for q in np.quantile(draws, (0.5, 0.025, 0.975)))
@@ -283,4 +283,5 @@ def _ratios(
 
 
 def _largest(intervals: Sequence[Interval | None]) -> Interval | None:
+    """Return the interval with the largest value; None if there is none."""
     return max((i for i in intervals if i is not None), key=lambda i: i.value, default=None)

@@ -6,44 +6,49 @@ They were chosen on simulated records with seeds 1 to 9; the reported accuracy i
 from math import log
 
 DECIDED = 0.95
-"""Probability from which one damping is named without reservation (conventional)."""
+"""One damping is named without reservation only if its probability is at least this (conventional)."""
 CAP = 0.99
 """Largest probability that is given for a measured record (measured: if laws do not hold exactly, nine in ten
 statements with a probability above 0.95 were right)."""
 NAMED = 0.05
-"""Probability from which another damping is mentioned in the sentence."""
+"""Another damping is mentioned in the sentence if its probability is at least this."""
 EXACT = 0.03
-"""Upper end of the interval of the damping law's deviation up to which the grade is exact."""
+"""The grade is exact if the 95 % interval of the deviation from the damping law (a fraction) ends at or below this."""
 DEVIATES = 0.25
-"""Deviation of the damping law from which the grade is `DEVIATES`: no law is named as the answer."""
+"""If the deviation from the damping law (a fraction) is larger, the grade is `DEVIATES`: no law is named as the
+answer."""
 RESTORING_DEVIATES = 0.05
-"""Lower end of the interval of the restoring law's deviation from which the grade is `DEVIATES`."""
+"""The grade is `DEVIATES` if the 95 % interval of the deviation from the restoring law (a fraction) begins above
+this."""
 CONTRADICTS, WIDER = 0.05, 2.0
-"""Relative difference between damping ratios with and without a law from which the law is contradicted, if the
-intervals do not overlap either; and the factor by which the law-free interval is widened for this. Smaller differences
+"""A law is contradicted if its damping ratio differs by more than this fraction from the law-free one, and their
+intervals do not overlap even if the law-free interval is widened by the second factor. Smaller differences
 may be due to the approximations of the law-free curve (measured: none of 55 simulated records is contradicted)."""
 SAME_AMPLITUDE = 0.05
-"""Difference of log amplitudes up to which two amplitudes count as the same."""
+"""Two amplitudes count as the same if their logarithms differ by less than this."""
 CONTRADICTS_FREQUENCY = 0.002
 """As `CONTRADICTS`, for the frequency."""
 LIKELY_EXACT = 0.5
-"""Probability of an exact law from which the grade of an envelope is exact."""
+"""The grade of an envelope is exact if the probability of an exact law is at least this."""
 POWER_LAW = log(20.0)
-"""Log Bayes factor of a single power of the amplitude against all sums from which an envelope's rates are from it."""
+"""If the log Bayes factor of a single power of the amplitude against all sums is larger, an envelope's rates are those
+of the power law."""
 UNEXPLAINED = 0.05
-"""Unexplained fraction of the amplitude from which the grade is `DEVIATES`."""
+"""The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the amplitude."""
 UNDESCRIBED = 0.5
-"""Unexplained fraction of the amplitude from which no damping model describes the record (conventional: half)."""
+"""No damping model describes the record if the rms residual beyond the noise is larger than this fraction of the
+amplitude (conventional: half)."""
 OTHER_MOTION = 0.05
 """Size of a second oscillation or of a growth, relative to the amplitude of the first oscillation, from which the
 record is not a free decay of one oscillator."""
 REMARK = 0.01
-"""Unexplained fraction of the amplitude from which there is a remark on it."""
+"""There is a remark if the rms residual beyond the noise is at least this fraction of the amplitude."""
 EXTRAPOLATED = 0.005
 """Relative difference between the natural frequency and the frequency at an amplitude of the record, or relative half
 interval of the natural frequency, from which the natural frequency is given only as an extrapolation (conventional)."""
 UNDETERMINED = 0.05
-"""Relative width of the natural frequency's interval from which it is omitted, as not determined (conventional)."""
+"""The natural frequency is omitted, as not determined, if its 95 % interval is wider than this fraction of it
+(conventional)."""
 MIDLINE = 0.002
 """Drift of the midline, as a fraction of the first amplitude, from which there is a remark (usual linearity of
 sensors)."""
@@ -51,17 +56,18 @@ TWIN = 0.3
 """Upper limit of the energy fraction of a term's twin (a term with the same loss at every amplitude) from which a sum
 without the twin is not named without reservation (conventional)."""
 TERM_SURE = 0.95
-"""Probability of a term, over all sums with it, from which the sentence says that the term is sure."""
+"""The sentence says that a term is sure if all sums with it together have at least this probability."""
 EXPONENT_NAMED = 0.3
-"""Half width of an exponent's interval up to which the sentence names the law with this exponent."""
+"""The sentence names the law with an exponent only if half the exponent's 95 % interval is at most this."""
 HARDLY_FALLS = 0.7
-"""Ratio of last to first amplitude from which a remark says that damping models are hard to distinguish."""
+"""If the last amplitude is more than this fraction of the first, a remark says that damping models are hard to
+distinguish."""
 FEW_READINGS = 20
-"""Number of readings of an envelope below which its noise is hardly known, and no power law replaces the sums."""
+"""With fewer readings than this, the noise of an envelope is hardly known, and no power law replaces the sums."""
 SHALLOW = 10.0
-"""Fall of an envelope in dB below which a remark says that damping models are hard to distinguish."""
-MOVED = 0.5
-"""Change of a damping ratio or coefficient, in its standard deviations, up to which two computations agree."""
+"""If an envelope falls by less (dB), a remark says that damping models are hard to distinguish."""
+AGREEMENT_SDS = 0.5
+"""Two computations agree if a damping ratio or coefficient changes by less than this, in its standard deviations."""
 WIDTHS_AGREE = 1.25
 """Factor by which intervals of two computations may differ: with a few hundred draws, ends vary by a tenth of the
 width.
@@ -69,4 +75,4 @@ width.
 WIDTH_HOLDS = 0.8
 """Probability that the named damping should keep if the widths of given priors are varied (conventional)."""
 AVERAGED = 0.1
-"""Shift of a parameter by averaging, in its posterior standard deviations, up to which there is no reservation."""
+"""There is no reservation if averaging shifts no parameter by more than this, in its posterior standard deviations."""

@@ -27,7 +27,7 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
-    Measured,
+    MeasuredNumber,
     MotionKind,
     Oscillation,
     OverLaw,
@@ -48,7 +48,7 @@ COLUMN = {"column": Column()}
 _ENDS = {
     "Interval": ("", "_low", "_high"),
     "FrequencyAt": ("", "_low", "_high"),
-    "Measured": ("", "_low", "_high", "_sd_noise", "_sd_law"),
+    "MeasuredNumber": ("", "_low", "_high", "_sd_noise", "_sd_law"),
 }
 """Suffixes of a field's columns in verdicts.csv by its type; fields of other types have one column."""
 _RATIOS = 3
@@ -190,8 +190,8 @@ class Verdict(CheckedMethods):
     next_record: tuple[DampingRatio, ...] = field(
         default=(), metadata={"column": Column(names=tuple(_next_ratios(_UNKNOWN)), cells=_next_ratios)}
     )
-    rate: Measured | None = field(default=None, metadata=COLUMN)
-    quality_factor: Measured | None = field(default=None, metadata=COLUMN)
+    rate: MeasuredNumber | None = field(default=None, metadata=COLUMN)
+    quality_factor: MeasuredNumber | None = field(default=None, metadata=COLUMN)
     energy: tuple[Share, ...] = field(
         default=(), metadata={"column": Column(names=("energy", *_TERMS), cells=_energy)}
     )

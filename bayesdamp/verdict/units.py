@@ -1,4 +1,4 @@
-"""Convert a verdict, and the arrays of its picture, to the unit of the record's file."""
+"""Convert a verdict, and the arrays of its figures, to the unit of the record's file."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
 LENGTHS = ("record", "fit", "residual", "amplitude", "free/amplitude")
-"""Arrays of a picture in the unit of the displacement, or of the recorded quantity."""
+"""Names of the arrays whose unit is that of the displacement or of the recorded quantity."""
 ENERGIES = ("work/", "free/lost")
-"""Prefixes of the names of arrays in the square of the displacement's unit per s²."""
+"""Beginnings of the names of the arrays whose unit is the square of the displacement's unit per s²."""
 
 
 def in_unit(v: Verdict, unit: Unit) -> Verdict:

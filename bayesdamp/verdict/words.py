@@ -21,14 +21,14 @@ from bayesdamp.verdict.types import Verdict
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
-UNSEEN = 1e-3
-"""Deviation from a law below which only its upper limit is given."""
-ALL = 0.995
-"""Fraction of the energy from which the sentence says all of it."""
+UNDETECTED_DEVIATION = 1e-3
+"""If the deviation from a law (a fraction) is smaller, only its upper limit is given."""
+WHOLE_ENERGY = 0.995
+"""A term with at least this fraction of the energy dissipates "all of it" in the sentence."""
 LEAST_BOUND = 0.1
 """Smallest upper limit in percent: a smaller one is written as this, not as 0."""
-UNEVEN = 1.25
-"""Ratio of the two sides of an interval up to which it is written with ±."""
+ASYMMETRY = 1.25
+"""An interval is written with ± if its longer side is at most this many times the shorter one."""
 
 
 def named(damping: str) -> str:
@@ -37,7 +37,7 @@ def named(damping: str) -> str:
 
 
 def sentence(v: Verdict) -> str:
-    """Return the answer in one sentence, with the number of records if there are several."""
+    """Return the verdict as one sentence, which begins with the number of records if there are several."""
     return f"{v.records} records: {_answer(v)}" if v.records > 1 else _answer(v)
 
 
@@ -115,7 +115,7 @@ def _size(v: Verdict) -> str:
     return f"equivalent damping ratio {ratios[0]}{last}"
 
 
-def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
+def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
     """Return the remark that the restoring law's frequency contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
@@ -179,6 +179,7 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
 
 
 def _mode(m: Oscillation) -> str:
+    """Return frequency and damping ratio of an oscillation as text."""
     ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100).replace(" (", ", ").rstrip(")")
     return f"{_frequency_of(m)} Hz (damping ratio {ratio})"
 
@@ -189,6 +190,7 @@ def _frequency_of(m: Oscillation) -> str:
 
 
 def _amplitude_share(share: float) -> str:
+    """Return a fraction of the amplitude as text."""
     return f"{100 * share:.2g} % of the amplitude" if share < 1 else "more than the amplitude itself"
 
 
@@ -207,7 +209,7 @@ def plus_minus(i: Interval) -> str:
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
     if is_specified(i):
         return f"{i.value:.5g}{unit} (specified)"
-    if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
+    if max(up, down) > ASYMMETRY * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
     return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
 
@@ -217,9 +219,9 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     texts, stated = [], [s for s in v.energy if s.high >= 0.005]
     for s in stated:
         name = words_of(s.term)
-        if s.low >= ALL:
+        if s.low >= WHOLE_ENERGY:
             texts.append(f"all of it {name}")
-        elif s.term == v.damping and s.share >= ALL:
+        elif s.term == v.damping and s.share >= WHOLE_ENERGY:
             # State the probability and no interval, which starts at 0 where another damping is possible.
             whole = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
             texts.append(f"{whole} with probability {probability(v.probability)}")
@@ -261,7 +263,7 @@ def _law_quality(v: Verdict) -> str:
     d = v.deviation
     if v.grade is Grade.EXACT:
         return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
-    if d.value < UNSEEN:
+    if d.value < UNDETECTED_DEVIATION:
         return f"; no deviation from the law is detected (95 %: below {100 * d.high:.2g} %)"
     within = f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
     o = v.over_law

@@ -24,7 +24,7 @@ from bayesdamp.verdict.parts import (
     Coefficient,
     DampingRatio,
     Grade,
-    Measured,
+    MeasuredNumber,
     Oscillation,
     Rival,
     Share,
@@ -98,7 +98,17 @@ def test_every_field_of_a_verdict_is_described() -> None:
     assert written["schema"] == 1
     assert set(written) <= described
     assert not {"record", "new_field"} <= described, "the negative control"
-    inner = (AtAmplitude, DampingRatio, Measured, Coefficient, Rival, Share, Bound, UsedWindow, Oscillation)
+    inner = (
+        AtAmplitude,
+        DampingRatio,
+        MeasuredNumber,
+        Coefficient,
+        Rival,
+        Share,
+        Bound,
+        UsedWindow,
+        Oscillation,
+    )
     assert {f.name for kind in inner for f in fields(kind)} <= described
 
 

@@ -13,7 +13,7 @@ import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store import read_table
 from tests.studies import SYSTEM, study_text, write_study
@@ -34,7 +34,7 @@ STUDY = study_text(
 @pytest.fixture(autouse=True)
 def _nothing_stays():
     yield
-    use(())
+    use_modules(())
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_a_term_with_a_parameter_of_its_own(tmp_path):
     was not chosen; a false alarm once in 20)."""
     first = BLOCKS[0]
     (tmp_path / "own.py").write_text(first, encoding="utf-8")
-    use(read_modules([tmp_path / "own.py"]))
+    use_modules(read_modules([tmp_path / "own.py"]))
     signal = bd.simulate(
         {"thinning": 0.3}, "linear", stiffness=20.0, theta0=0.3, thinning_velocity=0.4, duration=25.0, samples=900,
         noise_sd=0.003,
@@ -70,7 +70,7 @@ def test_a_reader_of_ones_own(tmp_path, capsys):
         bd.read(file)
     assert main(["look", str(file), "--plugin", str(tmp_path / "own.py")]) == 0
     assert "phi" in capsys.readouterr().out
-    use(read_modules([tmp_path / "own.py"]))
+    use_modules(read_modules([tmp_path / "own.py"]))
     signal = bd.read(file).signal()
     assert signal.provenance.unit == "mrad"
     assert np.ptp(signal.y) == pytest.approx(0.58, abs=0.05)
@@ -83,7 +83,7 @@ def test_a_noise_of_ones_own(tmp_path):
     """Its density is SciPy's, it is drawn from, and the defaults give its slope and a start near the truth."""
     (block,) = [b for b in BLOCKS if "IndependentNoise" in b]
     (tmp_path / "own.py").write_text(block, encoding="utf-8")
-    use(read_modules([tmp_path / "own.py"]))
+    use_modules(read_modules([tmp_path / "own.py"]))
     noise, p, gaps = NOISES.get("logistic"), {"noise_sd": 0.02}, np.full(3999, 0.01)
     r = noise.draw(np.random.default_rng(0), gaps, p)
     law = stats.logistic(scale=np.sqrt(3) / np.pi * 0.02)
@@ -99,11 +99,11 @@ def test_each_example_is_a_plug_in(tmp_path):
     """The base class determines the kind, also where it is defined in the `__init__` of its package."""
     for i, block in enumerate(BLOCKS):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
-        use(read_modules([tmp_path / f"own{i}.py"]))
+        use_modules(read_modules([tmp_path / f"own{i}.py"]))
     assert "remark" in SECTIONS.added()
     (tmp_path / "none.py").write_text("class Other: name = 'other'\nPLUGIN = Other()\n", encoding="utf-8")
     with pytest.raises(bd.InputError, match="which is not a plug-in"):
-        use(read_modules([tmp_path / "none.py"]))
+        use_modules(read_modules([tmp_path / "none.py"]))
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, others
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table
 from tests.interface.problems import not_refused
@@ -34,7 +34,7 @@ STUDY = study_text(
 @pytest.fixture(autouse=True)
 def _nothing_stays():
     yield
-    use(())
+    use_modules(())
 
 
 def study_in(folder: Path):
@@ -49,7 +49,7 @@ def run(tmp_path_factory) -> Path:
     """The study, run once on two processes. Not to be changed by a test."""
     folder = tmp_path_factory.mktemp("own")
     assert run_study(study_in(folder), folder / "out", workers=2) == 0
-    use(())
+    use_modules(())
     return folder
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_module_is_one_line(tmp_path):
         (tmp_path / name).write_text(text, encoding="utf-8")
 
     def load(name: str) -> None:
-        use(read_modules([tmp_path / name]))
+        use_modules(read_modules([tmp_path / name]))
 
     cases = [(partial(load, name), said) for name, (_, said) in WRONG.items()]
     assert not_refused([*cases, (partial(load, "missing.py"), "missing.py: there is no such file")]) == []
@@ -137,9 +137,9 @@ def test_a_wrong_module_is_one_line(tmp_path):
 
 
 def test_one_module_after_another():
-    use(read_modules([HERE / "cubic_drag.py"]))
+    use_modules(read_modules([HERE / "cubic_drag.py"]))
     assert TERMS.get("cubic_drag").parameter == "drag3"
-    use(read_modules([HERE / "soft_spring.py"]))
+    use_modules(read_modules([HERE / "soft_spring.py"]))
     assert "cubic_drag" not in TERMS.names()
     assert LAWS.get("soft_spring").parameters == ("stiffness", "rest_angle")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.plugins import use
+from bayesdamp.plugins import use_modules
 from bayesdamp.store import read_table
 from tests.studies import SYSTEM, study_text, write_study
 
@@ -30,7 +30,7 @@ FALSE_ALARM = 4.0
 @pytest.fixture(autouse=True)
 def _nothing_stays():
     yield
-    use(())
+    use_modules(())
 
 
 def test_in_a_study(tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import TABLES, Store, TaskResult, write_json, write_table
-from bayesdamp.store.contents import FeaturesSeen, WeighedCandidate
+from bayesdamp.store.contents import FeatureValues, WeighedCandidate
 from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
@@ -150,7 +150,7 @@ class RunMaker:
         noise = self.rng.normal(0, 0.003, t.size)
         y = trajectory(kind, "viscous+coulomb" if kind == "bench" else "viscous", t) + noise
         period = 0.25 if kind == "bench" else 1.405
-        meta: dict = {"features": asdict(FeaturesSeen(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))}
+        meta: dict = {"features": asdict(FeatureValues(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))}
         arrays = {"t": t, "y": y}
         if kind == "bench":  # held before, and at rest at last
             raw = np.concatenate([np.full(520, y[0]), y, np.full(1300, 0.0088)])

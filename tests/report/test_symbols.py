@@ -6,7 +6,7 @@ from bayesdamp.formatting import Table, TableLine
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report import words
 
 OWN = """
@@ -41,13 +41,13 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
     """Negative control: once it is forgotten, nothing is said of it."""
     plain = OWN.replace("    symbol = Symbol(", '    words = "sticky seal"\n    unused = (')
     (tmp_path / "own.py").write_text(plain, encoding="utf-8")
-    use(read_modules([tmp_path / "own.py"]))
+    use_modules(read_modules([tmp_path / "own.py"]))
     try:
         symbol = words.symbol("c_sticky")
         assert (symbol.text, symbol.meaning) == ("c_sticky", "coefficient of sticky seal damping")
         assert words.model("viscous+sticky") == "viscous + sticky seal"
     finally:
-        use(())
+        use_modules(())
     assert words.symbol("c_sticky").meaning == "parameter"
     assert words.model("viscous+sticky") == "viscous + sticky"
 

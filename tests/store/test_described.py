@@ -12,7 +12,7 @@ import bayesdamp as bd
 from bayesdamp.claims import accuracy
 from bayesdamp.cli import main
 from bayesdamp.store.files import read_description
-from bayesdamp.store.results import MARK, MARK_TEXT
+from bayesdamp.store.results import MARK_FILE, MARK_TEXT
 from bayesdamp.types import InputError
 from tests.failures import Failures
 
@@ -41,7 +41,7 @@ NO_QUESTION = [
 def written(folder: Path, text: str) -> Path:
     folder.mkdir(exist_ok=True)
     (folder / "run.json").write_text(text, encoding="utf-8")
-    (folder / MARK).write_text(MARK_TEXT, encoding="utf-8")
+    (folder / MARK_FILE).write_text(MARK_TEXT, encoding="utf-8")
     return folder
 
 

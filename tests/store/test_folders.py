@@ -16,7 +16,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.store import Store, TaskResult, write_bytes
 from bayesdamp.store.files import create, temporary_path
-from bayesdamp.store.results import MARK, MARK_TEXT
+from bayesdamp.store.results import MARK_FILE, MARK_TEXT
 from bayesdamp.types import InputError
 from tests.failures import Failures
 
@@ -62,8 +62,8 @@ def linked_cells(folder: Path) -> None:
 
 OTHERS: dict[str, Callable[[Path], None]] = {
     "cells": of_another("cells/photo.npz"), "report": of_another("report.html"), "lock": of_another(".lock"),
-    "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK),
-    "half a mark": of_another(MARK, MARK_TEXT[:9]), "linked lock": a_linked_lock, "linked cells": linked_cells,
+    "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK_FILE),
+    "half a mark": of_another(MARK_FILE, MARK_TEXT[:9]), "linked lock": a_linked_lock, "linked cells": linked_cells,
 }  # fmt: skip
 
 
@@ -94,7 +94,7 @@ def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_file_of_any_name_that_a_run_writes_is_not_replaced(a_run: Path, tmp_path: Path) -> None:
-    names = [path.name for path in a_run.iterdir() if path.is_file() and path.name != MARK]
+    names = [path.name for path in a_run.iterdir() if path.is_file() and path.name != MARK_FILE]
     assert {"verdict.json", "verdicts.csv", "damping_curves.csv", "fits.csv", "run.json"} < set(names)
     for name in names:
         folder = tmp_path / name.replace(".", "_")
@@ -149,7 +149,7 @@ def test_a_run_without_its_mark_is_known_by_its_description(tmp_path: Path) -> N
     (tmp_path / "run.json").write_text(json.dumps({"name": "a", "seed": 1, "study": {}}))
     (tmp_path / "report.html").write_text("")
     with Store(tmp_path).lock():
-        assert (tmp_path / MARK).is_file()
+        assert (tmp_path / MARK_FILE).is_file()
 
 
 def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
@@ -192,10 +192,10 @@ def test_a_mark_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.Monkey
         Path, "open", lambda path, *a, **k: Full() if path.suffix == ".tmp" else usual(path, *a, **k)
     )
     with pytest.raises(OSError, match="No space"):
-        create(tmp_path / MARK, b"mine")
+        create(tmp_path / MARK_FILE, b"mine")
     assert not list(tmp_path.iterdir())
     monkeypatch.undo()
-    create(tmp_path / MARK, b"mine")
+    create(tmp_path / MARK_FILE, b"mine")
     with pytest.raises(FileExistsError):
-        create(tmp_path / MARK, b"other")
-    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK: "mine"}
+        create(tmp_path / MARK_FILE, b"other")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK_FILE: "mine"}

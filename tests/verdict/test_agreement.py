@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.verdict.agreement import agreement, intervals
+from bayesdamp.verdict.agreement import agreement, worst_agreement
 from bayesdamp.verdict.parts import DampingRatio, Grade
-from bayesdamp.verdict.thresholds import MOVED
+from bayesdamp.verdict.thresholds import AGREEMENT_SDS
 from bayesdamp.verdict.types import Verdict
 
 
@@ -16,7 +16,7 @@ def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True)
 
 
 def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
-    assert agreement(verdict(), verdict(0.02 + 0.9 * MOVED * 1e-4)).confirms
+    assert agreement(verdict(), verdict(0.02 + 0.9 * AGREEMENT_SDS * 1e-4)).confirms
     found = agreement(verdict(), verdict(0.0203))
     assert found.same
     assert not found.confirms
@@ -32,11 +32,11 @@ def test_a_move_is_counted_in_the_intervals_that_were_quoted() -> None:
 
 def test_intervals_are_confirmed_by_place_and_width() -> None:
     low, high = 0.02 - 1.96e-4, 0.02 + 1.96e-4
-    assert intervals(verdict(), [(0.02, low, high)]).confirms
-    moved = intervals(verdict(), [(0.0203, low + 3e-4, high + 3e-4)])
+    assert worst_agreement(verdict(), [(0.02, low, high)]).confirms
+    moved = worst_agreement(verdict(), [(0.0203, low + 3e-4, high + 3e-4)])
     assert not moved.confirms
     assert abs(moved.moved - 3.0) < 1e-6
-    wider = intervals(verdict(), [(0.02, low - 1.96e-4, high + 1.96e-4)])
+    wider = worst_agreement(verdict(), [(0.02, low - 1.96e-4, high + 1.96e-4)])
     assert not wider.confirms
     assert abs(wider.wider - 2.0) < 1e-6
 
@@ -45,11 +45,11 @@ def test_the_worst_amplitude_counts_and_an_interval_may_reach_zero() -> None:
     """Of three amplitudes: the same, one that is three times as wide and reaches 0, and one that moved a little."""
     ratios = tuple(DampingRatio(a, "rad", 0.02, 1e-4, 0.0, 0.01, 0.03) for a in (0.3, 0.1, 0.03))
     first = replace(verdict(), damping_ratio=ratios)
-    worst = intervals(first, [(0.02, 0.01, 0.03), (0.02, -0.01, 0.05), (0.021, 0.011, 0.031)])
+    worst = worst_agreement(first, [(0.02, 0.01, 0.03), (0.02, -0.01, 0.05), (0.021, 0.011, 0.031)])
     assert (worst.amplitude, worst.moved) == (0.1, 0.0)
     assert abs(worst.wider - 3.0) < 1e-9
-    assert abs(intervals(first, [(0.02, 0.012, 0.022)] * 3).wider - 0.5) < 1e-9
-    moved = intervals(first, [(0.02, 0.01, 0.03), (0.02, 0.0101, 0.03), (0.05, 0.04, 0.06)])
+    assert abs(worst_agreement(first, [(0.02, 0.012, 0.022)] * 3).wider - 0.5) < 1e-9
+    moved = worst_agreement(first, [(0.02, 0.01, 0.03), (0.02, 0.0101, 0.03), (0.05, 0.04, 0.06)])
     assert (moved.amplitude, moved.confirms) == (0.03, False)
     assert abs(moved.moved - 3 * 1.96) < 1e-9
     assert agreement(first, replace(first, damping_ratio=())).moved == 0.0

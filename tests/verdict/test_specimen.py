@@ -17,7 +17,7 @@ from bayesdamp.inference.deviation.specimen import (
     compare_runs,
 )
 from bayesdamp.inference.model.target import damping_priors
-from bayesdamp.priors import FURTHER_TERM, OTHER_SUMS, OTHERS, SharedHalfNormal
+from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
@@ -138,7 +138,7 @@ def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
     hard = "viscous", "duffing"
     form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
     two = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
-    ahead = math.exp(6) * OTHERS / OTHER_SUMS
+    ahead = math.exp(6) * OTHER_FORMS_ODDS / OTHER_FORMS_COUNT
     for others in ((form,), (form, other)):
         one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
         found = specimen("rig", [one, two])

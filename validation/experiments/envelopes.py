@@ -17,7 +17,7 @@ import numpy as np
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.verdict.envelope import EnvelopeAnswer
-from bayesdamp.verdict.parts import AtAmplitude, Measured
+from bayesdamp.verdict.parts import AtAmplitude, MeasuredNumber
 from validation.truth.ringdowns import NEPER, Ringdown, Simulated, decay_rate, simulate
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
@@ -77,7 +77,7 @@ def errors(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> tupl
     first, last = ((answer.curve.fit[i] - ringdown.top) / NEPER for i in (0, -1))
     grid = np.linspace(first, 0.5 * (first + last), 400)
     mean = (grid[0] - grid[-1]) / np.trapezoid(1 / decay_rate(grid, ringdown.rates), -grid)
-    pairs: list[tuple[Measured | AtAmplitude, float]] = [(answer.verdict.rate, float(mean))]
+    pairs: list[tuple[MeasuredNumber | AtAmplitude, float]] = [(answer.verdict.rate, float(mean))]
     for at in answer.verdict.decay_rate:
         middle = (at.amplitude - ringdown.top) / NEPER
         span = 0.05 * (first - last)

@@ -17,7 +17,7 @@ from bayesdamp.config import Recording, Study
 from bayesdamp.config.compare import RecordOptions, comparison
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.pipeline.records import read_free_decay
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
@@ -110,7 +110,7 @@ def compare(
         check_folder(out, "")
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
-    use(plugins)  # they may contain readers
+    use_modules(plugins)  # they may contain readers
     chosen, reading = r.SelectedRecords([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, angle, unit, quantity)
     if envelopes:

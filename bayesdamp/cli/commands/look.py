@@ -12,7 +12,7 @@ from rich.console import Console
 from bayesdamp.cli import looking, options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
 from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubts, records_in
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import contents
 from bayesdamp.types import InputError
@@ -43,7 +43,7 @@ def look(
     page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
     if page is not None:
         page.check()
-    use(read_modules(plugin or ()))
+    use_modules(read_modules(plugin or ()))
 
     console, content = Console(), contents(file)
 

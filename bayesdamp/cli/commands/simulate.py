@@ -17,7 +17,7 @@ from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START, simulate as simulate_record
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.plugins import read_modules, use
+from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.types import InputError
 
 DAMPING = {"viscous": 0.1}
@@ -147,7 +147,7 @@ def simulate(
     """Write a simulated record to try the program on: a CSV of times in s and angles in rad."""
     file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
     file.check()
-    use(read_modules(plugin or ()))
+    use_modules(read_modules(plugin or ()))
     terms, system = parse_pairs(damping or [], "--damping"), parse_pairs(set_ or [], "--set")
     record, sd = simulate_with_defaults(
         terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed

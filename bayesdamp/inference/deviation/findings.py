@@ -40,7 +40,7 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Ratio, summed
+from bayesdamp.types import Ratio, sum_probabilities
 
 SENSOR = 0.002
 """Relative standard deviation of the sensor's linearity and clock, added to that of every damping ratio
@@ -250,7 +250,7 @@ def compute_findings(
 
 def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
     """Return the total probability of each damping sum, or with `part` = 1 of each restoring law, largest first."""
-    return summed({c.name: p for c, p in each.items()}, part)
+    return sum_probabilities({c.name: p for c, p in each.items()}, part)
 
 
 def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:

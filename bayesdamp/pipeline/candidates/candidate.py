@@ -10,7 +10,7 @@ from bayesdamp.inference.deviation.single import rebuild_single
 from bayesdamp.inference.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.model import FIXED, Case, Model
+from bayesdamp.interface.model import NOT_INFERRED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -65,7 +65,7 @@ class StudyCandidate:
                 "epsilon", Oscillator(self.terms, self.restoring), study.noises[0], scales, record.features
             )
             free["epsilon"] = free["epsilon"] or default
-        fixed = FIXED if model.approximate else ()
+        fixed = NOT_INFERRED if model.approximate else ()
         try:
             return replace(
                 model,

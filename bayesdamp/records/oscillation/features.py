@@ -21,7 +21,7 @@ from bayesdamp.records.oscillation.turning import (
     true_runs,
     turning_points,
 )
-from bayesdamp.types import FeaturesSeen, Refusal, Signal
+from bayesdamp.types import FeatureValues, Refusal, Signal
 
 NO_NEARER = 0.7
 """A record does not oscillate if the mean square change over a period is larger than this fraction of that over half a
@@ -129,7 +129,7 @@ def without_gap_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
 
 
 @dataclass(frozen=True)
-class Features(FeaturesSeen):
+class Features(FeatureValues):
     """Features of a record, with its turning points.
 
     Attributes

@@ -29,9 +29,9 @@ from bayesdamp.report.results.run import (
 )
 from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.types import OK, candidate_parts
-from bayesdamp.verdict.agreement import Z95, Agreement, agreement, intervals
+from bayesdamp.verdict.agreement import Z95, Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.thresholds import MOVED, WIDTH_HOLDS
+from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
 
 WINDOW_SPREAD = 3.0
@@ -179,7 +179,7 @@ class RecordChecks:
                 f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
             )
         if self.run.simulated(self.signal):
-            columns["truth"] = lambda name: fmt.given(truth(self.run, self.signal, name))
+            columns["truth"] = lambda name: fmt.as_entered(truth(self.run, self.signal, name))
         return Table.of(
             self.coefficient_names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping"
         )
@@ -243,7 +243,7 @@ class RecordChecks:
             size = fmt.with_interval(*ratios[i], " %", 100)
             return f"{size} at {place.amplitude:.2g} {place.unit}"
 
-        worst, middle = intervals(v, ratios), ratio_at(len(ratios) // 2)
+        worst, middle = worst_agreement(v, ratios), ratio_at(len(ratios) // 2)
         if self.exact_only:
             yield Check(f"If the law held exactly, the damping ratio would be {middle} ({name.rstrip(',')}).")
         elif worst.confirms:
@@ -254,12 +254,12 @@ class RecordChecks:
             )
             width = f"an interval {worst.wider:.1f} times as wide"
             text = f"{name} agrees with the damping ratio but gives {width}: {largest}."
-            if worst.moved >= MOVED:
+            if worst.moved >= AGREEMENT_SDS:
                 text = (
                     f"{name} contradicts the damping ratio: it gives {largest}, which differs by {worst.moved:.1f} of "
                     f"the answer's standard deviations, with {width}."
                 )
-            yield Check(text, fails=worst.moved >= MOVED or worst.wider > 1)
+            yield Check(text, fails=worst.moved >= AGREEMENT_SDS or worst.wider > 1)
 
     def _drawn_ratios(self, v: Verdict) -> tuple[str, list[tuple[float, float, float]], bool] | None:
         """Return the damping ratios from the chains at the answer's amplitudes; None if there are none.
@@ -314,7 +314,7 @@ class RecordChecks:
                         * Z95
                         / max(high - low, 1e-300)
                     )
-                    if moved >= MOVED:
+                    if moved >= AGREEMENT_SDS:
                         text = (
                             f"{_name(sampler)} contradicts the answer: its {symbol} differs by {moved:.1f} of the "
                             "answer's standard deviations."
@@ -330,7 +330,9 @@ class RecordChecks:
                 yield Check(text, fails=True)
             true = truth(self.run, self.signal, name)
             if math.isfinite(true) and not low <= true <= high:
-                yield Check(f"Truth: {symbol} = {fmt.given(true)}, outside the 95 % interval.", fails=True)
+                yield Check(
+                    f"Truth: {symbol} = {fmt.as_entered(true)}, outside the 95 % interval.", fails=True
+                )
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Compare the probabilities from the study's evidence with those of the answer."""

@@ -22,7 +22,7 @@ from bayesdamp.store import TABLES, Store, TaskResult, read_table
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent, ModeContent, WeighedCandidate
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
-from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, summed
+from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import DampingRatio, number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts
@@ -280,7 +280,10 @@ def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
         by_method[chosen],
         key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
     )
-    shares = {name: summed({r["model"]: r["probability"] for r in rows}) for name, rows in by_method.items()}
+    shares = {
+        name: sum_probabilities({r["model"]: r["probability"] for r in rows})
+        for name, rows in by_method.items()
+    }
     return EvidenceRanking(chosen, ordered, shares)
 
 

@@ -135,7 +135,7 @@ class AnswerSection(Section):
                 if cell is not None and "t" in cell.arrays and v.modes:
                     quantity, unit = run.quantity(signal), run.unit(signal).displacement
                     t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
-                    axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
+                    axis = f"{unit.quantity_name(quantity)} / {unit.of(quantity)}"
                     draw = partial(motions, t, y, v.modes, quantity, axis)
                     caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
                     parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
@@ -233,8 +233,8 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     compared: dict[str, Callable[[WeighedCandidate], str]] = {
         "damping": lambda r: words.model(r.damping),
         "restoring law": lambda r: words.law(r.restoring),
-        "log Bayes factor": lambda r: fmt.fixed(log[id(r)] - top, 1),
-        "log Bayes factor under exact laws": lambda r: fmt.fixed(r.exact - top_exact, 1),
+        "log Bayes factor": lambda r: fmt.fixed_decimals(log[id(r)] - top, 1),
+        "log Bayes factor under exact laws": lambda r: fmt.fixed_decimals(r.exact - top_exact, 1),
         f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
     caption = "Log Bayes factors relative to the best model, in nats"

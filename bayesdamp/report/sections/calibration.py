@@ -222,7 +222,7 @@ class RecoveredSection(Section):
             own = result[name]
             hits = own["hits"]
             inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
-            low, excess, high = (fmt.fixed(hits[k], 1) for k in ("low", "excess", "high"))
+            low, excess, high = (fmt.fixed_decimals(hits[k], 1) for k in ("low", "excess", "high"))
             share = 100 * hits["hits"] / max(hits["records"], 1)
             interval = f"{100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
             claim = (
@@ -232,7 +232,7 @@ class RecoveredSection(Section):
                 f"{100 * (1 - result['alarm']):g} % band, {low} to {high}."
             )
             score, expected, ignorant = (
-                fmt.fixed(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
+                fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
             )
             reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
             scores = (
@@ -253,7 +253,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     confusion = Table(["", *names], lines, caption=caption)
 
     def fixed(name: str, places: int = 3) -> Callable[[Mapping[str, Any]], str]:
-        return lambda row: fmt.fixed(row[name], places)
+        return lambda row: fmt.fixed_decimals(row[name], places)
 
     p_values: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "p": lambda row: fmt.number(row["p"], 2),
@@ -284,7 +284,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     }
     by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "noise": lambda d: f"{100 * d['noise']:g} %",
-        "cycles": lambda d: fmt.given(d["cycles"]),
+        "cycles": lambda d: fmt.as_entered(d["cycles"]),
         "records": lambda d: str(d["records"]),
         "fraction correct": fixed("share"),
         "mean probability of the best": fixed("probability"),

@@ -206,7 +206,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
         "outcome": outcome,
     }
     truths = fmt.listing(
-        f"{words.symbol(n).text} = {fmt.given(v)} {units.get(n, '')}"
+        f"{words.symbol(n).text} = {fmt.as_entered(v)} {units.get(n, '')}"
         for n, v in known.items()
         if math.isfinite(v)
     )
@@ -429,7 +429,7 @@ class SweepsSection(Section):
 
 def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
     """Return a table of the errors of one stage by method, at each value of the factor, with the Cramér–Rao bound."""
-    headers = [words.stage(stage), *(fmt.given(v) for v in along.values)]
+    headers = [words.stage(stage), *(fmt.as_entered(v) for v in along.values)]
     lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
     for method in methods:
         errors = along.errors.get((method, stage))

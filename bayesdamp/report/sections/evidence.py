@@ -10,7 +10,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.outcomes import Status, reason_of, status_of
-from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHERS, SharedHalfNormal
+from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
     EvidenceRanking,
@@ -48,7 +48,9 @@ COMPARED = (
     "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "
     f"by {FURTHER_TERM:g}. All restoring laws have the same prior probability."
 )
-OTHER_FORMS = f"All other forms of damping together are {OTHERS:g} times as probable as one single term."
+OTHER_FORMS = (
+    f"All other forms of damping together are {OTHER_FORMS_ODDS:g} times as probable as one single term."
+)
 SHARED = (
     "The damping terms of a model have half-normal priors on their equivalent damping ratios. Their common scale is "
     f"unknown, with a log-uniform prior between {LEAST_SCALE:g} and {MOST_SCALE:g}, so the evidence does not depend on "
@@ -229,7 +231,9 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
     for label, log_evidence in (item for logs in rows.values() for item in logs.items()):
         best[label] = max(log_evidence, best.get(label, -math.inf))
     columns: dict[str, Callable[[str], str]] = {
-        label: lambda model, label=label: fmt.fixed(rows[model].get(label, math.nan) - best[label], 1)
+        label: lambda model, label=label: fmt.fixed_decimals(
+            rows[model].get(label, math.nan) - best[label], 1
+        )
         for label, log_evidence in best.items()
         if math.isfinite(log_evidence)
     }

@@ -15,7 +15,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import marginals, pairs, running
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, folded, is_drawn, stack
-from bayesdamp.store.contents import Climb, ModeContent, PosteriorContent
+from bayesdamp.store.contents import ModeContent, PosteriorContent, SearchContent
 from bayesdamp.types import OK, ChainStart, Seed
 
 COLUMNS: dict[str, Callable[[Row], str]] = {
@@ -122,11 +122,11 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         order = [r["parameter"] for r in sampled]
         columns = dict(COLUMNS)
         if any(math.isfinite(truth(run, signal, r["parameter"])) for r in sampled):
-            columns["truth"] = lambda r: fmt.given(truth(run, signal, r["parameter"]))
+            columns["truth"] = lambda r: fmt.as_entered(truth(run, signal, r["parameter"]))
         columns |= {
-            "R̂": lambda r: fmt.fixed(r["rhat"], 3),
-            "ESS bulk": lambda r: fmt.fixed(r["ess_bulk"], 0),
-            "ESS tail": lambda r: fmt.fixed(r["ess_tail"], 0),
+            "R̂": lambda r: fmt.fixed_decimals(r["rhat"], 3),
+            "ESS bulk": lambda r: fmt.fixed_decimals(r["ess_bulk"], 0),
+            "ESS tail": lambda r: fmt.fixed_decimals(r["ess_tail"], 0),
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
@@ -229,7 +229,9 @@ class SeedsSection(SignalSection):
             "starting point": lambda s: _listing([s[1].seed]),
             "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
             "sds after moving it": lambda s: fmt.number(s[1].distance, 2),
-            "difference of its mean from that of all chains / sd": lambda s: fmt.fixed(s[1].shift, 2),
+            "difference of its mean from that of all chains / sd": lambda s: fmt.fixed_decimals(
+                s[1].shift, 2
+            ),
         }
         for model in models_by_rank(run, signal, repeat):
             mode = mode_of(run, signal, repeat, model)
@@ -289,7 +291,7 @@ def _listing(seeds: Iterable[Seed]) -> str:
     return fmt.listing(names)
 
 
-def _starting_points(climbs: Sequence[Climb]) -> str:
+def _starting_points(climbs: Sequence[SearchContent]) -> str:
     """List the starting points of searches at the beginning of a sentence."""
     text = _listing(seed for c in climbs for seed in (c.seed, *c.same))
     return text[:1].upper() + text[1:]
@@ -304,13 +306,13 @@ def _searches(mode: ModeContent) -> Table:
             return "not finite"
         return fmt.number(mode.log_posterior - value, 3)
 
-    def ended(c: Climb) -> str:
+    def ended(c: SearchContent) -> str:
         return "no maximum" if c.mode is None else f"maximum {c.mode + 1}" if c.mode else "the mode"
 
-    def kind(c: Climb) -> str:
+    def kind(c: SearchContent) -> str:
         return "alert" if c.mode is None else "quiet" if c.mode else ""
 
-    columns: dict[str, Callable[[Climb], str]] = {
+    columns: dict[str, Callable[[SearchContent], str]] = {
         "starting point": lambda c: _listing((c.seed, *c.same)),
         "start: nats below the mode": lambda c: below(c.start),
         "sds from the mode": lambda c: fmt.number(c.distance, 3),

@@ -25,7 +25,7 @@ from bayesdamp.report.results.run import (
     rows_of,
 )
 from bayesdamp.report.sections import SignalSection, fill, folded, is_drawn, paragraph, stack
-from bayesdamp.store.contents import RecordContent, WeighedNoise
+from bayesdamp.store.contents import NoiseEvidence, RecordContent
 from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
 
 USED = "used for the answer"
@@ -65,7 +65,7 @@ class RecordSection(SignalSection):
         unit, quantity = run.unit(signal), run.quantity(signal)
         factor, name = unit.scale, unit.of(quantity)
         ratio = f"({name})" if "/" in name else name
-        axis = f"{unit.called(quantity)} / {ratio}"
+        axis = f"{unit.quantity_name(quantity)} / {ratio}"
         t, y = cell.arrays["t"], cell.arrays["y"] * factor
         fits, missing, figures = [], [], []
         for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
@@ -131,9 +131,11 @@ class NoiseSection(SignalSection):
         content = answer_content(run, signal)
         assert content is not None
         noises = sorted(content.noises, key=lambda noise: -noise.log_evidence)
-        of_noise: dict[str, Callable[[WeighedNoise], str]] = {
+        of_noise: dict[str, Callable[[NoiseEvidence], str]] = {
             "noise": lambda n: words.method(n.name),
-            "log evidence below the best": lambda n: fmt.fixed(noises[0].log_evidence - n.log_evidence, 1),
+            "log evidence below the best": lambda n: fmt.fixed_decimals(
+                noises[0].log_evidence - n.log_evidence, 1
+            ),
             "fitted parameters": lambda n: ", ".join(
                 f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
             ),
@@ -141,7 +143,7 @@ class NoiseSection(SignalSection):
         }
         of_width: dict[str, Callable[[Friction], str]] = {
             f"ε / ({run.unit(signal).base}/s)": lambda width: fmt.number(width.epsilon, 3),
-            "probability": lambda width: fmt.fixed(width.weight, 3),
+            "probability": lambda width: fmt.fixed_decimals(width.weight, 3),
         }
         for i, term in enumerate(content.terms):
             of_width[words.model(term)] = lambda width, i=i: fmt.number(width.coefficients[i], 4)
@@ -210,7 +212,7 @@ class FitQualitySection(SignalSection):
         if mode is not None and mode.rivals:
             columns: dict[str, Callable[[AddedForm], str]] = {
                 "additional form": lambda form: form.words,
-                "ln Bayes factor": lambda form: fmt.fixed(form.log_bayes, 2),
+                "ln Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
                 "probability, against none": lambda form: fmt.probability(
                     float(scipy.special.expit(form.log_bayes))
                 ),
@@ -232,7 +234,7 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
         **(first if len(repeats) > 1 else {}),
         "model": lambda r: words.model(r["model"]),
         "rms residual": run.rms,
-        "autocorrelation": lambda r: fmt.fixed(r["residual_autocorrelation"], 2),
+        "autocorrelation": lambda r: fmt.fixed_decimals(r["residual_autocorrelation"], 2),
         "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
         "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
         "verdict": lambda r: r["verdict"] or fmt.NONE,

@@ -79,7 +79,9 @@ def _systems(run: RunFolder) -> list[str]:
     for signal in run.study.get("signals") or []:
         system, name = signal.get("system") or {}, str(signal.get("name", ""))
         laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
-        known = [f"{words.symbol(k).text} = {fmt.given(v)}" for k, v in (system.get("known") or {}).items()]
+        known = [
+            f"{words.symbol(k).text} = {fmt.as_entered(v)}" for k, v in (system.get("known") or {}).items()
+        ]
         free = [words.symbol(k).text for k in system.get("free") or {}]
         parts = [f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}."] if laws else []
         parts += [f"Known: {fmt.listing(known)}."] if known else []
@@ -120,7 +122,9 @@ def _signals(run: RunFolder) -> Table | str:
     columns: dict[str, Callable[[str], str]] = {
         "signal": str,
         "origin": lambda s: "simulated" if run.simulated(s) else "measured",
-        "recorded": lambda s: f"{run.unit(s).called(run.quantity(s))} in {run.unit(s).of(run.quantity(s))}",
+        "recorded": lambda s: (
+            f"{run.unit(s).quantity_name(run.quantity(s))} in {run.unit(s).of(run.quantity(s))}"
+        ),
         "repeats": lambda s: str(len(run.repeats(s))),
         "samples used": lambda s: used[s][0],
         "duration / s": lambda s: used[s][1],

@@ -15,7 +15,7 @@ import pytest
 from bayesdamp.machine import processes
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import open_pool, run_in_pool
-from bayesdamp.plugins import use
+from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, read_table
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
@@ -32,7 +32,7 @@ TABLES = ("estimates.csv", "evidence.csv", "fits.csv")
 @pytest.fixture(autouse=True)
 def _no_plug_in_stays():
     yield
-    use(())
+    use_modules(())
 
 
 @pytest.fixture(scope="module")
