@@ -36,8 +36,7 @@ PREDICTIVE_DRAWS = 200
 """Number of draws for the predictive check."""
 FORECAST_DRAWS = 50
 """Number of draws of Laplace's approximation for a forecast, and of draws in a batch; the part of the predictive
-standard
-deviation that comes from the parameters is then accurate to a tenth."""
+standard deviation that comes from the parameters is then accurate to a tenth."""
 MOST_RESIDUALS = 2_000_000
 """Greatest number of residuals in memory at a time."""
 HALF_INTERVAL = 1.959963984540054
@@ -53,14 +52,12 @@ FORM_LIMIT = 0.005
 """p value below which the residuals show a force that the model lacks (conventional)."""
 NAMED_PEAK_LIMIT = 0.1
 """p value of a peak of the whitened spectrum up to which it is named as the remaining structure; otherwise the largest
-peak
-of the residuals themselves is named."""
+peak of the residuals themselves is named."""
 OUTLIER_KURTOSIS = 1.0
 """Outliers are reported only if the excess kurtosis is larger: that of a Student t with ten degrees of freedom."""
 WINDOW_LIMIT = 0.005
 """p value, for all shifts together, below which the largest shift of a coefficient between a window and the whole
-record is
-a misfit (conventional)."""
+record is a misfit (conventional)."""
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:

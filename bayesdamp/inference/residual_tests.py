@@ -29,16 +29,14 @@ OVERTONES = (2, 3)
 """Overtones that are tested, as multiples of the frequency."""
 NEIGHBOURS = 2
 """Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
-residual
-of an oscillation under a wrong law is modulated slowly."""
+residual of an oscillation under a wrong law is modulated slowly."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
 """Low frequencies that are tested, in periods per duration of the record."""
 LEAST_REMAINING_NORM = 0.3
 """A wave is left out if the fitted directions leave at most this fraction of its norm."""
 MOST_SAMPLES = 20_000
 """Greatest number of values in the search for a peak; a longer record is averaged in blocks. The frequencies that are
-lost
-are far above the tested overtones."""
+lost are far above the tested overtones."""
 
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
 AT_OVERTONES = (
@@ -57,8 +55,7 @@ LEAST_REMAINING_LENGTH = 1e-3
 """A direction is left out if the fitted directions leave at most this fraction of its length."""
 FORCE_SCALE = 0.5
 """Prior scale of an additional force, as a fraction of the largest damping force (conventional). The prior is
-half-normal, or
-normal if the force may have either sign."""
+half-normal, or normal if the force may have either sign."""
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ MOST_RESIDUAL = 1.5
 the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
 IN_PHASE_RESIDUAL = 0.3
 """Largest root mean square residual of a motion in phase with the record, in the same unit; 1.5 times the noise is
-always
-allowed."""
+always allowed."""
 LEAST_SAMPLES = 8
 """Fewest samples in a window that grows (see `_grow_windows`)."""
 SAME_START = 1e-4

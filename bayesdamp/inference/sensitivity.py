@@ -153,7 +153,9 @@ def first_half(mode: Mode) -> Mode:
     target = mode.likelihood.target
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
-        raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
+        raise Refusal(
+            f"half the record has {part.stop} samples for {len(target.names)} parameters, which is too few"
+        )
     return mode_near(mode.likelihood.on(part), mode, mode.z)
 
 

@@ -31,8 +31,8 @@ class Agreement:
 
 
 @dataclass(frozen=True)
-class Intervals:
-    """Agreement of another computation of a damping ratio with the verdict, at one amplitude.
+class RatioAgreement:
+    """How well another computation of a damping ratio agrees with the verdict, at one amplitude.
 
     moved: change of the value, in total standard deviations of the verdict. wider: width of the other interval divided
     by that of the verdict.
@@ -48,17 +48,17 @@ class Intervals:
         return self.moved < AGREEMENT_SDS and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
 
 
-def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[Intervals]:
+def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[RatioAgreement]:
     """Compare each damping ratio of a verdict with another (value, low, high)."""
     comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
         width = max(r.high - r.low, 1e-300)
         moved = abs(value - r.value) * 2 * Z95 / width
-        comparisons.append(Intervals(r.amplitude, moved, (high - low) / width))
+        comparisons.append(RatioAgreement(r.amplitude, moved, (high - low) / width))
     return comparisons
 
 
-def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> Intervals:
+def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> RatioAgreement:
     """Compare the damping ratios at all amplitudes, and return the comparison that agrees worst.
 
     Parameters

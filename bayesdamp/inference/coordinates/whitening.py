@@ -29,7 +29,7 @@ FIRST_STEP = 0.5
 SMALL_CHANGE, LARGE_CHANGE = 0.4, 1.5
 """Changes of the log density in a step (nats) below which steps are lengthened and above which they are shortened."""
 STEP_FACTOR = 1.6
-"""Factor by which steps are lengthened and shortened."""
+"""Factor by which steps along the ridge are lengthened and shortened."""
 RIDGE_END_NATS = 16.0
 """The ridge is followed until the log density is this many nats below its maximum: 5.7 sds of a normal distribution."""
 MOST_STEPS = 60

@@ -236,7 +236,10 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return log prior plus log likelihoods at u = (scores, log factors of the records), (b,), up to constants."""
+        """Return the log posterior at u = (scores, log factors of the records), (b, k + n), up to constants: (b,).
+
+        b, big: slopes (b, n, k) and information (b, n, k, k) of the log likelihoods. precision: 1/s², (b,).
+        """
         k, y = self.scale.size, self._record_parameters(u)[0]
         fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
         return fit - 0.5 * np.sum(u[:, :k] ** 2, axis=1) - 0.5 * precision * np.sum(u[:, k:] ** 2, axis=1)
@@ -300,7 +303,10 @@ def _solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
 
 
 def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return log determinants (b,), NaN for a matrix that is not positive definite, and inverses (b, m, m)."""
+    """Return the log determinants, (b,), and the inverses of symmetric matrices, (b, m, m).
+
+    The log determinant is NaN if a matrix is not positive definite.
+    """
     part, root = _to_unit_diagonal(square)
     values, vectors = np.linalg.eigh(part)
     good = values[:, 0] > 0

@@ -445,7 +445,9 @@ def first_half(single: Single) -> Single:
         )
     count, inferred = data.t.size // 2, single.state.u.size
     if count <= inferred:
-        raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
+        raise Refusal(
+            f"half the record has {count} samples for {inferred} parameters and deviations, which is too few"
+        )
     return _rebuild(data.first(count), single.result.candidate, single.state, knots)
 
 

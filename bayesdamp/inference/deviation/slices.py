@@ -36,7 +36,7 @@ a and t (conventional)."""
 LEAST_COEFFICIENT = 1e-3
 """Smallest c, relative to its pivot, for which s is computed: below it s would overflow (conventional)."""
 MOVING_SDS = 3.0
-"""A coefficient moves with a only if its mode is this many posterior sds above zero (conventional)."""
+"""The mode of a coefficient is shifted with a only if it is this many posterior sds above zero (conventional)."""
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,10 @@ class Bridge(EvidenceMethod):
 def _bridge_halves(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
 ) -> tuple[list[BridgeEstimate], int]:
-    """Bridge both halves of the chains z, (chains, draws, d). Return two estimates and the number of likelihoods."""
+    """Estimate the evidence from each half of the chains z, (chains, draws, d), with a fit to the other half.
+
+    Return the two estimates and the number of evaluations of the likelihood.
+    """
     reflected = target.reflected
     half, evaluations = z.shape[1] // 2, 0
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])

@@ -30,8 +30,8 @@ WIDE_FACTOR = 5.0
 LIKELIHOODS_PER_BATCH = 250
 """Number of likelihoods in a batch."""
 MAX_GAP_NATS = 3.0
-"""Greatest distance of the largest likelihood of all points below that of the mode. (Of `EFFECTIVE_DRAWS` draws some
-are within a nat of the mode, unless the run has missed it.)"""
+"""A run has missed the mode if the largest likelihood of all its points is more than this many nats below that of the
+mode. (Otherwise some of `EFFECTIVE_DRAWS` draws are within a nat of the mode.)"""
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_LOG_DENSITY = -1e300
 """Log density of an unbounded motion: the sampler does not accept infinities."""

@@ -20,8 +20,7 @@ from bayesdamp.types import Refusal, Signal
 
 DERIVATIVE_STEP = 1e-5
 """Step of central differences, relative to the scale of the noise: near the cube root of the rounding error, where
-errors
-of rounding and of truncation are equal."""
+errors of rounding and of truncation are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
 EVIDENCE_STEP = 0.02
 """Step of the second differences for the evidence, in standard normal scores of the noise parameters."""

@@ -14,8 +14,7 @@ from bayesdamp.records.oscillation.features import Features
 
 FASTEST, SLOWEST = 5e-4, 2.0
 """Range of the correlation time, in periods. Noise that is correlated over more than two periods acts like an offset of
-the
-sensor, so that a wrong restoring law can fit the record."""
+the sensor, so that a wrong restoring law can fit the record."""
 
 
 class Correlated(NoiseModel):

@@ -133,7 +133,9 @@ class Kalman(Sampler):
         if target.deviation is not None:
             raise Refusal('not applicable: kalman assumes exact laws; use deviation "none"')
         if target.noise != "gaussian":
-            raise Refusal(f"kalman assumes independent, normal noise, but the noise model is {target.noise}")
+            raise Refusal(
+                f"kalman assumes independent, normal noise, but the noise model is {target.noise}; use nuts"
+            )
         online = filter_online(target, mode)
         last = _repeat(target, mode, online)
         index = target.moving
@@ -183,7 +185,7 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
         points[:, index] = np.concatenate([mean[None], mean + factor.T, mean - factor.T])
         motions = y - mode.likelihood.residuals(points)
         if not np.all(np.isfinite(motions)):
-            raise Refusal("the repeated Kalman filter reached parameters with an unbounded motion")
+            raise Refusal("the repeated Kalman filter reached parameters with an unbounded motion; use nuts")
         # Approximate each sample as a linear function of the scores: expected value, slope, and residual variance.
         middle, above, below = motions[0], motions[1 : k + 1], motions[k + 1 :]
         expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
@@ -200,7 +202,7 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
         new, width = now.moments
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED_SDS:
             return LastPass(means, covariances, now, passes)
-    raise Refusal(f"the repeated Kalman filter did not converge in {MOST_PASSES} passes")
+    raise Refusal(f"the repeated Kalman filter did not converge in {MOST_PASSES} passes; use nuts")
 
 
 def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,8 +27,7 @@ MOST_REFLECTIONS = 4
 """Greatest number of reflections in a leapfrog step, for each wall; a step with more is rejected."""
 LEAPFROG_STEP = 1.05
 """Step in whitened coordinates, slightly above π/3: four points then span half of a circle, where a trajectory ends.
-With
-a shorter step trajectories are twice as long, and the draws are not better."""
+With a shorter step trajectories are twice as long, and the draws are not better."""
 LEAST_ACCEPTANCE = 0.5
 """Mean acceptance below which sampling is repeated with another step or force (conventional)."""
 MOST_DIVERGENT = 0.002

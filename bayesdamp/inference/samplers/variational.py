@@ -169,16 +169,16 @@ def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndar
             bounds.append(bound)
         now = np.mean(trace, axis=0)
         if not np.all(np.isfinite(now)):
-            raise Refusal(
-                "variational inference reached parameters with unbounded motions, where the density is not finite"
-            )
+            raise Refusal("variational inference reached parameters with unbounded motions; use nuts")
         if before is not None and np.max(np.abs(now - before)) < SETTLED_CHANGE:
             if halvings == MOST_HALVINGS:
                 return now[:d], _factor(now, d), steps, float(np.mean(bounds))
             halvings += 1
             rate = FIRST_RATE * 0.5**halvings
         before = now
-    raise Refusal(f"variational inference did not converge in {MOST_BLOCKS * STEPS_PER_BLOCK} steps")
+    raise Refusal(
+        f"variational inference did not converge in {MOST_BLOCKS * STEPS_PER_BLOCK} steps; use nuts"
+    )
 
 
 def _bound_gradient(

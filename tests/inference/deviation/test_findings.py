@@ -10,7 +10,11 @@ import pytest
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import between_knots, midline_drift
-from bayesdamp.inference.deviation.findings import candidate_probabilities, compute_findings, summed
+from bayesdamp.inference.deviation.findings import (
+    candidate_probabilities,
+    compute_findings,
+    sum_probabilities,
+)
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
@@ -43,7 +47,7 @@ def test_probabilities_are_probabilities(comparison: ModelComparison) -> None:
     assert len(comparison.results) + len(comparison.refused) == 7
     assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in comparison.forms}
     assert sum(each.values()) == pytest.approx(1.0)
-    by_sum = summed({c.name: p for c, p in each.items()})
+    by_sum = sum_probabilities({c.name: p for c, p in each.items()})
     assert next(iter(by_sum)) == "viscous+coulomb"
     assert MotionCandidate(("quadratic",), "linear") in comparison.refused
     found = compute_findings(comparison)
