@@ -38,8 +38,8 @@ class Status(_Beginning):
     REFUSED = ""
 
 
-class Fitting(_Beginning):
-    """Whether a model fits a record; the value is the beginning of its sentence."""
+class FitStatus(_Beginning):
+    """Whether a model fits a record; the value is the beginning of the sentence on its fit."""
 
     FITS = "fits"
     DOES_NOT_FIT = "does not fit"
@@ -53,14 +53,14 @@ def status_of(outcome: str) -> Status:
     return next((s for s in named if outcome == s.value or outcome.startswith(f"{s.value}:")), Status.REFUSED)
 
 
-def fitting_of(sentence: str) -> Fitting | None:
+def fitting_of(sentence: str) -> FitStatus | None:
     """Return whether a model fits, according to the sentence on its fit; None if nothing was checked."""
-    return next((fitting for fitting in Fitting if sentence.startswith(fitting.value)), None)
+    return next((fitting for fitting in FitStatus if sentence.startswith(fitting.value)), None)
 
 
 def reason_of(sentence: str) -> str:
     """Return the reason in a sentence, without the words of the status or fit at its beginning."""
-    for beginning in (*Status, *Fitting):
+    for beginning in (*Status, *FitStatus):
         if beginning.value and sentence.startswith(f"{beginning.value}:"):
             return sentence.removeprefix(f"{beginning.value}:").lstrip()
     return sentence

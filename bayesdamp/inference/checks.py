@@ -29,7 +29,7 @@ from bayesdamp.inference.residual_tests import (
     name_peak,
     orthonormal,
 )
-from bayesdamp.outcomes import P_LIMIT, Fitting
+from bayesdamp.outcomes import P_LIMIT, FitStatus
 from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 
 PREDICTIVE_DRAWS = 200
@@ -203,7 +203,7 @@ def _verdict(
     noise: NoiseModel, p: float, line: SpectralLine, form: StrongestForm, window_p: float, outliers: bool
 ) -> str:
     """Return whether the model fits, with the reason if it does not."""
-    correlated, no = noise.name == "correlated", Fitting.DOES_NOT_FIT
+    correlated, no = noise.name == "correlated", FitStatus.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         under = "" if correlated else " under independent noise"
         return no.because(f"structure remains in the residuals{under}: {line.words}")
@@ -213,7 +213,7 @@ def _verdict(
         return no.because("the coefficients change from one part of the record to another")
     if outliers and not noise.heavy_tailed:
         return no.because("outliers in the residuals, which this noise model does not allow for")
-    return f"{Fitting.FITS.value}, with correlated noise" if correlated else Fitting.FITS.value
+    return f"{FitStatus.FITS.value}, with correlated noise" if correlated else FitStatus.FITS.value
 
 
 def _fit_windows(

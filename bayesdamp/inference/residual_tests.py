@@ -27,7 +27,7 @@ from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
 """Overtones that are tested, as multiples of the frequency."""
-NEIGHBOURS = 2
+BAND_NEIGHBOURS = 2
 """Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
 residual of an oscillation under a wrong law is modulated slowly."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
@@ -42,14 +42,14 @@ AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffnes
 AT_OVERTONES = (
     "at overtones of the oscillation, as if the restoring force or the recorder's scale were nonlinear"
 )
-SLOW = "it is slow, as if the record's zero drifted"
-LINE = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
+SLOW_STRUCTURE = "it is slow, as if the record's zero drifted"
+OTHER_OSCILLATION = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
 
 PARTS_PER_STEP = 32
 """Number of points in a step of the solver for the integration of a force."""
 NEAR_REST = 0.1
 """Width of the velocity range of friction near rest, as a fraction of the largest velocity."""
-REVERSAL = 0.02
+REVERSAL_WIDTH = 0.02
 """Width within which this friction changes its sign, as a fraction of the largest velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
 """A direction is left out if the fitted directions leave at most this fraction of its length."""
@@ -107,7 +107,7 @@ def find_spectral_line(
         (AT_OVERTONES, np.concatenate([k / period + around for k in OVERTONES])),
     ]
     if cycles > 2 * (across + 1):
-        bands.append((SLOW, np.array(SLOW_TURNS) / length))
+        bands.append((SLOW_STRUCTURE, np.array(SLOW_TURNS) / length))
     lines = []
     for words, frequencies in bands:
         phase = 2 * np.pi * np.outer(t - t[0], frequencies[frequencies < fastest])
@@ -131,7 +131,7 @@ def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
     """Return the duration of a record (s), its number of cycles, and the half width of a band in frequency steps."""
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
-    return length, length / period, int(np.clip(length / period / 3, 0, NEIGHBOURS))
+    return length, length / period, int(np.clip(length / period / 3, 0, BAND_NEIGHBOURS))
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -152,9 +152,9 @@ def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLin
     power = np.abs(np.fft.rfft(blocks - blocks.mean()))[1:] ** 2 / many
     top = int(np.argmax(power))
     chance = -np.expm1(power.size * np.log1p(-np.exp(-power[top]))) if power[top] < 700 else 0.0
-    turns, words = top + 1, LINE.format(ratio=(top + 1) / cycles)
+    turns, words = top + 1, OTHER_OSCILLATION.format(ratio=(top + 1) / cycles)
     if turns < 0.5 * cycles:
-        words = SLOW
+        words = SLOW_STRUCTURE
     elif abs(turns - cycles) < across + 1:
         words = AT_OSCILLATION
     elif any(abs(turns - k * cycles) < across + 1 for k in OVERTONES):
@@ -190,7 +190,7 @@ FORMS = (
     Form("damping grows more slowly than with the velocity", lambda x, v, t: np.sign(v) * np.sqrt(np.abs(v))),
     Form(
         "friction is larger near rest",
-        lambda x, v, t: np.tanh(v / REVERSAL) * np.exp(-((v / NEAR_REST) ** 2)),
+        lambda x, v, t: np.tanh(v / REVERSAL_WIDTH) * np.exp(-((v / NEAR_REST) ** 2)),
     ),
     Form("damping depends on the displacement", lambda x, v, t: x**2 * v, signed=True),
     Form("damping changes with time", lambda x, v, t: t * v, signed=True),

@@ -16,7 +16,7 @@ from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
 """Two searches whose ends are closer than this, in posterior sds, reached the same mode (conventional)."""
-COARSEST = 1.0
+COARSEST_ERROR = 1.0
 """Largest error of a motion in a search, in standard errors of the mean of all samples (conventional)."""
 MOST_RESIDUAL = 1.5
 """Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
@@ -121,7 +121,7 @@ def find_mode(
         explains the oscillation instead of the motion.
     """
     # A first tolerance; `refine_mode` then measures the effect of the error on the likelihood.
-    tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
+    tolerance = COARSEST_ERROR * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
     largest_in_phase = max(IN_PHASE_RESIDUAL * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []

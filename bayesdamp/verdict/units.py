@@ -12,9 +12,9 @@ from bayesdamp.verdict.parts import AtAmplitude, IntervalAt, Oscillation
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
-LENGTHS = ("record", "fit", "residual", "amplitude", "free/amplitude")
+LENGTH_ARRAYS = ("record", "fit", "residual", "amplitude", "free/amplitude")
 """Names of the arrays whose unit is that of the displacement or of the recorded quantity."""
-ENERGIES = ("work/", "free/lost")
+ENERGY_ARRAYS = ("work/", "free/lost")
 """Beginnings of the names of the arrays whose unit is the square of the displacement's unit per s²."""
 
 
@@ -47,8 +47,8 @@ def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, n
 
     changed = dict(arrays)
     for name, values in arrays.items():
-        if name in LENGTHS:
+        if name in LENGTH_ARRAYS:
             changed[name] = values * scale
-        elif name.startswith(ENERGIES):
+        elif name.startswith(ENERGY_ARRAYS):
             changed[name] = values * scale**2
     return changed

@@ -14,7 +14,7 @@ from bayesdamp.report.terminal import VerdictPrinter, print_verdict
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.units import LENGTHS, picture_in_unit
+from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit
 
 
 def test_a_verdict_is_a_table_in_a_notebook() -> None:
@@ -51,7 +51,7 @@ def test_the_sampled_sentence_is_printed_too() -> None:
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:
     """Energies per unit of inertia go with the square of the unit, times and ratios stay."""
-    length = sorted(LENGTHS)[0]
+    length = sorted(LENGTH_ARRAYS)[0]
     arrays = {length: np.array([0.5]), "work/viscous": np.array([2.0]), "free/ratio": np.array([0.01])}
     shown = picture_in_unit(arrays, UNITS["deg"])
     per = 180 / math.pi

@@ -26,7 +26,7 @@ from bayesdamp.types import Ratio
 
 POWER_TIMES = 4000
 """Number of times in a motion at which the dissipated power is computed."""
-DRAWS = 4000
+TOTAL_DRAWS = 4000
 """Number of draws from all candidates together."""
 COVERED_PROBABILITY = 0.99
 """Draws are from the most probable candidates, as many as are needed for this total probability."""
@@ -150,7 +150,7 @@ def draw_candidates(
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
     last = next((i for i, total in enumerate(totals) if total > COVERED_PROBABILITY), len(order) - 1)
-    counts = {c: round(DRAWS * p / totals[last]) for c, p in order[: last + 1]}
+    counts = {c: round(TOTAL_DRAWS * p / totals[last]) for c, p in order[: last + 1]}
     return [draw_candidate(comparison.result(c), count, rng) for c, count in counts.items() if count]
 
 

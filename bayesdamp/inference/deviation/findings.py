@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import (
-    DRAWS,
+    TOTAL_DRAWS,
     CandidateDraws,
     Quantity,
     at_fraction,
@@ -306,7 +306,7 @@ def _limits_of_absent_terms(
     for i, term in enumerate(comparison.terms):
         larger = by_terms.get(frozenset((*damping, term)))
         if term not in damping and larger is not None:
-            shares = shares_of(comparison, [draw_candidate(larger, DRAWS // 4, rng)])
+            shares = shares_of(comparison, [draw_candidate(larger, TOTAL_DRAWS // 4, rng)])
             bounds[term] = float(np.quantile(shares[:, i], 0.95))
     return bounds
 

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, l
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters, straighten_at
 from bayesdamp.inference.deviation.slices import SlicedProposal, slice_proposal
-from bayesdamp.inference.deviation.tempered import DRAWS, sample_posterior
+from bayesdamp.inference.deviation.tempered import SMC_DRAWS, sample_posterior
 from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
@@ -204,7 +204,7 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 
 
 def sampled_result(
-    comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = DRAWS
+    comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = SMC_DRAWS
 ) -> CandidateResult:
     """Return a candidate's result with draws from its posterior with exact motions; equal seeds give equal draws."""
     start, y = proposal_of(comparison, result), comparison.data.y

@@ -18,7 +18,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
-DRAWS = 300
+SMC_DRAWS = 300
 """Default number of draws (conventional)."""
 EFFECTIVE_FRACTION = 0.5
 """β is increased until the effective number of draws is this fraction of the draws (conventional)."""
@@ -105,7 +105,7 @@ def sample_posterior(
     ratio: Callable[[np.ndarray], np.ndarray],
     start: Proposal,
     *,
-    draws: int = DRAWS,
+    draws: int = SMC_DRAWS,
     seed: int = 0,
 ) -> Sampled:
     """Draw from the posterior with exact motions, and compute its evidence.

@@ -39,7 +39,7 @@ LEAST_LOG_DENSITY = -1e300
 Map = Callable[[np.ndarray], np.ndarray]
 
 
-class Nested(EvidenceMethod):
+class NestedSampling(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) from the prior.
 
     The unit cube is mapped to standard normal scores; reflected scores are half-normal, so there are no mirror modes.
@@ -160,4 +160,4 @@ def run_sampler(
                 return sampler, False
 
 
-PLUGIN = Nested()
+PLUGIN = NestedSampling()

@@ -17,7 +17,7 @@ FASTEST, SLOWEST = 5e-4, 2.0
 the sensor, so that a wrong restoring law can fit the record."""
 
 
-class Correlated(NoiseModel):
+class CorrelatedNoise(NoiseModel):
     """Stationary normal noise with the covariance noise_sd² exp(−|t_i − t_j| / noise_time).
 
     On an even clock this is AR(1) with ρ = exp(−Δt / noise_time); it also holds for uneven times and gaps.
@@ -125,4 +125,4 @@ def _innovations(r: np.ndarray, lost: np.ndarray, fresh: np.ndarray) -> np.ndarr
     return innovations
 
 
-PLUGIN = Correlated()
+PLUGIN = CorrelatedNoise()

@@ -12,7 +12,7 @@ from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
 from bayesdamp.types import Refusal, Signal
 
 
-class Quantised(IndependentNoise):
+class QuantisedNoise(IndependentNoise):
     """Independent normal noise of standard deviation noise_sd, on samples that are rounded to multiples of noise_step.
 
     The likelihood of a sample is the probability of the interval of length noise_step around it. It is divided by
@@ -71,4 +71,4 @@ def _log_probability(r: np.ndarray, sd: np.ndarray, step: np.ndarray) -> tuple[n
     return top, np.log(-np.expm1(bottom - top))
 
 
-PLUGIN = Quantised()
+PLUGIN = QuantisedNoise()

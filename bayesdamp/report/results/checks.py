@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import P_LIMIT, Fitting, Status, fitting_of, status_of
+from bayesdamp.outcomes import P_LIMIT, FitStatus, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import true_models
 from bayesdamp.report.results.run import (
@@ -405,7 +405,7 @@ class RecordChecks:
             fitting = fitting_of(verdict)
             if verdict and status_of(verdict) not in SILENT:
                 text = f"Residuals: {name}{'' if fitting else ':'} {verdict}."
-                yield Check(text, fails=fitting is Fitting.DOES_NOT_FIT and not self.exact_only)
+                yield Check(text, fails=fitting is FitStatus.DOES_NOT_FIT and not self.exact_only)
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (
                     "Between parts of the record the coefficients change by "

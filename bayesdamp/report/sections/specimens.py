@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
-from bayesdamp.outcomes import Fitting, fitting_of
+from bayesdamp.outcomes import FitStatus, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.drawing import colour
 from bayesdamp.report.figures.posterior import Interval, Panel, intervals
@@ -104,7 +104,7 @@ def joint_sentence(run: RunFolder, cell: TaskResult) -> str:
         label
         for label, (signal, repeat) in zip(joint.records, joint.members, strict=True)
         for row in rows_of(run.fits, signal=signal, repeat=repeat, model=joint.best)[:1]
-        if joint.deviation == "none" and fitting_of(row["verdict"]) is Fitting.DOES_NOT_FIT
+        if joint.deviation == "none" and fitting_of(row["verdict"]) is FitStatus.DOES_NOT_FIT
     ]
     sentences += [f"{words.model(joint.best)} does not fit {fmt.listing(misfits)}"] if misfits else []
     others = [f"{words.model(n)} {_capped(q)}" for n, q in joint.others.items() if q >= WORTH]

@@ -41,8 +41,8 @@ def test_what_is_left_is_named() -> None:
     for added, words in (
         (T**2 * np.cos(PHASE) / 4, residual_tests.AT_OSCILLATION),
         (0.5 * np.cos(2 * PHASE + 1), residual_tests.AT_OVERTONES),
-        (1.5 * T / T[-1], residual_tests.SLOW),
-        (0.8 * np.sin(2 * np.pi * T / 0.142), residual_tests.LINE.format(ratio=3.5)),
+        (1.5 * T / T[-1], residual_tests.SLOW_STRUCTURE),
+        (0.8 * np.sin(2 * np.pi * T / 0.142), residual_tests.OTHER_OSCILLATION.format(ratio=3.5)),
     ):
         result = find_spectral_line(T, fitted(white(1) + added), PERIOD, ABSORBED)
         assert (result.chance < 1e-3, result.words) == (True, words)
