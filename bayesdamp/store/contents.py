@@ -502,7 +502,10 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """Model recovery for the records of a task (`recovery/FIRST`, `single/FIRST`), with outcomes of all evidence."""
+    """Model recovery for the records of a task (`recovery/FIRST`, `single/FIRST`): which model has the most evidence.
+
+    models: names of the models. evidence_outcomes: outcomes of the evidence, by record and model.
+    """
 
     models: tuple[str, ...] = ()
     evidence_outcomes: tuple[tuple[str, ...], ...] = ()

@@ -50,7 +50,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Signal
 
 Array = NDArray[np.float64]
-ESCAPED = "the equation of motion cannot be solved near the fit with deviations from its laws"
+ESCAPED = (
+    'the equation of motion cannot be solved near the fit with deviations from its laws; use deviation "none"'
+)
 """Message of the Refusal if a `Single` cannot be computed."""
 NEGLIGIBLE_PROBABILITY = 1e-8
 """Grid points with a smaller probability under the linear posterior are left out."""
