@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks, hilbert, savgol_filter
 
 import bayesdamp as bd
-from bayesdamp.report.drawing import FAINT, INK, QUIET, RC, colour, dash
+from bayesdamp.report.drawing import FAINT, INK, MUTED, RC, colour, dash
 from bayesdamp.report.figures.estimators import estimate_panels, sweep
-from bayesdamp.report.results.estimators import CATEGORIES, estimates_of, series, true_models
+from bayesdamp.report.results.estimators import CATEGORIES, error_series, estimates_of, true_models
 from bayesdamp.report.results.run import RunFolder
 
 STIFFNESS, SEED = 20.0, 7
@@ -65,7 +65,7 @@ def lifetimes() -> Figure:
     figure = Figure(figsize=WIDE)
     left, right = figure.subplots(1, 2)
     signal = decay("coulomb")
-    left.plot(signal.t, signal.y, color=QUIET, lw=0.9)
+    left.plot(signal.t, signal.y, color=MUTED, lw=0.9)
     low, high = find_peaks(-signal.y)[0], find_peaks(signal.y)[0]
     sizes = []
     for valley in low[:9]:
@@ -99,7 +99,7 @@ def regression() -> Figure:
             np.asarray(savgol_filter(signal.y, WINDOW, 5, deriv=order, delta=step)) for order in range(3)
         )
         force = -(acceleration + STIFFNESS * y)
-        ax.plot(velocity[WINDOW:-WINDOW:3], force[WINDOW:-WINDOW:3], ".", ms=1.6, color=QUIET)
+        ax.plot(velocity[WINDOW:-WINDOW:3], force[WINDOW:-WINDOW:3], ".", ms=1.6, color=MUTED)
         v = np.linspace(velocity.min(), velocity.max(), 300)
         c = DAMPINGS[name]
         law = {"viscous": 2 * c * v, "coulomb": c * np.sign(v), "quadratic": c * v * np.abs(v)}[name]
@@ -131,7 +131,7 @@ def envelopes() -> Figure:
 
 def in_noise(root: Path) -> Figure:
     """Errors of all methods against noise, from the report of studies/noise.toml."""
-    found = next(s for s in series(RunFolder(root / "reports" / "noise")) if s.factor == "noise")
+    found = next(s for s in error_series(RunFolder(root / "reports" / "noise")) if s.factor == "noise")
     methods = [m for members in CATEGORIES.values() for m in members if any(k[0] == m for k in found.errors)]
     return sweep(found, methods)
 

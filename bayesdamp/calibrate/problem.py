@@ -28,11 +28,11 @@ ESTIMATOR = "least_squares"
 """The estimator from which the search for the mode starts."""
 SECOND_ESTIMATOR = "envelope"
 """A further estimator, used if the fit of the first one fails its checks."""
-SCALES = (0.003, 0.1)
+SCALE_RANGE = (0.003, 0.1)
 """Range of the unknown prior scale of damping ratios, for drawing records and for their evidence. Below this range
 noise hides the damping of most records; above it many records do not oscillate."""
 MOST_ESCAPES = 100
-"""Number of successive draws with unbounded trajectories after which the prior is rejected (conventional)."""
+"""A prior is rejected if this many successive draws from it have unbounded trajectories (conventional)."""
 Result = TypeVar("Result")
 
 
@@ -143,7 +143,7 @@ def make_generator(
             f"{study.source}: the default prior of {' and '.join(dependent)} depends on the record, so nothing can be "
             f'drawn from it; give a prior in [system], such as {dependent[0]} = {{ prior = "normal", ... }}'
         )
-    low, high = SCALES
+    low, high = SCALE_RANGE
     pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
     scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
     system = replace(system, known=dict(blank.known))
@@ -169,7 +169,9 @@ def _reference(study: Study, system: System) -> Reference:
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
-    """Return the posterior mode of a record, and its refined estimate. All starts depend on the record alone.
+    """Return the posterior mode of a record, and its refined estimate.
+
+    No starting point uses the true values: they come from the record or the prior.
 
     Raises
     ------

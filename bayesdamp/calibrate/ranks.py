@@ -17,7 +17,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK, InputError
 
-CHUNK = 16
+RECORDS_PER_TASK = 16
 """Number of records of one task."""
 LIKELIHOOD = "log_likelihood"
 """The log likelihood is ranked too: it can show an error that no parameter shows (Modrák et al., 2023)."""
@@ -36,10 +36,10 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]
-    outcomes, modes, began = [OK] * CHUNK, dict[int, tuple[Target, Mode]](), time.perf_counter()
-    truth = np.full((CHUNK, len(names)), np.nan)
-    value, stderr = np.full((2, CHUNK, len(names)), np.nan)
-    for i in range(CHUNK):
+    outcomes, modes, began = [OK] * RECORDS_PER_TASK, dict[int, tuple[Target, Mode]](), time.perf_counter()
+    truth = np.full((RECORDS_PER_TASK, len(names)), np.nan)
+    value, stderr = np.full((2, RECORDS_PER_TASK, len(names)), np.nan)
+    for i in range(RECORDS_PER_TASK):
         drawn = source.draw(record_rng(study.seed, model, first + i), f"{model}-{first + i}")
         truth[i, :-1] = [drawn.truth[n] for n in names[:-1]]
         fit, outcomes[i] = run_safely(mode_of, drawn, source.system)
@@ -51,9 +51,9 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
         value[i] = [refined.values.get(n, np.nan) for n in names]
         stderr[i] = [refined.stderr.get(n, np.nan) for n in names]
     seconds = {"record": time.perf_counter() - began}
-    shape = (CHUNK, len(table.samplers), len(names))
+    shape = (RECORDS_PER_TASK, len(table.samplers), len(names))
     ranks, below = np.full(shape, -1), np.full(shape, np.nan)
-    sampler_outcomes = {sampler: [""] * CHUNK for sampler in table.samplers}
+    sampler_outcomes = {sampler: [""] * RECORDS_PER_TASK for sampler in table.samplers}
     for s, sampler in enumerate(table.samplers):
         began = time.perf_counter()
         for i, (target, mode) in modes.items():

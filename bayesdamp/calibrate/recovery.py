@@ -28,7 +28,7 @@ from bayesdamp.priors import LogNormal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
-CHUNK = 4
+RECORDS_PER_TASK = 4
 """Number of records of one task."""
 
 
@@ -45,11 +45,14 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
         amplitude that the motion loses.
     """
     models, began = models_of(study, kind), time.perf_counter()
-    outcomes, evidence_outcomes = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
-    truth = np.zeros(CHUNK, int)
-    design, loss = np.full((CHUNK, 2), np.nan), np.full(CHUNK, np.nan)
-    evidence = np.full((CHUNK, len(models)), np.nan)
-    for i in range(CHUNK):
+    outcomes, evidence_outcomes = (
+        [OK] * RECORDS_PER_TASK,
+        [[""] * len(models) for _ in range(RECORDS_PER_TASK)],
+    )
+    truth = np.zeros(RECORDS_PER_TASK, int)
+    design, loss = np.full((RECORDS_PER_TASK, 2), np.nan), np.full(RECORDS_PER_TASK, np.nan)
+    evidence = np.full((RECORDS_PER_TASK, len(models)), np.nan)
+    for i in range(RECORDS_PER_TASK):
         number = first + i
         design[i] = design_of(study, kind, number)
         generators = _generators(study, kind, models, *design[i])

@@ -132,7 +132,7 @@ def run_calibration(
     with store.lock():
         if fresh:
             store.clear()
-        results = gather(study, every, store, workers, console)
+        results = compute_series(study, every, store, workers, console)
         failed = [c for chunks in results.values() for c in chunks if is_failed(c)]
         whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in results.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
@@ -184,7 +184,7 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
     write_json(store.folder / "run.json", info)
 
 
-def gather(
+def compute_series(
     study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[TaskResult]]:
     """Compute the tasks of every series in waves, and return their results in order.
@@ -213,7 +213,7 @@ def count_usable(results: Sequence[TaskResult]) -> int:
 
 def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
     """Return the first records of the tasks in the next wave; none if the series is complete, gave up or has failed."""
-    chunk = series.module.CHUNK
+    chunk = series.module.RECORDS_PER_TASK
     tried, good = len(results) * chunk, count_usable(results)
     if good >= series.wanted or tried >= MOST_TRIES * series.wanted or any(is_failed(r) for r in results):
         return []

@@ -51,7 +51,7 @@ def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, 
     for _ in range(20):  # bisection: the band changes in steps with the tail, and the wider one is used
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _p_of_tail(middle, n, bins) <= 1.0 - probability else (low, middle)
-    return _inside(low, n, bins)
+    return _range_inside(low, n, bins)
 
 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
     return 2 * np.minimum(binom.cdf(counts, n, p), binom.sf(np.asarray(counts) - 1, n, p))
 
 
-def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
+def _range_inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the range of cumulative counts with two-sided tails above `tail`; least > greatest if it is empty."""
     good = _tails(np.arange(n + 1)[:, None], n, np.arange(1, bins) / bins) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
@@ -73,7 +73,7 @@ def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
 def _p_of_tail(tail: float, n: int, bins: int) -> float:
     """Return the probability that uniform ranks have a two-sided tail as small as this at the end of some bin."""
     # A tail that equals the limit apart from rounding is not beyond it.
-    low, high = _inside(tail * (1 + 1e-9), n, bins)
+    low, high = _range_inside(tail * (1 + 1e-9), n, bins)
     if np.any(low > high):
         return 1.0
     counts, mass = np.array([0]), np.ones(1)

@@ -17,8 +17,8 @@ from bayesdamp.claims.judge import (
     Runs,
     Verdict,
     claim,
-    error,
-    initial,
+    error_of,
+    initial_estimate,
     on_clean,
 )
 from bayesdamp.physics.damping import TERMS
@@ -27,7 +27,7 @@ from bayesdamp.report.results.estimators import (
     STAGES,
     ErrorSeries,
     EstimatorComparison,
-    interval,
+    error_interval,
     is_significantly_better,
     printed_error,
     rank_ranges,
@@ -41,7 +41,7 @@ HYBRID = 0.1
 GENERATIONS = (20, 40)
 """Range of the number of generations that the paper claims."""
 LEAST_ERRORS = 20
-"""Fewest errors for a root mean square, which is then accurate to a sixth."""
+"""Smallest number of errors from which a root mean square is computed; its relative sd is then a sixth."""
 PRINTED_ERRORS = {
     "least_squares": "0.0004 / 0.006 / 0.001",
     "koopman": "~0",
@@ -138,7 +138,7 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
 def _generations(runs: Runs) -> Judgement:
     generations = {}
     for damping, truth in TRUTH.items():
-        course = initial("genetic", damping).trace.get(TERMS.get(damping).parameter, np.array([]))
+        course = initial_estimate("genetic", damping).trace.get(TERMS.get(damping).parameter, np.array([]))
         away = np.flatnonzero(np.abs(np.asarray(course) / truth - 1) > 0.01)
         generations[damping] = int(away[-1]) + 1 if away.size else 0
     counts, most = ", ".join(f"{d} {n}" for d, n in generations.items()), max(generations.values())
@@ -155,7 +155,10 @@ def _generations(runs: Runs) -> Judgement:
 
 @claim(CLAIMS, "PINNs converge when they start from a direct estimate.", "4.5")
 def _pinn(runs: Runs) -> Judgement:
-    errors = {s: error(initial("pinn", "viscous", {"start": s}), "viscous") for s in ("uninformed", "direct")}
+    errors = {
+        s: error_of(initial_estimate("pinn", "viscous", {"start": s}), "viscous")
+        for s in ("uninformed", "direct")
+    }
     sizes = ", ".join(f"{e:.2g} % from the {s} start" for s, e in errors.items())
     good = errors["direct"] < 1
     tail = " It converges without the direct start too." if good and errors["uninformed"] < 1 else ""
@@ -186,7 +189,7 @@ def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
 
 def _size(along: ErrorSeries, method: str, level: float) -> str:
     """Return the root mean square error of a method's initial estimates, with its interval, as text."""
-    low, high = interval(_errors(along, method, level))
+    low, high = error_interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
 

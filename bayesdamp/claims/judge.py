@@ -17,7 +17,12 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.report.results.estimators import ErrorSeries, EstimatorComparison, compare_estimators, series
+from bayesdamp.report.results.estimators import (
+    ErrorSeries,
+    EstimatorComparison,
+    compare_estimators,
+    error_series,
+)
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import Estimate, Problem, Signal, System
 
@@ -64,7 +69,7 @@ class Runs:
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
         """Errors of estimators at several noise levels."""
-        return [s for folder in self.noise for s in series(RunFolder(folder)) if s.factor == "noise"]
+        return [s for folder in self.noise for s in error_series(RunFolder(folder)) if s.factor == "noise"]
 
 
 Judge = Callable[[Runs], Judgement]
@@ -108,7 +113,7 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 
 
 @lru_cache
-def record(
+def paper_record(
     damping: str, restoring: str = "horizontal_pendulum", epsilon: float = 0.1
 ) -> tuple[Signal, Problem]:
     """Return the paper's record with a damping term (5,000 samples in 10 s, no noise), and its estimation problem."""
@@ -122,7 +127,7 @@ def record(
     return signal, Problem((damping,), System(restoring, known))
 
 
-def initial(
+def initial_estimate(
     method: str,
     damping: str,
     options: Mapping[str, object] | None = None,
@@ -142,13 +147,13 @@ def initial(
     assumed
         Width ε of friction that the estimator is given (rad/s).
     """
-    signal, problem = record(damping, restoring, simulated)
+    signal, problem = paper_record(damping, restoring, simulated)
     if assumed != simulated:
         problem = Problem(problem.damping, System(restoring, {**problem.system.known, "epsilon": assumed}))
     return run(method, signal, problem, options=options, stages=("initial",), seed=SEED)[0]
 
 
-def error(estimate: Estimate, damping: str) -> float:
+def error_of(estimate: Estimate, damping: str) -> float:
     """Return the error of an estimate in per cent of the truth; nan if it has no value."""
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
     return 100 * abs(value / TRUTH[damping] - 1)
@@ -157,13 +162,13 @@ def error(estimate: Estimate, damping: str) -> float:
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """Return the error of `initial(...)` in per cent of the truth."""
-    return error(initial(method, damping, options, **record), damping)
+    """Return the error of `initial_estimate(...)` in per cent of the truth."""
+    return error_of(initial_estimate(method, damping, options, **record), damping)
 
 
 def period_drift(damping: str) -> float:
     """Return the difference of the mean periods in the two halves of the paper's record, in per cent."""
-    signal, _ = record(damping)
+    signal, _ = paper_record(damping)
     crossings = features(signal).crossing_times
     periods = crossings[2:] - crossings[:-2]
     half = periods.size // 2

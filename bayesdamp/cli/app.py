@@ -19,9 +19,9 @@ import bayesdamp as bd
 from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prepare_streams, print_error
 from bayesdamp.machine import collect_garbage_rarely, kill_as_interrupt
 
-FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+INTERNAL_ERROR, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses: an internal error, an error of the user, and an interrupt (Ctrl-C)."""
-UNREAD = 141
+OUTPUT_CLOSED = 141
 """Exit status if the reader of the output closes it, as in `bayesdamp look rig.csv | head -3`. Shells use this number
 for a process that SIGPIPE has ended."""
 COMMANDS = {
@@ -108,8 +108,8 @@ app = typer.Typer(
 )
 
 
-parsed = lru_cache(maxsize=1)(typer.main.get_command)
-"""Convert the app to a function that parses and runs a command line. It is cached like `command`."""
+build_parser = lru_cache(maxsize=1)(typer.main.get_command)
+"""Convert the app to a function that parses and runs a command line. The result is cached, as that of `command`."""
 
 
 def _show_version(wanted: bool) -> None:
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 "an argument contains a zero byte, which is not allowed in paths and names; remove it"
             )
         with kill_as_interrupt():
-            status = parsed(app)(args=given, standalone_mode=False)
+            status = build_parser(app)(args=given, standalone_mode=False)
         sys.stdout.flush()
     except (
         bd.InputError,
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not isinstance(error.__context__, BrokenPipeError):
             raise
         discard_output()
-        return UNREAD
+        return OUTPUT_CLOSED
     except Exception as error:
         if hasattr(error, "format_message"):
             if line := _usage_error(error, given):
@@ -182,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return WRONG_INPUT
         what = f"{type(error).__name__}: {error}"
         print_error(one_line(f"bayesdamp: internal error: {what} (BAYESDAMP_DEBUG=1 shows where)"))
-        return FAULT
+        return INTERNAL_ERROR
     if status == INTERRUPTED:
         print_error("interrupted; the same command resumes the run")
     return int(status or 0)

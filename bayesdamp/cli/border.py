@@ -7,15 +7,15 @@ import io
 import os
 import sys
 
-LONGEST = 295
+LONGEST_ERROR = 295
 """Largest number of characters of an error line (conventional: three lines of a terminal)."""
-_HEAD = 180
-"""Number of characters that are kept from the beginning of a longer error."""
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+_HEAD_LENGTH = 180
+"""Number of characters from the beginning of an error that remain if its middle is left out."""
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of a full disk."""
-_STOPS = ("strict", "surrogateescape")
+_STRICT_HANDLERS = ("strict", "surrogateescape")
 """Error handlers of a stream that raise an exception for a character that the stream cannot encode."""
-_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
+_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 """Texts by which libraries report too little memory."""
 
 
@@ -23,9 +23,9 @@ def one_line(text: object) -> str:
     """Return a text as one printable line. A long text loses its middle, because its end contains the remedy."""
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
-    if len(line) <= LONGEST:
+    if len(line) <= LONGEST_ERROR:
         return line
-    return f"{line[:_HEAD]}...{line[-(LONGEST - _HEAD - 3) :]}"
+    return f"{line[:_HEAD_LENGTH]}...{line[-(LONGEST_ERROR - _HEAD_LENGTH - 3) :]}"
 
 
 def machine_refusal(error: BaseException) -> str | None:
@@ -37,14 +37,14 @@ def machine_refusal(error: BaseException) -> str | None:
     if (
         isinstance(error, MemoryError)
         or number == errno.ENOMEM
-        or any(mark in str(error) for mark in _MEMORY)
+        or any(mark in str(error) for mark in _MEMORY_TEXTS)
     ):
         return "not enough memory; close other programs, use fewer --workers, or use a part of the record"
     if not isinstance(error, OSError) or error.errno is None:
         return None
     place = error.filename if isinstance(error.filename, str | bytes | os.PathLike) else None
     where = os.fsdecode(place) if place is not None else ""
-    if error.errno in _FULL:
+    if error.errno in _DISK_FULL:
         return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
     if not where:
         return None
@@ -62,7 +62,7 @@ def prepare_streams() -> None:
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
-        elif getattr(stream, "errors", "") in _STOPS and isinstance(stream, io.TextIOWrapper):
+        elif getattr(stream, "errors", "") in _STRICT_HANDLERS and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     if not os.environ.get("COLUMNS", "1").strip("0"):
         del os.environ["COLUMNS"]  # Rich would print nothing on a terminal of width 0

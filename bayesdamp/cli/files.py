@@ -58,7 +58,7 @@ SIMULATED = re.compile(FIRST_LINE)
 LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
 CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
 """Patterns for the beginnings of files that `bayesdamp simulate`, `look` and `claims` have written."""
-_HEAD = 4096
+_HEAD_BYTES = 4096
 """Number of bytes at the beginning of a file in which the pattern must be found."""
 
 
@@ -103,7 +103,7 @@ class SingleFile:
         if os.path.lexists(self.path):
             head = ""
             with suppress(OSError), self.path.open("rb") as handle:
-                head = handle.read(_HEAD).decode("utf-8", "replace")
+                head = handle.read(_HEAD_BYTES).decode("utf-8", "replace")
             if self.ours.match(head) is None:
                 raise self._taken()
 

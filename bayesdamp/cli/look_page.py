@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from bayesdamp.cli.files import GENERATOR
 from bayesdamp.cli.looking import RecordView, columns_table
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.report.drawing import QUIET, WIDTH, Drawings
+from bayesdamp.report.drawing import MUTED, WIDTH, Drawings
 
 _INSIDE = "#0072B2"
 """Colour of the free decay."""
@@ -59,7 +59,7 @@ def _figure(view: RecordView) -> Figure:
     every = max(1, t.size // _POINTS)
     figure = Figure(figsize=(WIDTH, 2.6))
     axes = figure.add_subplot()
-    axes.plot(t[::every], y[::every], color=QUIET, linewidth=0.8)
+    axes.plot(t[::every], y[::every], color=MUTED, linewidth=0.8)
     if window is not None:
         inside = (t >= window[0]) & (t <= window[1])
         axes.plot(np.where(inside, t, np.nan)[::every], y[::every], color=_INSIDE, linewidth=0.9)

@@ -21,7 +21,7 @@ from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS
 
-MANY = 4
+MOST_GAPS = 4
 """Largest number of gaps in a record that are listed one by one."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Unicode braille patterns, by row and column of the dot."""
@@ -90,8 +90,8 @@ def view_motion(record: FileRecord) -> RecordView:
         if about.stop is not None:
             window = about.start, about.stop
         gaps = holes(signal.t, coarse_period(signal.t, signal.y)[0])  # the record's rate does not show these
-        listed = ", ".join(f"{b - a:.3g} s from {about.start + a:.4g} s on" for a, b in gaps[:MANY])
-        more = f" and {len(gaps) - MANY} more" if len(gaps) > MANY else ""
+        listed = ", ".join(f"{b - a:.3g} s from {about.start + a:.4g} s on" for a, b in gaps[:MOST_GAPS])
+        more = f" and {len(gaps) - MOST_GAPS} more" if len(gaps) > MOST_GAPS else ""
         lines += [f"No samples for {listed}{more}; the fit bridges the gap."] if listed else []
     return RecordView(name, reading, lines, list(map(str, record.findings)), t, raw.y, window)
 

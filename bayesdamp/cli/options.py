@@ -10,7 +10,7 @@ import typer
 
 from bayesdamp.types import InputError
 
-READING, WEIGHED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
+READING, COMPARED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
 """Headings of the groups of options in the help."""
 
 
@@ -50,7 +50,7 @@ Channels = Annotated[
 ]
 Plugins = Annotated[
     list[Path] | None,
-    option(WEIGHED, "A Python file with plug-ins of your own; may be repeated.", "--plugin"),
+    option(COMPARED, "A Python file with plug-ins of your own; may be repeated.", "--plugin"),
 ]
 Out = Annotated[Path | None, option(RUNNING, "The folder to write; by default reports/NAME.")]
 Workers = Annotated[int | None, option(RUNNING, "Number of processes; by default one for each core.", min=1)]
@@ -59,19 +59,19 @@ Scheduler = Annotated[
 ]
 Fresh = Annotated[bool, option(RUNNING, "Compute everything again.", "--fresh")]
 Quick = Annotated[
-    bool, option(RUNNING, "Only the answer, in seconds, without sampling to confirm it.", "--quick")
+    bool, option(RUNNING, "Only the answer from linearised motions, in seconds, without sampling.", "--quick")
 ]
 Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and what failed.", "--quiet", "-q")]
 AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdict.json.", "--json")]
 
 
-LONGEST = 40
-"""Number of characters of an invalid value that an error message repeats."""
+LONGEST_VALUE = 40
+"""Largest number of characters of an invalid value that an error message repeats."""
 
 
 def invalid_value(option: str, value: object, right: str) -> InputError:
     """Return the error for an invalid value of an option. `right` says what the value must be."""
-    shown = repr(value[:LONGEST]) if isinstance(value, str) else f"{value:g}"
+    shown = repr(value[:LONGEST_VALUE]) if isinstance(value, str) else f"{value:g}"
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 

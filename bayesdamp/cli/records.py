@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.cli.options import invalid_value, parse_time
 from bayesdamp.records.cleaning.clean import clean, decimate
-from bayesdamp.records.files.names import SECONDS, by_name
+from bayesdamp.records.files.names import SECONDS, unit_by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
-from bayesdamp.records.record import RawRecord, read_as, unwrap
+from bayesdamp.records.read import FASTEST_RATE, FROM_FIRST, SLOWEST_RATE, read_records
+from bayesdamp.records.record import RawRecord, unit_or_guess, unwrap
 from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
 
@@ -29,14 +29,14 @@ _VALID = {
     "time_unit": ("s", "ms", "us", "ns", "ps", "min", "h", "d"),
 }
 """Valid values of options."""
-LONGEST = 290
+LONGEST_SUGGESTION = 290
 """Largest number of characters of an error with a suggested command."""
 _OPTIONS = {"value": "angle", "rate": "rate"}
 """Options with which a user can provide arguments of `read_records` that an error asks for."""
-_UNKNOWN = {"rate": "HZ", "angle": "NAME"}
+_PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
 """Placeholders in a suggested command for values that are not known."""
 _INTRODUCTION = "in one command (check its values): "
-ROUNDS = 3
+MOST_SUGGESTED_OPTIONS = 3
 """Largest number of errors of one file for which a single command is suggested."""
 
 
@@ -58,7 +58,7 @@ class ReadingOptions:
 
     def __post_init__(self) -> None:
         """Convert the values and check them. Raises InputError if a value is invalid."""
-        for field, value in zip(("unit", "quantity"), by_name(self.unit, self.quantity), strict=True):
+        for field, value in zip(("unit", "quantity"), unit_by_name(self.unit, self.quantity), strict=True):
             object.__setattr__(self, field, value)
         for name, valid in _VALID.items():
             value = getattr(self, name)
@@ -70,9 +70,11 @@ class ReadingOptions:
             object.__setattr__(self, name, parse_time(getattr(self, name), f"--{name}"))
         if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
             raise invalid_value("--stop", self.stop, f"later than --start ({self.start:g})")
-        if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:
+        if self.rate is not None and not SLOWEST_RATE <= self.rate <= FASTEST_RATE:
             raise invalid_value(
-                "--rate", self.rate, f"a number of samples per second from {SLOWEST:g} to {FASTEST:g}"
+                "--rate",
+                self.rate,
+                f"a number of samples per second from {SLOWEST_RATE:g} to {FASTEST_RATE:g}",
             )
         if self.rate is not None and self.time is not None:
             raise InputError("--rate: replaces a column of times; remove --rate or --time")
@@ -91,7 +93,7 @@ class ReadingOptions:
 
     def interpret(self, raw: RawRecord) -> tuple[str, str, tuple[Finding, ...]]:
         """Return the unit and the quantity of a record, and findings on what looks wrong with it."""
-        unit, quantity = read_as(raw, self.unit, self.quantity)
+        unit, quantity = unit_or_guess(raw, self.unit, self.quantity)
         doubtful = findings(raw, unit, quantity, self.unit is not None) if unit in UNITS else ()
         return unit, quantity, doubtful
 
@@ -268,12 +270,12 @@ def _choose(
         notes.append(f"{path.name}: {raw.choice}")
     if raw.began:
         notes.append(f"{path.name}: {FROM_FIRST} ({raw.began:.15g} s).")
-    notes += doubts(path, records, (Kind.CONSTANT,))
-    doubted = doubts(path, records, [kind for kind in Kind if kind is not Kind.CONSTANT])
+    notes += doubt_lines(path, records, (Kind.CONSTANT,))
+    doubted = doubt_lines(path, records, [kind for kind in Kind if kind is not Kind.CONSTANT])
     return records, doubted, notes
 
 
-def doubts(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
+def doubt_lines(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
     """Return lines on the findings of these kinds in all records of a file, one line for each kind."""
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
@@ -324,14 +326,16 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
     answers: dict[str, str] = {}
     refused, trial = error, options
     # Read the file with the likely value of the missing option; the next error may ask for another option.
-    for _ in range(ROUNDS):
+    for _ in range(MOST_SUGGESTED_OPTIONS):
         needed = {_OPTIONS[name]: name for name in refused.arguments if name in _OPTIONS}
         if not needed:
             break
-        answers |= {option: refused.likely.get(name, _UNKNOWN[option]) for option, name in needed.items()}
+        answers |= {
+            option: refused.likely.get(name, _PLACEHOLDERS[option]) for option, name in needed.items()
+        }
         trial = replace(trial, angle=answers.get("angle", options.angle))
         if rate := answers.get("rate", ""):
-            trial = replace(trial, rate=1.0 if rate == _UNKNOWN["rate"] else float(rate), time=None)
+            trial = replace(trial, rate=1.0 if rate == _PLACEHOLDERS["rate"] else float(rate), time=None)
         try:
             raws = trial.read(path)
         except InputError as another:
@@ -343,7 +347,7 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
         return error
     command = f"; {_INTRODUCTION}{_command(path, options, answers)}"
     # Shorten the error, not the command, if the line is too long.
-    room = max(LONGEST - len(str(InputError("", error.where, error.at))) - len(command), 60)
+    room = max(LONGEST_SUGGESTION - len(str(InputError("", error.where, error.at))) - len(command), 60)
     what = error.what if len(error.what) <= room else f"{error.what[: room - 3]}..."
     return InputError(what + command, error.where, error.at)
 

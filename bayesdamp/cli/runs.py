@@ -22,7 +22,7 @@ from bayesdamp.types import InputError
 
 MOST_ANSWERS = 100
 """Largest number of folders NAME, NAME-2, ... in which the answers on one name are stored (conventional)."""
-FEW = 5
+FEW_RECORDS = 5
 """Largest number of records in one command for which each verdict is printed as soon as it is available."""
 
 
@@ -102,7 +102,7 @@ def run_and_print(
         typer.echo(notice, err=True)
     shown = PipeSafeConsole()
     answered = None
-    if not as_json and len(study.signals) <= FEW:
+    if not as_json and len(study.signals) <= FEW_RECORDS:
         answered = VerdictPrinter(shown, {spec.name: spec.source.unit for spec in study.signals})
     status = run_study(
         study, folder, console=Console(stderr=True), depth=depth, on_verdict=answered, **options

@@ -16,11 +16,11 @@ from bayesdamp.plugins import PluginModule, use_modules
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
-PRUNE = 20.0
+PRUNE_NATS = 20.0
 """Distance to the best log evidence (nats) from which a candidate is pruned: a relative probability of 2e-9. Pruning
 uses
 Laplace's evidence, whose error is a few nats at most if a posterior is not normal."""
-BEST = 2
+SAMPLED_CANDIDATES = 2
 """Number of candidates whose posterior is sampled: the two most probable ones."""
 WARMUP, DRAWS = 100, 500
 """Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
@@ -151,13 +151,13 @@ def comparison_tables(
         "description": f"Which damping has {', '.join(files)}?"[:200],
         "signal": list(signals.values()),
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
-        "models": {"compare": list(damping) or sums, "prune": PRUNE},
+        "models": {"compare": list(damping) or sums, "prune": PRUNE_NATS},
         "posterior": {
             "samplers": samplers,
             "noise": noise,
             "deviation": deviation,
             "sensor": sensor,
-            "best": BEST,
+            "best": SAMPLED_CANDIDATES,
             "warmup": WARMUP,
             "draws": DRAWS,
         },

@@ -43,7 +43,7 @@ from bayesdamp.config.study import (
     ModelsTable,
     PluginsTable,
     PosteriorTable,
-    Published,
+    PublishedResult,
     RecoveryTable,
     SignalSpec,
     Study,
@@ -225,7 +225,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     models = Models(sums, priors, check_laws(table.restoring or (), "models.restoring"), table.prune)
     signals = _read_signals(raw, path.parent, models.restoring)
     estimators = _read_estimators(raw.get("estimators", {}))
-    published: tuple[Published, ...] = ()
+    published: tuple[PublishedResult, ...] = ()
     if header.published is not None:
         methods = [*ESTIMATORS.names(), *estimators.variants]
         published = _read_published(path.parent / header.published, [s.name for s in signals], methods)
@@ -320,7 +320,9 @@ def _read_estimators(raw: object) -> Estimators:
     return Estimators(names, checked.stages, options, checked.repeats, variants)
 
 
-def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str]) -> tuple[Published, ...]:
+def _read_published(
+    path: Path, signals: Iterable[str], estimators: Iterable[str]
+) -> tuple[PublishedResult, ...]:
     """Read published results from a CSV file with the columns `_PUBLISHED`. Raises StudyError."""
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
@@ -337,7 +339,7 @@ def _read_published(path: Path, signals: Iterable[str], estimators: Iterable[str
             if row[column] not in names:
                 what = f"line {line} of {path.name}: unknown {column} {show(row[column])}"
                 raise StudyError("published", f"{what}{nearest(str(row[column]), names)}")
-    return tuple(Published(*(row[c] or "" for c in _PUBLISHED)) for row in rows)
+    return tuple(PublishedResult(*(row[c] or "" for c in _PUBLISHED)) for row in rows)
 
 
 def _check_across_tables(study: Study) -> None:

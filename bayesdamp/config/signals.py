@@ -45,7 +45,7 @@ START = ("theta0", "omega0")
 """Parameters of the start of a motion."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
-LARGEST = 1e24
+LARGEST_VALUE = 1e24
 """Largest true value of a parameter of a simulation, in its unit (conventional)."""
 LEAST_CYCLES, MOST_CYCLES = 0.01, 1e6
 """Smallest and largest number of cycles of a simulated record (conventional)."""
@@ -181,9 +181,9 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
         what = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
         raise StudyError(key, f"{what}; a simulation needs the true value, here or as a number in [system]")
     # The motion must oscillate, but not so often that a simulation takes too long.
-    large = next((n for n, value in truth.items() if abs(value) > LARGEST), None)
+    large = next((n for n, value in truth.items() if abs(value) > LARGEST_VALUE), None)
     if large is not None:
-        raise StudyError(join_keys(key, large), f"is {truth[large]:g}; it must be at most {LARGEST:g}")
+        raise StudyError(join_keys(key, large), f"is {truth[large]:g}; it must be at most {LARGEST_VALUE:g}")
     length, duration = join_keys(key, "duration"), settings.duration
     try:
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)

@@ -31,15 +31,15 @@ Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_t
 Deviation = Literal["auto", "none", "law"]
 DEVIATIONS: tuple[str, ...] = get_args(Deviation)
 """Whether laws hold exactly ("none") or with deviations ("law"). "auto": deviations for measured records only."""
-MANY = 10_000_000
+MOST_SAMPLES = 10_000_000
 """Greatest number of samples of a record, and of draws of a chain (conventional)."""
-RECORDS = 1_000_000
+MOST_RECORDS = 1_000_000
 """Greatest number of records, and of repeats of a record (conventional)."""
-CHAINS = 1000
+MOST_CHAINS = 1000
 """Greatest number of chains (conventional)."""
-COLUMN = 100_000
+MOST_COLUMNS = 100_000
 """Largest number of a column (conventional)."""
-ColumnName = Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)]
+ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
 
@@ -83,9 +83,11 @@ class FileTable(StudySection):
     clock: Literal["auto", "as_logged", "uniform"] = Field(
         "auto", description='"auto", "as_logged" or "uniform" (rebuilt from stamps that come in bursts)'
     )
-    run: Annotated[int, Field(ge=0, le=COLUMN * COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
-        None, description="the number of one of the file's runs, or its label in quotes"
-    )
+    run: (
+        Annotated[int, Field(ge=0, le=MOST_COLUMNS * MOST_COLUMNS)]
+        | Annotated[str, Field(min_length=1)]
+        | None
+    ) = Field(None, description="the number of one of the file's runs, or its label in quotes")
     channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
     time_unit: Literal["s", "ms", "us", "ns", "ps", "min", "h", "d"] | None = Field(
         None, description='the unit of the times: "s", "ms", "us", "ns", "ps", "min", "h" or "d"'
@@ -129,8 +131,8 @@ class SimulateTable(StudySection):
     duration: float = Field(
         ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
     )
-    samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
-    repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
+    samples: int = Field(ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
+    repeats: int = Field(1, ge=1, le=MOST_RECORDS, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")
     outliers: float = Field(0.0, ge=0, description="a number of samples, or a fraction of them below 1")
     gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
@@ -199,11 +201,14 @@ class PosteriorTable(StudySection):
         "auto", description='"auto", "none" or "law": whether deviations from the laws are allowed'
     )
     sensor: float = Field(
-        0.002, ge=0, lt=0.5, description="the sensor's relative linearity, a number from 0 to below 0.5"
+        0.002,
+        ge=0,
+        lt=0.5,
+        description="the sensor's relative linearity error (sd), a number from 0 to below 0.5",
     )
-    chains: int = Field(4, ge=2, le=CHAINS, description="a whole number from 2 to 1000")
-    warmup: int = Field(500, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
-    draws: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    chains: int = Field(4, ge=2, le=MOST_CHAINS, description="a whole number from 2 to 1000")
+    warmup: int = Field(500, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
+    draws: int = Field(1000, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
 
 
 class EvidenceTable(StudySection):
@@ -222,13 +227,13 @@ class CalibrationTable(StudySection):
     bins of the ranks.
     """
 
-    records: int = Field(500, ge=1, le=RECORDS, description=_A_COUNT)
+    records: int = Field(500, ge=1, le=MOST_RECORDS, description=_A_COUNT)
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
-    draws: int = Field(255, ge=15, le=MANY, description="a whole number from 15 to 10,000,000")
-    bins: int = Field(16, ge=2, le=MANY, description="a whole number that divides draws + 1")
+    draws: int = Field(255, ge=15, le=MOST_SAMPLES, description="a whole number from 15 to 10,000,000")
+    bins: int = Field(16, ge=2, le=MOST_SAMPLES, description="a whole number that divides draws + 1")
 
     @model_validator(mode="after")
-    def _even(self) -> CalibrationTable:
+    def _check_bins(self) -> CalibrationTable:
         if (self.draws + 1) % self.bins:
             raise ValueError(f"bins ({self.bins}) must divide draws + 1 ({self.draws + 1})")
         return self
@@ -244,20 +249,22 @@ class RecoveryTable(StudySection):
     counted.
     """
 
-    records: int = Field(1000, ge=1, le=RECORDS, description=_A_COUNT)
+    records: int = Field(1000, ge=1, le=MOST_RECORDS, description=_A_COUNT)
     noise: Levels = Field((0.003, 0.01, 0.03, 0.1), description="a list of positive numbers")
     noise_sigma: float = Field(0.3, gt=0, description="a positive number")
     cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
-    samples: int = Field(600, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
-    single: int = Field(0, ge=0, le=RECORDS, description="a whole number from 0 to 1,000,000")
+    samples: int = Field(600, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
+    single: int = Field(0, ge=0, le=MOST_RECORDS, description="a whole number from 0 to 1,000,000")
     single_noise: float = Field(0.01, gt=0, description="a positive number")
     single_cycles: float = Field(10.0, gt=0, description="a positive number")
-    single_samples: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    single_samples: int = Field(
+        1000, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000"
+    )
     least_loss: float = Field(0.3, ge=0, lt=1, description="a fraction from 0 to below 1")
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedResult:
     """A published result, as printed: the error of an estimator on a signal (per cent), and its time."""
 
     estimator: str
@@ -395,7 +402,7 @@ class Study:
     recovery: RecoveryTable
     seed: int = 0
     description: str = ""
-    published: tuple[Published, ...] = ()
+    published: tuple[PublishedResult, ...] = ()
     plugins: tuple[PluginModule, ...] = ()
     version: int = 1
     tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)

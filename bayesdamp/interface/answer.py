@@ -29,7 +29,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
 from bayesdamp.serial import split
-from bayesdamp.store.contents import AnswerContent, WeighedCandidate
+from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
@@ -84,7 +84,7 @@ class Answer:
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
 
-        def log_of(row: WeighedCandidate) -> float:
+        def log_of(row: ComparedCandidate) -> float:
             return row.exact if exact or row.log_evidence is None else row.log_evidence
 
         top = max(map(log_of, rows))
@@ -268,7 +268,7 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
         if r.linearisation is not None and r.approximate_posterior is not None:
             laws.append({**name, "found": split(state_of(comparison, r), further, law_prefix(damping, law))})
     refused = [
-        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why)
+        ComparedCandidate("+".join(c.damping), c.restoring, outcome=why)
         for c, why in comparison.refused.items()
     ]
     rivals = [r for r in comparison.forms if comparison.compares(r)]
@@ -423,12 +423,12 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
     return arrays
 
 
-def _row(comparison: ModelComparison, result: CandidateResult) -> WeighedCandidate:
+def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandidate:
     """Return the stored form of a model. It has no rms residual if cycles were averaged instead of fitting samples."""
     data, noise = comparison.data, comparison.variance / comparison.inflation
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.
     squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
-    return WeighedCandidate(
+    return ComparedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,
         log_evidence=None if result.approximate_posterior is None else result.log_evidence,

@@ -158,20 +158,20 @@ class Comparison(Result):
         from matplotlib import rc_context
 
         from bayesdamp.report.drawing import RC, WIDTH
-        from bayesdamp.report.figures.answer import HEIGHT, draw_answer, draw_envelope
+        from bayesdamp.report.figures.answer import ANSWER_HEIGHT, draw_answer, draw_envelope
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
         answer, unit = self.answers[first], unit_named(self.units[first])
         if answer.content.envelope is not None:
-            three = get_axes(ax, 3, size=(WIDTH, HEIGHT))
+            three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
             draw_envelope(three, answer.arrays, answer.verdict, unit.name)
             return three
         recorded = unit.of(self.quantities[first])
         show_in_notebook()
         with rc_context(RC):
-            four = get_axes(ax, 4, columns=2, size=(WIDTH, HEIGHT))
+            four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)
             draw_answer(four, arrays, unit.displacement.name, answer.verdict.damping, recorded)
         return four
@@ -190,7 +190,7 @@ class Comparison(Result):
             for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
-        page, _ = page_of(RunFolder.of_cells(info, cells))
+        page, _ = page_of(RunFolder.of_results(info, cells))
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:

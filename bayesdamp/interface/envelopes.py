@@ -94,11 +94,11 @@ def answer_envelope(
         If a sum has more than three terms, or envelopes cannot distinguish the sums.
     """
     from bayesdamp.report.figures.answer import picture  # imports slowly
-    from bayesdamp.report.figures.record import thinned
+    from bayesdamp.report.figures.record import thin_line
 
     chosen, left_out = distinguishable_sums(sums)
     result = analyse(record, window, seed, chosen)
-    t, level = thinned(record.t, record.level, STORED_READINGS)
+    t, level = thin_line(record.t, record.level, STORED_READINGS)
     arrays = {"t": t, "level": level}
     if result.curve is not None:
         arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}

@@ -14,10 +14,10 @@ from bayesdamp.formatting import Table, compact
 from bayesdamp.interface.result import Result, get_axes
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
-from bayesdamp.records.files.names import by_name
-from bayesdamp.records.findings import Kind, findings, question
+from bayesdamp.records.files.names import unit_by_name
+from bayesdamp.records.findings import Kind, find_question, findings
 from bayesdamp.records.read import read_records
-from bayesdamp.records.record import RawRecord, read_as
+from bayesdamp.records.record import RawRecord, unit_or_guess
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -191,7 +191,7 @@ def read(
     0.3
     """
     path = Path(path)
-    unit, quantity = by_name(unit, quantity)
+    unit, quantity = unit_by_name(unit, quantity)
     raw = tuple(
         read_records(
             path,
@@ -203,7 +203,7 @@ def read(
             time_unit=time_unit,
         )
     )
-    units = {read_as(record, unit, quantity): record.channel for record in raw}
+    units = {unit_or_guess(record, unit, quantity): record.channel for record in raw}
     if len(units) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in units.items())
         raise InputError(
@@ -214,7 +214,7 @@ def read(
     known_unit(unit, quantity, path.name)
     warned = []
     for record in raw:
-        if (doubt := question(record, unit, quantity, given is not None)) is not None:
+        if (doubt := find_question(record, unit, quantity, given is not None)) is not None:
             raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
         doubts = [] if given is not None else findings(record, unit, quantity)
         new = [f"{f.sentence}; give unit= if that is wrong." for f in doubts if f.kind is Kind.DEGREES]

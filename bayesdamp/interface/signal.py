@@ -15,9 +15,9 @@ from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.result import FAINT, INK, Result, get_axes
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
-from bayesdamp.records.files.names import by_name
-from bayesdamp.records.read import FASTEST, SLOWEST
-from bayesdamp.records.record import RawRecord, resolved_unit, unwrap
+from bayesdamp.records.files.names import unit_by_name
+from bayesdamp.records.read import FASTEST_RATE, SLOWEST_RATE
+from bayesdamp.records.record import RawRecord, choose_unit, unwrap
 from bayesdamp.types import InputError, Provenance
 from bayesdamp.units import UNITS, Unit
 
@@ -188,9 +188,9 @@ def signal(
             raise InputError("signal: give times or rate, not both")
         only = t if y is None else y
         y = numbers_of(() if only is None else only, "y", name)
-        if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+        if not (np.isfinite(rate) and SLOWEST_RATE <= rate <= FASTEST_RATE):
             raise InputError(
-                f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"
+                f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST_RATE:g} to {FASTEST_RATE:g}"
             )
         t = np.arange(y.size) / rate
     if t is None or y is None:
@@ -211,7 +211,7 @@ def signal(
             raise InputError(f"{what}[{at}] is {column[at]}, not a finite number; remove such samples", name)
     if np.ptp(values) == 0:
         raise InputError(f"y is constant ({values[0]:g}); give a record that oscillates", name)
-    unit, quantity = resolved_unit(*by_name(unit, quantity), "", "")
+    unit, quantity = choose_unit(*unit_by_name(unit, quantity), "", "")
     scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
     if cleaned:

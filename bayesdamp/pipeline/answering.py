@@ -26,8 +26,9 @@ from bayesdamp.verdict.types import Verdict
 
 ANSWER, SAMPLED_ANSWER = "answer", "sampled"
 """Kinds of the two tasks: the answer by linear models, and the same with the most probable candidates sampled."""
-_WEIGHINGS: dict[str, dict[str, ModelComparison]] = {}
-"""The fitted candidates of the last answer only, by the answer's key: the sampled answer starts from them."""
+_COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
+"""The comparisons of the last answer only, by the answer's key and the restoring laws: the sampled answer starts from
+them."""
 
 
 def asks_for_answers(study: Study) -> bool:
@@ -94,7 +95,7 @@ def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, ki
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
         names = ", ".join(missing)
-        raise Refusal(f"not weighed: {names} cannot be compiled; give the term a `kernel`")
+        raise Refusal(f"not compared: {names} cannot be compiled; give the term a `kernel`")
 
     def known(law: str) -> Mapping[str, float]:
         system = record.system(law)
@@ -103,8 +104,8 @@ def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, ki
 
     # The sampled answer starts from the fits of the first answer.
     first = answer_key(study, spec, repeat, store)
-    if first not in _WEIGHINGS:
-        _WEIGHINGS.clear()
+    if first not in _COMPARISONS:
+        _COMPARISONS.clear()
     priors: dict[str, Prior] = stated_priors(study)
     for law in spec.restoring:
         priors |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
@@ -121,7 +122,7 @@ def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, ki
         seed=task_seed(study, f"{kind}/{spec.name}/{repeat}"),
         notes=record.content.anomalies,
         sample=kind == SAMPLED_ANSWER,
-        comparisons=_WEIGHINGS.setdefault(first, {}),
+        comparisons=_COMPARISONS.setdefault(first, {}),
         repeated=bool(spec.specimen),
         noise=study.posterior.noise,
     )

@@ -17,7 +17,7 @@ from bayesdamp.serial import split
 from bayesdamp.store import Store, sha256
 from bayesdamp.types import InputError, Refusal
 
-CACHED = 2000
+CACHED_ENVELOPES = 2000
 """Number of envelopes that are cached in memory; each takes about 100 kB."""
 
 
@@ -32,7 +32,7 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
     return replace(record, name=name), window
 
 
-@lru_cache(maxsize=CACHED)
+@lru_cache(maxsize=CACHED_ENVELOPES)
 def _read(source: Recording, changed: int) -> EnvelopeRecord:
     """Read the envelope in a file; cached while its time of change `changed` is the same (a run reads files twice)."""
     del changed

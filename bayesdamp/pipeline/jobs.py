@@ -26,7 +26,7 @@ from bayesdamp.pipeline.candidates.evidence import compute_average, has_average
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
-from bayesdamp.pipeline.tasks import Make, digest, task_key
+from bayesdamp.pipeline.tasks import Make, digest_of, task_key
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import EvidenceContent
@@ -35,7 +35,7 @@ from bayesdamp.types import OK, candidate_parts
 
 FAR_BEHIND = 5.0
 """Distance to the best log evidence (nats) from which a candidate is not likely: its posterior odds are below 1:148."""
-FAR_AT_ONCE = Status.PRUNED.because("far behind in the first weighing")
+FAR_IN_ANSWER = Status.PRUNED.because("far behind in the answer")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
 
 
@@ -59,7 +59,7 @@ class CandidateSelection:
         for name in self.names:
             damping, law = candidate_parts(name)
             is_out = short is not None and (damping, law or self.spec.restoring[0]) not in short
-            outcomes[name] = FAR_AT_ONCE if is_out else ""
+            outcomes[name] = FAR_IN_ANSWER if is_out else ""
         return outcomes
 
     def outcomes_after_laplace(self) -> dict[str, str]:
@@ -142,10 +142,10 @@ class Depth(StrEnum):
 class Job:
     """Tasks that one process computes one after another.
 
-    signal: name of the signal; of the specimen if part is "specimen".
+    signal: name of the signal; of the specimen if task_group is "specimen".
     repeat: number of the repeat of a simulated signal, from 0.
     model: the candidate; None if the job concerns the whole record or several records.
-    part: which tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
+    task_group: its tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
     Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these. For
     several models: "average". For several records: "specimen". For all specimens: "population".
     """
@@ -153,7 +153,7 @@ class Job:
     signal: str
     repeat: int
     model: str | None = None
-    part: str | None = None
+    task_group: str | None = None
 
 
 def task_names(study: Study) -> list[str]:
@@ -165,7 +165,7 @@ def task_names(study: Study) -> list[str]:
 
 def is_within(job: Job, depth: Depth) -> bool:
     """Return whether a run of this depth includes a job."""
-    return depth is Depth.WHOLE or job.part in ("read", ANSWER, depth)
+    return depth is Depth.WHOLE or job.task_group in ("read", ANSWER, depth)
 
 
 def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
@@ -182,32 +182,35 @@ def jobs_of(study: Study) -> list[Job]:
     # Repeat by repeat over all signals: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    parts = ("read", *((ANSWER, SAMPLED_ANSWER) if asks_for_answers(study) else ()))
+    task_groups = ("read", *((ANSWER, SAMPLED_ANSWER) if asks_for_answers(study) else ()))
     # An envelope is read by its answer task.
     jobs = [
-        Job(s.name, r, part=part) for part in parts for s, r in records if part == ANSWER or not s.is_envelope
+        Job(s.name, r, task_group=task_group)
+        for task_group in task_groups
+        for s, r in records
+        if task_group == ANSWER or not s.is_envelope
     ]
     jobs += [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
-    jobs += [Job(s.name, 0, part="average") for s in study.signals if has_average(study, s)]
+    jobs += [Job(s.name, 0, task_group="average") for s in study.signals if has_average(study, s)]
     if study.evidence.methods:
-        jobs += [Job(name, 0, part="specimen") for name in study.repeated]
-        jobs += [Job("specimens", 0, part="population")] if len(study.specimens) > 1 else []
+        jobs += [Job(name, 0, task_group="specimen") for name in study.repeated]
+        jobs += [Job("specimens", 0, task_group="population")] if len(study.specimens) > 1 else []
     return jobs
 
 
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return the tasks of a job: by name, the key of the task and the function that computes it."""
-    if job.part == "population":
+    if job.task_group == "population":
         keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
         return {
             "population/specimens": (task_key("population", keys), partial(compute_population, study, store))
         }
-    if job.part == "specimen":
+    if job.task_group == "specimen":
         specimen = Specimen(study, job.signal, study.specimens[job.signal], store)
         return {f"joint/{job.signal}": (specimen.key, partial(compute_joint, specimen))}
     spec = next(s for s in study.signals if s.name == job.signal)
     record = f"{spec.name}/{job.repeat}"
-    if job.part == "average":
+    if job.task_group == "average":
         keys = [task_keys(StudyCandidate(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         name = f"averaged/{record}"
         return {name: (task_key("averaged", keys), partial(compute_average, study, spec, store, name))}
@@ -216,26 +219,26 @@ def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]
         return {
             name: (key, partial(compute, candidate, name))
             for name, key in task_keys(candidate).items()
-            if job.part is None or job.part == _part_of(name)
+            if job.task_group is None or job.task_group == _task_group_of(name)
         }
     if spec.is_envelope:
         from bayesdamp.pipeline.envelopes import compute_envelope, envelope_key  # imports slowly
 
         key, make = envelope_key(study, spec, store), partial(compute_envelope, study, spec)
         return {f"{ANSWER}/{record}": (key, make)}
-    if job.part == "read":
+    if job.task_group == "read":
         key, make = (
             signal_key(study, spec, job.repeat, store),
             partial(compute_signal, study, spec, job.repeat),
         )
         return {f"signal/{record}": (key, make)}
-    kind = SAMPLED_ANSWER if job.part == SAMPLED_ANSWER else ANSWER
+    kind = SAMPLED_ANSWER if job.task_group == SAMPLED_ANSWER else ANSWER
     key = answer_key(study, spec, job.repeat, store, kind)
     return {f"{kind}/{record}": (key, partial(compute_answer, study, spec, job.repeat, store, kind))}
 
 
-def _part_of(name: str) -> str:
-    """Return which part of a candidate's job a task belongs to."""
+def _task_group_of(name: str) -> str:
+    """Return the `task_group` of the candidate's job that contains the task of this name."""
     parts = TaskName.of(name)
     kind, method = parts.kind, parts.method
     if kind == "sensitivity" and method != "savage_dickey":
@@ -249,16 +252,16 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages."""
     jobs = jobs_of(study)
     # Every other task reads its record from the store.
-    for part in ("read", ANSWER, SAMPLED_ANSWER):
-        yield [job for job in jobs if job.part == part and is_within(job, depth)]
+    for task_group in ("read", ANSWER, SAMPLED_ANSWER):
+        yield [job for job in jobs if job.task_group == task_group and is_within(job, depth)]
     if depth is not Depth.WHOLE:
         return
     if study.models.prune is not None or study.posterior.best is not None:
         yield from _pruned_stages(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
-    yield [job for job in jobs if job.part in ("average", "specimen")]
-    yield [job for job in jobs if job.part == "population"]
+    yield [job for job in jobs if job.task_group in ("average", "specimen")]
+    yield [job for job in jobs if job.task_group == "population"]
 
 
 def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
@@ -272,32 +275,34 @@ def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
     def leave_out(job: Job, why: str, only: Callable[[str], bool]) -> None:
         """Store the reason `why` as the result of those tasks of a job whose names satisfy `only`."""
         for name, (key, _) in tasks_of(study, store, job).items():
-            if only(name) and not store.has(name, aside := digest(why, key)):
+            if only(name) and not store.has(name, aside := digest_of(why, key)):
                 store.write(TaskResult(name, aside, outcome=why))
 
-    for outcomes_of, part in (
+    for outcomes_of, task_group in (
         (CandidateSelection.outcomes_after_answer, "fit"),
         (CandidateSelection.outcomes_after_laplace, "evidence"),
     ):
         stage = []
         for selection in selections:
             for name, why in outcomes_of(selection).items():
-                job = Job(selection.spec.name, selection.repeat, name, part=part)
+                job = Job(selection.spec.name, selection.repeat, name, task_group=task_group)
                 if why:
                     leave_out(job, why, lambda task: TaskName.of(task).kind == "evidence")
                 else:
                     stage.append(job)
         yield stage
     stage = []
-    for part, choose in (
+    for task_group, choose in (
         ("sample", CandidateSelection.choose_for_sampling),
         ("sensitivity", CandidateSelection.choose_for_sensitivity),
     ):
         for selection in selections:
             chosen = choose(selection)
-            stage += [Job(selection.spec.name, selection.repeat, name, part=part) for name in chosen]
+            stage += [
+                Job(selection.spec.name, selection.repeat, name, task_group=task_group) for name in chosen
+            ]
             stored = set(store.names())
             for name in set(selection.names) - set(chosen):
-                job = Job(selection.spec.name, selection.repeat, name, part=part)
+                job = Job(selection.spec.name, selection.repeat, name, task_group=task_group)
                 leave_out(job, NOT_SAMPLED, stored.__contains__)
     yield stage

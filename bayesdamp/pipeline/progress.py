@@ -16,40 +16,40 @@ if TYPE_CHECKING:
     from bayesdamp.pipeline.jobs import Job
 
 READING = "reading"
-DOING = {
+ACTIVITIES = {
     None: "estimating, fitting, sampling",
     "fit": "estimating and fitting",
     "evidence": "computing the evidence of",
     "sample": "sampling",
     "sensitivity": "trying other priors and half the record with",
 }
-"""What a job on damping models does, by its part."""
+"""What a job on damping models does, by its `task_group`."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
     """Return a description of a stage for the user, such as "sampling 3 damping models on 1 record"."""
     job = jobs[0]
-    records = _counted(len({(j.signal, j.repeat) for j in jobs}), "record")
-    if job.part == "read":
+    records = _with_count(len({(j.signal, j.repeat) for j in jobs}), "record")
+    if job.task_group == "read":
         return f"{READING} {records}"
-    if job.part == "answer":
+    if job.task_group == "answer":
         specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
-        sums = _counted(max(len(study.dampings(s)) for s in specs), "damping model")
+        sums = _with_count(max(len(study.dampings(s)) for s in specs), "damping model")
         laws = max(len(s.restoring) for s in specs)
-        under = f" and {_counted(laws, 'restoring law')}" if laws else ""  # an envelope has none
+        under = f" and {_with_count(laws, 'restoring law')}" if laws else ""  # an envelope has none
         return f"measuring the damping of {records} with {sums}{under}"
     if job.model is not None:
-        models = _counted(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
-        return f"{DOING[job.part]} {models} on {records}"
+        models = _with_count(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
+        return f"{ACTIVITIES[job.task_group]} {models} on {records}"
     return {
         "sampled": f"checking the answer on {records} by sampling",
         "average": "averaging over damping models",
-        "specimen": f"joining the records of {_counted(len(jobs), 'specimen')}",
+        "specimen": f"joining the records of {_with_count(len(jobs), 'specimen')}",
         "population": "comparing the specimens",
-    }[str(job.part)]
+    }[str(job.task_group)]
 
 
-def _counted(number: int, what: str) -> str:
+def _with_count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 

@@ -20,8 +20,8 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.cleaning.clean import clean, decimate
-from bayesdamp.records.findings import question
-from bayesdamp.records.oscillation.anomalies import anomalies
+from bayesdamp.records.findings import find_question
+from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
@@ -35,8 +35,8 @@ from bayesdamp.verdict.words import describe_motion
 
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
-"""Raw samples of a measured record that are stored for its plot, at least, if it has as many."""
-CACHED = 8
+"""A measured record of more raw samples is thinned before it is stored for its plot, to at least this number."""
+CACHED_RECORDS = 8
 """Number of records that are cached in memory."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
@@ -53,7 +53,7 @@ def read_thinned(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    doubt = question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
+    doubt = find_question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
     if doubt is not None:
         raise InputError(doubt.sentence, arguments=doubt.arguments)
     return decimate(unwrap(raw, source.unit, source.quantity))
@@ -74,7 +74,7 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
 
 
-@lru_cache(maxsize=CACHED)
+@lru_cache(maxsize=CACHED_RECORDS)
 def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
     del stamp
     raw = read_thinned(source)
@@ -169,7 +169,7 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
         known["epsilon"] = reference.friction_width
         share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
         note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
-    remarks = list(anomalies(signal, measured))
+    remarks = list(find_anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
     if other is not None and other.motion is not None:
         clause = describe_motion(in_unit(other, UNITS[spec.source.unit]), other.motion)
@@ -217,7 +217,7 @@ class StudyRecord:
         """The signal. The last few are cached, because their features are stored with the object."""
         name = self.result.name, self.result.key
         signal = _SIGNALS.setdefault(name, signal_of(self.result))
-        while len(_SIGNALS) > CACHED:
+        while len(_SIGNALS) > CACHED_RECORDS:
             del _SIGNALS[next(iter(_SIGNALS))]
         return signal
 

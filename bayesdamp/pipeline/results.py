@@ -31,7 +31,7 @@ from bayesdamp.types import OK, InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-PRINTED = 20
+PRINTED_CANDIDATES = 20
 """Greatest number of candidates that a printed `Run` lists."""
 
 
@@ -62,12 +62,12 @@ class Candidate(ResultView):
 
     def _table(self) -> Table:
         rows = [(n, compact(v, 6), compact(self.sd.get(n, math.nan), 2)) for n, v in self.values.items()]
-        weighed = [
+        log_evidences = [
             f"{m} {compact(e.log_evidence, 7)}"
             for m, e in self.evidence.items()
             if np.isfinite(e.log_evidence)
         ]
-        more = {"estimates": self.estimates, "posteriors": self.posteriors, "log evidence": weighed}
+        more = {"estimates": self.estimates, "posteriors": self.posteriors, "log evidence": log_evidences}
         notes = outcome_notes(self.outcome, [f"{kind}: {', '.join(n)}" for kind, n in more.items() if n])
         title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
         return Table(("parameter", "value", "sd"), rows, caption=title, notes=notes)
@@ -192,9 +192,9 @@ class Run(ResultView):
                 types.candidate_name(c.damping, c.restoring),
                 ", ".join(f"{n} {v:.4g}" for n, v in c.values.items() if n in c.sd) or c.outcome,
             )
-            for c in self.candidates[:PRINTED]
+            for c in self.candidates[:PRINTED_CANDIDATES]
         )
-        more = len(self.candidates) - PRINTED
+        more = len(self.candidates) - PRINTED_CANDIDATES
         notes = (f"and {more} more",) if more > 0 else ()
         return Table(
             ("record", "model", "values"),

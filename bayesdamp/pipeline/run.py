@@ -31,8 +31,8 @@ from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, 
 from bayesdamp.pipeline.progress import describe_stage, progress_on
 from bayesdamp.pipeline.records import read_free_decay, signal_of
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
-from bayesdamp.pipeline.tasks import compute_and_store, digest
-from bayesdamp.pipeline.workers import KILLED, open_pool, restart, run_in_pool
+from bayesdamp.pipeline.tasks import compute_and_store, digest_of
+from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
@@ -114,22 +114,22 @@ def run_study(
         shown = Console(quiet=True) if quiet else console
         with progress_on(shown) as progress, open_pool(workers, scheduler, console.print) as pool:
             if pool is not None and depth is Depth.WHOLE:
-                pool.submit(_prepare)
-                threading.Thread(target=_prepare, daemon=True).start()
+                pool.submit(_import_later_modules)
+                threading.Thread(target=_import_later_modules, daemon=True).start()
             for stage in stages(study, store, depth):
                 if not stage:
                     continue
                 progress.begin(describe_stage(study, stage), stage)
                 _run_jobs(study, store, stage, pool, lambda _: progress.advance())
-                if stage[0].part == "read" and not asks_for_answers(study):
+                if stage[0].task_group == "read" and not asks_for_answers(study):
                     _report_verdicts(study, store, on_verdict)
                 # Write the answer now, in case a later stage fails.
-                if stage[0].part in (ANSWER, SAMPLED_ANSWER):
-                    current = Store(out, _current(study, store))
+                if stage[0].task_group in (ANSWER, SAMPLED_ANSWER):
+                    current = Store(out, _current_keys(study, store))
                     _report_verdicts(study, current, on_verdict)
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
-            write_tables(study, Store(out, _current(study, store)))
+            write_tables(study, Store(out, _current_keys(study, store)))
             from bayesdamp.report.render import render  # imports Matplotlib
 
             try:
@@ -192,7 +192,7 @@ def _run_job(
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
-    study = _unpickled(study) if isinstance(study, bytes) else study
+    study = _unpickle(study) if isinstance(study, bytes) else study
     store, names = Store(folder), []
     # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
@@ -204,7 +204,7 @@ def _run_job(
     return names
 
 
-_unpickled: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
+_unpickle: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _is_done(store: Store, name: str, key: str) -> bool:
@@ -253,7 +253,7 @@ def _run_jobs(
         return next((n for n, key in keys.items() if not _is_done(store, n, key)), None)
 
     def give_up(job: Job, name: str) -> None:
-        store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED))
+        store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED_OUTCOME))
 
     run_in_pool(
         jobs,
@@ -265,13 +265,13 @@ def _run_jobs(
     )
 
 
-def _prepare() -> None:
+def _import_later_modules() -> None:
     """Import modules that are needed later; this runs while the first record is read and processes are idle."""
     for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 
 
-def _current(study: Study, store: Store) -> dict[str, str]:
+def _current_keys(study: Study, store: Store) -> dict[str, str]:
     """Return the keys of the stored results by task name, without results of an earlier version of the study."""
     current = {}
     kinds = [(name, TaskName.of(name).kind) for name in store.names()]
@@ -279,11 +279,11 @@ def _current(study: Study, store: Store) -> dict[str, str]:
     for job in jobs_of(study):
         # Computing the keys of candidates is slow, and most runs store no results of candidates.
         prefix = f"{job.signal}/{job.repeat}/{job.model or ''}"
-        is_of_candidates = job.model is not None or job.part == "average"
+        is_of_candidates = job.model is not None or job.task_group == "average"
         if is_of_candidates and not any(prefix in f"{name}/" for name in stored):
             continue
         for name, (key, _) in tasks_of(study, store, job).items():
             result = store.find(name, arrays=False)
-            if result is not None and result.key in (key, digest(result.outcome, key)):
+            if result is not None and result.key in (key, digest_of(result.outcome, key)):
                 current[name] = result.key
     return current

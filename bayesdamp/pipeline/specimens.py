@@ -46,10 +46,10 @@ from bayesdamp.types import OK, Reference, Refusal, candidate_parts, sum_probabi
 from bayesdamp.units import UNITS
 
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
-NOT_WEIGHED = Status.PRUNED.because("not weighed in the answer on any record")
-WIDE = 3.0
-"""Prior scale of a population's location, in units of the largest coefficient of a specimen, if the study states no
-prior of the coefficient. A convention: much wider than the intervals of single specimens."""
+NOT_COMPARED = Status.PRUNED.because("not compared in the answer on any record")
+LOCATION_SCALE = 3.0
+"""Scale of the prior of a population's location, as a multiple of the largest coefficient of a specimen, if the study
+states no prior of the coefficient. A convention: much wider than the intervals of single specimens."""
 Arrays = dict[str, np.ndarray]
 
 
@@ -60,7 +60,7 @@ class AnsweredRecord:
     label: str
     signal: str
     repeat: int
-    weighed: RunComparison
+    comparison: RunComparison
 
 
 class Specimen:
@@ -112,20 +112,23 @@ class Specimen:
     @property
     def reference(self) -> Reference:
         """The reference of its priors: the geometric mean of the references of its records."""
-        return common_reference([r.weighed for r in self.answered])
+        return common_reference([r.comparison for r in self.answered])
 
     @cached_property
-    def weighed(self) -> SpecimenComparison:
+    def comparison(self) -> SpecimenComparison:
         """The joint fit of all candidates to the records with an answer. Raises Refusal if no record has an answer."""
         if not self.answered:
             raise Refusal("no record has an answer")
-        return compare_runs([r.weighed for r in self.answered], self.priors, seed=self.seed)
+        return compare_runs([r.comparison for r in self.answered], self.priors, seed=self.seed)
 
     def model_of(self, candidate: str) -> Model | None:
-        """Return a candidate by its name in the answers, (damping, restoring); None if no answer compared it."""
+        """Return the (damping, restoring) key of a candidate such as `viscous+coulomb@linear`.
+
+        The order of terms does not matter; without `@` the first restoring law is meant. None if no answer compared it.
+        """
         damping, law = candidate_parts(candidate)
         terms, law = set(parse_model(damping)), law or self.specs[0].restoring[0]
-        models = self.weighed.log_evidence
+        models = self.comparison.log_evidence
         return next((m for m in models if set(m[0].split("+")) == terms and m[1] == law), None)
 
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
@@ -146,30 +149,30 @@ def compute_joint(specimen: Specimen) -> Product:
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two of its records have an answer")
     rows, arrays = compare_candidates(specimen)
-    weighed = specimen.weighed
-    if not weighed.repeats:
-        raise Refusal("no damping model was weighed on all records")
-    best = find_likeliest({c: row.probability for c, row in rows.items()})
+    comparison = specimen.comparison
+    if not comparison.repeats:
+        raise Refusal("no damping model was fitted to all records")
+    best = likeliest_candidate({c: row.probability for c, row in rows.items()})
     model = specimen.model_of(best)
     alone: dict[str, JointEvidence] = {}
     no_spread = float("nan")
-    if model is not None and model in weighed.repeats:
-        runs, units = weighed.under(model), rows[best].units
+    if model is not None and model in comparison.repeats:
+        runs, units = comparison.under(model), rows[best].units
         for record, run in zip(specimen.answered, runs, strict=True):
             single = compare_runs([run], specimen.priors, seed=specimen.seed)
             summary = summarise_draws(single.repeats[model])
             alone[record.label] = JointEvidence(OK, single.log_evidence[model], summary, units)
         without_spread = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
-        no_spread = without_spread.log_evidence[model] - weighed.log_evidence[model]
+        no_spread = without_spread.log_evidence[model] - comparison.log_evidence[model]
     content = JointContent(
         records=tuple(r.label for r in specimen.answered),
         members=tuple((r.signal, r.repeat) for r in specimen.answered),
         deviation=specimen.deviation,
-        reference=weighed.reference,
+        reference=comparison.reference,
         best=best,
         candidates=rows,
-        others=weighed.others(),
-        spread=weighed.spread(),
+        others=comparison.others(),
+        spread=comparison.spread(),
         no_spread=no_spread,
         alone=alone,
     )
@@ -180,26 +183,26 @@ def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
     """Return the evidence and summaries of each candidate on a specimen, and the draws, named as in `JointContent`."""
     rows: dict[str, JointCandidate] = {}
     arrays: Arrays = {}
-    weighed = specimen.weighed
+    comparison = specimen.comparison
     for candidate in specimen.candidates:
         model = specimen.model_of(candidate)
         if model is None:
-            rows[candidate] = JointCandidate(NOT_WEIGHED)
+            rows[candidate] = JointCandidate(NOT_COMPARED)
             continue
-        repeats = weighed.repeats.get(model)
+        repeats = comparison.repeats.get(model)
         summary = {} if repeats is None else summarise_draws(repeats)
         rows[candidate] = JointCandidate(
             OK if repeats else NOT_JOINED,
-            weighed.log_evidence[model],
+            comparison.log_evidence[model],
             summary,
             specimen.units(candidate, list(summary)),
-            weighed.probability[model],
+            comparison.probability[model],
         )
         if repeats is None:
             continue
         arrays[f"{candidate}/spread"] = repeats.spreads
-        priors = priors_of(model[0], weighed.reference, specimen.priors)
-        coefficients = weighed.runs[model][0].coefficients
+        priors = priors_of(model[0], comparison.reference, specimen.priors)
+        coefficients = comparison.runs[model][0].coefficients
         for i, name in enumerate(repeats.names):
             if coefficients[i]:
                 draws = repeats.draws[:, i]
@@ -217,7 +220,7 @@ def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[st
     return {n: arrays[f"{candidate}/{n}"] for n in names}
 
 
-def find_likeliest(probabilities: Mapping[str, float]) -> str:
+def likeliest_candidate(probabilities: Mapping[str, float]) -> str:
     """Return the most probable candidate of the most probable damping.
 
     The probability of a damping is summed over restoring laws.
@@ -252,7 +255,7 @@ def compute_population(study: Study, store: Store) -> Product:
     sums = {c: sum(own[c] for own in logs.values()) for c in specimens[0].candidates if c in common}
     candidates = [c for c in sums if all(own[c].summary for own in rows.values())]
     if not candidates:
-        raise Refusal("no population: no model was weighed on every specimen")
+        raise Refusal("no population: no model was fitted to every specimen")
     best = max(candidates, key=lambda c: sums[c])
     names = list(coefficients_of(draws[specimens[0].name], best))
     damping = "+".join(parse_model(candidate_parts(best)[0]))
@@ -285,12 +288,13 @@ def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:
     ----------
     priors
         Priors of the coefficient, one for each specimen. If the study states priors, the result is the geometric mean
-        of their scales. The default prior has no fixed scale; then the result is `WIDE` times the largest mean.
+        of their scales. The default prior has no fixed scale; then the result is `LOCATION_SCALE` times the largest
+        mean.
     means
         Posterior means of the coefficient, one for each specimen.
     """
     if any(isinstance(p, SharedHalfNormal) for p in priors):
-        return WIDE * max(means)
+        return LOCATION_SCALE * max(means)
     return float(np.exp(np.mean(np.log([float(p.value(1.0)) for p in priors]))))
 
 

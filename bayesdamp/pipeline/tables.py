@@ -134,7 +134,7 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, R
     the sampled answer (None without one).
     """
     for spec, repeat in study.records:
-        sampled = _sampled(store, spec, repeat)
+        sampled = _sampled_posteriors(store, spec, repeat)
         for name in study.compare(spec):
             yield spec, f"{spec.name}/{repeat}/{name}", _head(spec, repeat, name), sampled.get(name)
 
@@ -164,7 +164,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     return float(truth.get(name, 0.0 if damps else math.nan))
 
 
-def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
+def _sampled_posteriors(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
     """Return the posteriors in a record's sampled answer, by the name of the candidate."""
     result = store.find(f"{SAMPLED_ANSWER}/{spec.name}/{repeat}", arrays=False)
     if result is None or result.outcome != OK:
@@ -231,11 +231,11 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         models = study.compare(spec)
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
         every = [(m, e) for by_model in by_method.values() for m, e in by_model.items()]
-        weighed = {
+        with_evidence = {
             m for m, e in every if np.isfinite(e.log_evidence) or status_of(e.outcome) is Status.PRUNED
         }
         for method, by_model in by_method.items():
-            lost = [m for m, e in by_model.items() if m not in weighed and e.outcome != OK]
+            lost = [m for m, e in by_model.items() if m not in with_evidence and e.outcome != OK]
             pruned = [m for m, e in by_model.items() if status_of(e.outcome) is Status.PRUNED]
             finite = [e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)]
             best = max(finite, default=math.nan)
@@ -246,7 +246,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             for model, evidence in by_model.items():
                 row = _evidence_row(evidence, likelihood_of(study), best, shares.get(model, math.nan))
                 yield {**_head(spec, repeat, model), "method": method, **row}
-        sampled = _sampled(store, spec, repeat)
+        sampled = _sampled_posteriors(store, spec, repeat)
         best = max((smc.log_evidence for smc in sampled.values()), default=math.nan)
         for model, smc in sampled.items():
             diagnostic = f"temperatures: {smc.temperatures}, acceptance {smc.acceptance:.2f}"

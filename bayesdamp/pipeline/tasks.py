@@ -62,14 +62,14 @@ Make = Callable[[], Product]
 """A function that computes the result of a task."""
 
 
-def digest(*parts: object) -> str:
+def digest_of(*parts: object) -> str:
     """Return the SHA-256 of values as JSON."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def task_key(kind: str, *parts: object) -> str:
     """Return the key of a task: the hash of `parts`, which are its inputs, and of the code that computes it."""
-    return digest(kind, code_digest(*CODE[kind]), *parts)
+    return digest_of(kind, code_digest(*CODE[kind]), *parts)
 
 
 def uses_library(method: str) -> bool:

@@ -16,9 +16,9 @@ from bayesdamp.machine import processes
 from bayesdamp.types import InputError
 
 Job = TypeVar("Job")
-TRIES = 2
+MOST_TRIES = 2
 """Number of times that a task is tried if its process is killed (conventional)."""
-KILLED = "failed: the process that computed it was killed, twice (by hand, or for want of memory)"
+KILLED_OUTCOME = "failed: the process that computed it was killed, twice (by hand, or for lack of memory)"
 
 
 @contextmanager
@@ -129,7 +129,7 @@ def run_in_pool(
             if name is None:
                 return given_up
             tries[name] = tries.get(name, 0) + 1
-            if tries[name] >= TRIES:
+            if tries[name] >= MOST_TRIES:
                 give_up(job, name)
                 given_up.append(name)
 

@@ -43,8 +43,8 @@ _MUCH_LARGER = 10.0
 _MAX_COMPARED = 40
 """At most this many columns are compared with each other by correlation."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""Largest relative difference of a mean acceleration from gravity (large amplitudes lower it), and of one coarse period
-from twice another."""
+"""Largest relative difference between a mean acceleration and gravity (large amplitudes lower the mean), and between
+one coarse period and twice another."""
 _MIN_RELATIVE_SIZE = 1 / 3
 """Of several sensors of one kind, those with less than this fraction of the largest oscillation are left out."""
 MIN_POWER_FRACTION = 0.3
@@ -59,13 +59,13 @@ SMOOTHING_PERIODS = 3
 """Number of periods over which the size is averaged before its growth is measured."""
 SAME_SIGNAL = 0.9999
 """Two columns with a larger correlation are the same signal in two units."""
-LARGEST = 1e100
+LARGEST_VALUE = 1e100
 """Largest absolute value that is accepted, so that squares do not overflow."""
 
 
 @dataclass(frozen=True)
-class Swing:
-    """A coarse measure of the oscillation in a column, by which a record is recognised among a file's columns.
+class OscillationMeasure:
+    """Coarse measures of the oscillation in a column, by which a record is recognised among a file's columns.
 
     Attributes
     ----------
@@ -86,13 +86,13 @@ class Swing:
 
     period: float
     size: float
-    swings: bool = False
-    lasts: bool = False
-    dies: bool = False
+    oscillates: bool = False
+    fills_periods: bool = False
+    decays: bool = False
     grows_again: bool = False
 
 
-def measure_swing(y: np.ndarray) -> Swing:
+def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     """Measure the oscillation in values.
 
     Parameters
@@ -102,13 +102,13 @@ def measure_swing(y: np.ndarray) -> Swing:
 
     Returns
     -------
-    Swing
-        The measure; period inf and size 0 if the values are constant, too few, or too large to compute with.
+    OscillationMeasure
+        The measures; period inf and size 0 if the values are constant, too few, or too large to compute with.
     """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
-    if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
-        return Swing(np.inf, 0.0)
+    if y.size < 10 or not 0 < scale < LARGEST_VALUE or np.ptp(y) == 0:
+        return OscillationMeasure(np.inf, 0.0)
     y = y / scale - np.mean(y / scale)
     period, share = coarse_period(np.arange(y.size, dtype=float), y)
     # `sizes` are the standard deviations within successive periods.
@@ -122,12 +122,12 @@ def measure_swing(y: np.ndarray) -> Swing:
         falling = smooth[int(np.argmax(smooth)) :]
         growth = float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
     periods_filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
-    return Swing(
+    return OscillationMeasure(
         period,
         size,
-        swings=share >= MIN_POWER_FRACTION and y.size / period >= MIN_CYCLES,
-        lasts=periods_filled >= MIN_CYCLES,
-        dies=last < MAX_FINAL_SIZE * size,
+        oscillates=share >= MIN_POWER_FRACTION and y.size / period >= MIN_CYCLES,
+        fills_periods=periods_filled >= MIN_CYCLES,
+        decays=last < MAX_FINAL_SIZE * size,
         grows_again=growth > MAX_REGROWTH,
     )
 
@@ -159,7 +159,7 @@ class RecordColumns:
     rate: float | None = None
     run: str = ""
     why: tuple[str, ...] = ()
-    still: tuple[str, ...] = ()
+    constant_columns: tuple[str, ...] = ()
     choice: str = ""
 
 
@@ -183,20 +183,25 @@ class _Block:
             if c is not self.time
             and (size is None or c.values.size == size or c.rate is not None)
             and not (names_time(c) and _time_score(c, False))
-            and not (names_index(c) and _counts(c.values))
+            and not (names_index(c) and _is_sample_numbers(c.values))
         ]
 
     @property
     def candidates(self) -> list[Column]:
         """Return the columns that may be a record's values: those that change."""
-        return [c for c in self.values if _changes(c)]
+        return [c for c in self.values if _is_not_constant(c)]
 
-    def record(self, value: Column, choice: str = "", still: tuple[str, ...] = ()) -> RecordColumns:
-        """Return the record with one of the columns as its values."""
+    def record(
+        self, value: Column, choice: str = "", constant_columns: tuple[str, ...] = ()
+    ) -> RecordColumns:
+        """Return the columns of the record whose values are in the column `value`.
+
+        choice: sentence on the choice of this column. constant_columns: names of columns that do not change.
+        """
         time = None if self.time is value else self.time
         why = (*self.why, choice) if choice else self.why
         return RecordColumns(
-            value, time, None if time is not None else self.rate, self.run, why, still, choice
+            value, time, None if time is not None else self.rate, self.run, why, constant_columns, choice
         )
 
 
@@ -235,7 +240,7 @@ def choose_columns(
     if runs is not None:
         labels = list(dict.fromkeys(run for run, _ in places if run))
         places = [place for run in select_runs(runs, labels) for place in places if place[0] == run]
-    blocks = [_block(content, run, group, timed, rate) for run, group in places]
+    blocks = [_make_block(content, run, group, timed, rate) for run, group in places]
     if wanted:
         chosen = []
         for column in wanted:
@@ -272,9 +277,13 @@ def choose_columns(
         return [_with_clock(record, content) for record in left]
     column = chosen[0].value
     kind = unit_of_column(column)
-    axes = [c for c in columns if c is not column and kind[0] and unit_of_column(c) == kind and _changes(c)]
+    axes = [
+        c
+        for c in columns
+        if c is not column and kind[0] and unit_of_column(c) == kind and _is_not_constant(c)
+    ]
     named = f" ({', '.join(quote_name(columns, c) for c in axes[:3])})" if axes else ""
-    likely = next((c.name for c in axes if c.name and measure_swing(c.values).swings), "")
+    likely = next((c.name for c in axes if c.name and measure_oscillation(c.values).oscillates), "")
     raise InputError(
         f"{quote_name(columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
         f"swings at twice the frequency; give the axis along the swing{named}, or this one if it moves up and down",
@@ -283,11 +292,11 @@ def choose_columns(
     )
 
 
-def _block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
+def _make_block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
     """Return the columns of a run and group, with their times or sampling rate if the file has these.
 
-    timed: columns that the user gives as times. rate: sampling rate that the user gives. Raises InputError if a column
-    that is named like times has another length than the values.
+    timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives. Raises InputError if a
+    column that is named like times has another length than the values.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
@@ -299,7 +308,7 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
             counts_samples = seconds is None and step == 1.0
             stated = 1 / (step * (seconds or 1.0)) if step > 0 and not counts_samples else rate
             if not abs(rate / stated - 1) < RATE_TOLERANCE:
-                read_at = f"the record is read at {rate:.6g} Hz, as asked"
+                read_at = f"the record is read at {rate:.6g} Hz, as specified"
                 why = (f"Times in column {time.name!r} are at {stated:.6g} Hz; {read_at}.",)
         return _Block(run, own, None, rate, why)
     if timed:
@@ -316,7 +325,12 @@ def _block(content: Contents, run: str, group: str, timed: list[Column], rate: f
         if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
     }
     stated = sampling_rate(facts) or sampling_rate(content.facts)
-    if stated is not None and time is not None and seconds_of_unit(time) is None and _counts(time.values):
+    if (
+        stated is not None
+        and time is not None
+        and seconds_of_unit(time) is None
+        and _is_sample_numbers(time.values)
+    ):
         own, time = tuple(c for c in own if c is not time), None  # they number the samples
     if time is not None:
         named = time.name and len(content.columns) > 2
@@ -377,7 +391,10 @@ def separate_clocks(content: Contents) -> Contents:
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
-    """Return the column that is most probably the times (the first of equal ones); None if no column can be."""
+    """Return the column that most probably contains the times; None if no column can.
+
+    Of equally probable columns it is the first.
+    """
     scores = [_time_score(column, i == 0) for i, column in enumerate(columns)]
     best = max(scores, default=0)
     return columns[scores.index(best)] if best > 0 else None
@@ -403,12 +420,12 @@ def _time_score(column: Column, first: bool) -> int:
     return 2 if first and np.all(steps > 0) else 0
 
 
-def _changes(column: Column) -> bool:
+def _is_not_constant(column: Column) -> bool:
     y = column.values[np.isfinite(column.values)]
     return y.size >= MIN_SAMPLES and np.unique(y[:: max(1, y.size // 20000)]).size > MAX_STILL_LEVELS
 
 
-def _counts(y: np.ndarray) -> bool:
+def _is_sample_numbers(y: np.ndarray) -> bool:
     y = y[np.isfinite(y)]
     return bool(y.size > 1 and np.all(np.diff(y) == 1))
 
@@ -442,8 +459,8 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
     for block, (chosen, choice) in zip(blocks, picks, strict=True):
         if several:
             chosen = [c for base in usual for c in block.columns if split_run(c)[0] == base] or chosen
-        still = tuple(c.name for c in block.values if c.name and not _changes(c))
-        records += [block.record(c, choice, still) for c in chosen]
+        constant_columns = tuple(c.name for c in block.values if c.name and not _is_not_constant(c))
+        records += [block.record(c, choice, constant_columns) for c in chosen]
     for run in dict.fromkeys(record.run for record in records):
         of_run = [record for record in records if record.run == run]
         columns = [record.value for record in of_run]
@@ -472,7 +489,7 @@ class _Candidate:
     """A column that may be a record, its oscillation, and the unit and quantity that the file states."""
 
     column: Column
-    swing: Swing
+    oscillation: OscillationMeasure
     unit: str
     quantity: str
 
@@ -487,9 +504,9 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     values = block.candidates or block.values
     if len(values) == 1:
         return values, ""
-    every = [_Candidate(c, measure_swing(c.values), *unit_of_column(c)) for c in values]
-    left = [c for c in every if c.swing.swings] or every
-    left = [c for c in left if c.swing.lasts] or left
+    every = [_Candidate(c, measure_oscillation(c.values), *unit_of_column(c)) for c in values]
+    left = [c for c in every if c.oscillation.oscillates] or every
+    left = [c for c in left if c.oscillation.fills_periods] or left
     if not content.channels or all(c.unit for c in left):
         # Leave out an accelerometer axis along the gravity that oscillates at twice the frequency of another axis,
         # because the tension of a pendulum's string is largest twice per cycle.
@@ -500,7 +517,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             if c in level
             or not any(
                 (other.unit, other.quantity) == (c.unit, c.quantity)
-                and abs(other.swing.period / c.swing.period / 2 - 1) < _ABOUT_TWICE
+                and abs(other.oscillation.period / c.oscillation.period / 2 - 1) < _ABOUT_TWICE
                 for other in level
             )
         ]
@@ -512,15 +529,15 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
         if len(left) <= _MAX_COMPARED:
             left = _independent(left)
         left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
-        left = [c for c in left if c.swing.dies] or left
+        left = [c for c in left if c.oscillation.decays] or left
     if not content.channels:
-        sizes = [c.swing.size for c in left]
+        sizes = [c.oscillation.size for c in left]
         if not any(c.unit for c in left):
-            far = [c for c in left if c.swing.size >= _MUCH_LARGER * sorted(sizes)[-2:][0]]
+            far = [c for c in left if c.oscillation.size >= _MUCH_LARGER * sorted(sizes)[-2:][0]]
             left = far if len(far) == 1 else left
-            left = [c for c in left if not c.swing.grows_again] or left
+            left = [c for c in left if not c.oscillation.grows_again] or left
         elif len({(c.unit, c.quantity) for c in left}) == 1:  # sensors of one unit
-            left = [c for c in left if c.swing.size >= _MIN_RELATIVE_SIZE * max(sizes)]
+            left = [c for c in left if c.oscillation.size >= _MIN_RELATIVE_SIZE * max(sizes)]
     chosen = [c.column for c in left]
     if len(chosen) > 1:
         out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:6])
@@ -549,7 +566,7 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
             independent.append(candidate)
         elif (twin.unit, twin.quantity) == (candidate.unit, candidate.quantity):
             # If both have the same unit, as two axes of a sensor, keep the one with the larger oscillation.
-            larger = candidate if candidate.swing.size > twin.swing.size else twin
+            larger = candidate if candidate.oscillation.size > twin.oscillation.size else twin
             independent[independent.index(twin)] = larger
     return independent
 
@@ -558,7 +575,7 @@ def _contains_gravity(column: Column) -> bool:
     """Return whether a column may be an acceleration whose mean is the acceleration of gravity."""
     gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]
-    if not y.size or np.abs(y).max() > LARGEST:
+    if not y.size or np.abs(y).max() > LARGEST_VALUE:
         return False
     factor = 1.0 if not unit else UNITS[unit].factor if unit in UNITS and UNITS[unit].base == "m" else 0.0
     may_be = quantity == "acceleration" or not (unit or quantity)

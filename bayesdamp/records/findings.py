@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.records.columns import RATE_TOLERANCE
 from bayesdamp.records.files.names import SECONDS, sampling_rate, seconds_in
-from bayesdamp.records.oscillation.spectrum import SHORTEST
+from bayesdamp.records.oscillation.spectrum import SHORTEST_PERIOD
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
 from bayesdamp.units import UNITS
 
@@ -21,25 +21,25 @@ _ASSUMED = {
 }
 """How values without a stated unit are read if they are too large for radians, and the option to change this."""
 # The following limits are conventional.
-LONG, SHORT = 600.0, 1e-6
-"""A sampling rate that gives a period (s) outside these limits is doubted."""
-SLOW = 30.0
+LONGEST_PERIOD, SHORT = 600.0, 1e-6
+"""Longest and shortest period in s that a sampling rate may give without a doubt about the rate."""
+SLOW_PERIOD = 30.0
 """Times without a stated unit are doubted if the period would be longer than this, in s."""
-FASTEST = {"rad": 300.0, "m": 340.0}
+LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
 """The unit of the times is doubted if the velocity would be larger than this, in rad/s and m/s: the balance wheel of a
 watch reaches about 130 rad/s, sound 340 m/s."""
-COARSE = 0.5
+COARSE_STEP = 0.5
 """Times without a stated unit are doubted only if their step is at least this, in s."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 """Day numbers of about 1970 to 2060: in spreadsheets and as modified Julian days, in MATLAB, as Julian days."""
 SHORT_DAYS = 5e-4
-"""Times that begin at such a number may be in days if the period is shorter than this number (43 s in days)."""
+"""Times that begin at one of DAY_NUMBERS may be in days if the period, read as days, is shorter than this (43 s)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
 """Text in brackets at the end of a name of times that may be a unit: a word, or text that begins with a number, such as
 `1e-3 s` but not `probe 1`."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 """Words in brackets that are not units."""
-VALID = "ms, us, ns, ps, min, h, d"
+TIME_UNIT_NAMES = "ms, us, ns, ps, min, h, d"
 """Units of time for messages."""
 
 
@@ -56,8 +56,8 @@ class Kind(Enum):
 
 
 QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
-"""Findings that the user must settle before anything is computed, because times or values may be wrong by large
-factors."""
+"""Kinds of findings that the user must settle before anything is computed, because times or values may be wrong by
+large factors."""
 
 
 @dataclass(frozen=True)
@@ -123,15 +123,15 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         if doubt is None and stated and raw.provenance.time_unit == "file":
             doubt = _doubt_speed(raw, raw.t, unit)
         doubts += [doubt] if doubt is not None else []
-    if raw.rate is not None and raw.swing.swings:
-        period = raw.swing.period / raw.rate
+    if raw.rate is not None and raw.oscillation.oscillates:
+        period = raw.oscillation.period / raw.rate
         if raw.rate < 1:
             sentence = (
                 f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
             )
             rate = f"{1 / raw.rate:.6g}"
             doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate)))
-        elif not SHORT < period < LONG:
+        elif not SHORT < period < LONGEST_PERIOD:
             sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
             doubts.append(Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ")))
     by_file = sampling_rate(raw.provenance.facts)
@@ -150,7 +150,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     return tuple(doubts)
 
 
-def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+def find_question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
     """Return the first finding that the user must settle before anything is computed; None if there is none.
 
     The parameters are those of `findings`; for a unit that is not in UNITS the result is None.
@@ -174,17 +174,23 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
         return Finding(Kind.SAMPLE_NUMBERS, sentence, option, ("rate", "HZ"))
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
-        sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
-        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}", ("time-unit", "s"))
-    swing, period = raw.swing, raw.swing.period * step
-    if swing.swings and period < SHORT_DAYS and any(low <= t[0] <= high for low, high in DAY_NUMBERS):
+        sentence = f"the unit of its times, {unknown[1]!r}, is not known; the times are read as s"
+        return Finding(
+            Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {TIME_UNIT_NAMES}", ("time-unit", "s")
+        )
+    oscillation, period = raw.oscillation, raw.oscillation.period * step
+    if (
+        oscillation.oscillates
+        and period < SHORT_DAYS
+        and any(low <= t[0] <= high for low, high in DAY_NUMBERS)
+    ):
         sentence = (
             f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
         return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are", ("time-unit", "d"))
-    if not swing.swings or step < COARSE or period < SLOW:
+    if not oscillation.oscillates or step < COARSE_STEP or period < SLOW_PERIOD:
         return None
-    better = next((u for u in ("ms", "us", "ns") if period * SECONDS[u] < SLOW), "us")
+    better = next((u for u in ("ms", "us", "ns") if period * SECONDS[u] < SLOW_PERIOD), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
     return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
 
@@ -192,16 +198,16 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None."""
     base = UNITS[unit].base
-    limit, step = FASTEST.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
+    limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
     scale = 2 * math.pi / step * math.sqrt(2) * UNITS[unit].factor
-    if scale * half_swing(raw) <= limit * SHORTEST:  # too slow even for the shortest possible period
+    if scale * half_swing(raw) <= limit * SHORTEST_PERIOD:  # too slow even for the shortest possible period
         return None
-    swing, period = raw.swing, raw.swing.period * step
-    speed = scale / swing.period * swing.size
+    oscillation, period = raw.oscillation, raw.oscillation.period * step
+    speed = scale / oscillation.period * oscillation.size
     own = seconds_in(raw.provenance.time_column) or 1.0
     slower = [u for u in ("s", "ms", "us") if SECONDS[u] > own and speed * own < limit * SECONDS[u]]
-    better = next((u for u in slower if period * SECONDS[u] / own < SLOW), None)
-    if not swing.swings or speed <= limit or better is None:
+    better = next((u for u in slower if period * SECONDS[u] / own < SLOW_PERIOD), None)
+    if not oscillation.oscillates or speed <= limit or better is None:
         return None
     sentence = (
         f"the time unit of its header gives an oscillation at {1 / period:.4g} Hz with {speed:.2g} {base}/s, which is "

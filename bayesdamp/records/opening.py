@@ -29,13 +29,13 @@ from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
 Loaded = TypeVar("Loaded")
-PATIENCE = 300.0
+TIME_LIMIT = 300.0
 """A reader is stopped if it has not finished after this time in s (conventional)."""
-HEAD = 65536
+HEAD_BYTES = 65536
 """Number of bytes at the start of a file by which its format is recognised."""
-LONGEST = 280
+LONGEST_MESSAGE = 280
 """Largest number of characters of an error message."""
-LISTED = 5000
+MOST_LISTED = 5000
 """Most names in a folder that are searched for one that is similar to a missing file's."""
 FALLBACK = "text"
 """Name of the reader that is tried last."""
@@ -58,7 +58,7 @@ Path(out).write_bytes(pickle.dumps(result))
 
 
 def load_isolated(
-    load: Callable[..., Loaded], path: Path, patience: float = PATIENCE, **options: float | str
+    load: Callable[..., Loaded], path: Path, patience: float = TIME_LIMIT, **options: float | str
 ) -> Loaded:
     """Load a file in a child process.
 
@@ -110,7 +110,7 @@ def load_isolated(
 def file_error(
     path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
 ) -> InputError:
-    """Return an error about a file whose message is one line, cut to LONGEST characters.
+    """Return an error about a file whose message is one line, cut to LONGEST_MESSAGE characters.
 
     Parameters
     ----------
@@ -126,12 +126,12 @@ def file_error(
     name = " ".join((path.name or str(path)).split())
     where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
     what = " ".join(str(text).split())
-    room = LONGEST - len(str(InputError("", where, arguments=arguments)))
+    room = LONGEST_MESSAGE - len(str(InputError("", where, arguments=arguments)))
     short = what if len(what) <= room else f"{what[: room - 3]}..."
     return InputError(short, where, arguments=arguments, likely=likely)
 
 
-def contents(path: Path | str, isolate: bool = True) -> Contents:
+def read_contents(path: Path | str, isolate: bool = True) -> Contents:
     """Read all columns and facts of a file, with the reader for its format.
 
     Parameters
@@ -155,9 +155,9 @@ def contents(path: Path | str, isolate: bool = True) -> Contents:
     try:
         reader = reader_of(path)
         if isolate and getattr(reader, "foreign", False):
-            with _one_line(None):
-                return load_isolated(read_in_child, path, largest=file_contents.LARGEST)
-        with _one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
+            with _errors_in_one_line(None):
+                return load_isolated(read_in_child, path, largest=file_contents.LARGEST_FILE)
+        with _errors_in_one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             content = reader.read(path)
     except InputError as error:
@@ -172,8 +172,8 @@ def contents(path: Path | str, isolate: bool = True) -> Contents:
 
 def read_in_child(path: Path, largest: float) -> Contents:
     """Return the contents of a file, in a child process; `largest` is the parent's limit in bytes."""
-    file_contents.LARGEST = largest
-    return contents(path, isolate=False)
+    file_contents.LARGEST_FILE = largest
+    return read_contents(path, isolate=False)
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
@@ -209,7 +209,7 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
 
 
 @contextlib.contextmanager
-def _one_line(reader: Reader | None) -> Iterator[None]:
+def _errors_in_one_line(reader: Reader | None) -> Iterator[None]:
     """Convert any exception while a file is read to an InputError whose message is one line.
 
     The exception is its cause, which BAYESDAMP_DEBUG shows. reader: None if it is not known yet.
@@ -228,7 +228,7 @@ def _one_line(reader: Reader | None) -> Iterator[None]:
         raise InputError(f'{what}: pip install "{name}"') from error
     except Exception as error:  # a library may raise anything for a damaged file
         if isinstance(error, OSError) and error.errno is not None:
-            raise _unreadable(error) from error
+            raise _unreadable_error(error) from error
         cause = " ".join(str(error).split())[:120] or type(error).__name__
         what = "is damaged or not what its name says"
         if reader is not None:
@@ -236,14 +236,14 @@ def _one_line(reader: Reader | None) -> Iterator[None]:
         raise InputError(f"{what} ({cause}); export it again, or as CSV") from error
 
 
-def _unreadable(error: OSError) -> InputError:
+def _unreadable_error(error: OSError) -> InputError:
     return InputError(f"cannot be read ({error.strerror or error}); correct this, or give another file")
 
 
 def reader_of(path: Path) -> Reader:
     """Return the reader for a file, which is recognised by its content. Raises InputError if there is none."""
     head = _read_head(path)
-    with _one_line(None):
+    with _errors_in_one_line(None):
         readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
         for reader in readers.values():
             if reader.claims(head, path):
@@ -268,13 +268,13 @@ def _read_head(path: Path) -> bytes:
             raise InputError(f"cannot be read ({error})") from None
         names: list[str] = []
         with contextlib.suppress(OSError, ValueError):
-            names = [other.name for other in islice(path.parent.iterdir(), LISTED)]
+            names = [other.name for other in islice(path.parent.iterdir(), MOST_LISTED)]
         close = get_close_matches(path.name, names, 1)
         right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
         raise InputError(f"no such file; {right}") from None
     if stat.S_ISDIR(mode):
         try:
-            kinds = Counter(p.suffix for p in islice(path.iterdir(), LISTED) if p.suffix and p.is_file())
+            kinds = Counter(p.suffix for p in islice(path.iterdir(), MOST_LISTED) if p.suffix and p.is_file())
         except OSError:
             kinds = Counter[str]()
         readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
@@ -288,14 +288,14 @@ def _read_head(path: Path) -> bytes:
     size = path.stat().st_size
     if size == 0:
         raise InputError("the file is empty; export the record again")
-    if size > file_contents.LARGEST:
-        most = f"files of more than {file_contents.LARGEST / 2**30:g} GiB are not read"
+    if size > file_contents.LARGEST_FILE:
+        most = f"files of more than {file_contents.LARGEST_FILE / 2**30:g} GiB are not read"
         raise InputError(f"has {size / 2**30:.1f} GiB; {most}: give a part")
     try:
         with path.open("rb") as file:
-            head = file.read(HEAD)
+            head = file.read(HEAD_BYTES)
     except OSError as error:
-        raise _unreadable(error) from None
+        raise _unreadable_error(error) from None
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
         raise InputError("contains nothing but blanks; export the record again")
     return head

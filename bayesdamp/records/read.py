@@ -8,7 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.columns import LARGEST, MIN_SAMPLES, RecordColumns, choose_columns, separate_clocks
+from bayesdamp.records.columns import (
+    LARGEST_VALUE,
+    MIN_SAMPLES,
+    RecordColumns,
+    choose_columns,
+    separate_clocks,
+)
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.names import (
     DAY,
@@ -19,17 +25,17 @@ from bayesdamp.records.files.names import (
     unit_of_column,
     unit_written,
 )
-from bayesdamp.records.opening import contents, file_error
+from bayesdamp.records.opening import file_error, read_contents
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Provenance
 
-SLOWEST, FASTEST = 1e-9, 1e12
+SLOWEST_RATE, FASTEST_RATE = 1e-9, 1e12
 """Smallest and largest sampling rate in Hz that is accepted (conventional)."""
 
-DATED = 1e4
+FIRST_DATE = 1e4
 """Times in days from this number on are dates; times are then counted from midnight of the first day (conventional)."""
 
-EPOCH = 1e8
+FIRST_EPOCH = 1e8
 """Times in s from this number (three years) on count from an epoch such as 1970; times are then counted from the first
 sample (conventional)."""
 FROM_FIRST = "Times are counted from the first sample"
@@ -112,15 +118,15 @@ def read_records(
         If the file or a column cannot be read or used; the message is one line that says what to do.
     """
     path = Path(path)
-    if rate is not None and not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
-        right = f"a positive number of samples per second from {SLOWEST:g} to {FASTEST:g}"
+    if rate is not None and not (np.isfinite(rate) and SLOWEST_RATE <= rate <= FASTEST_RATE):
+        right = f"a positive number of samples per second from {SLOWEST_RATE:g} to {FASTEST_RATE:g}"
         raise file_error(path, f"rate must be {right}, not {rate!r}")
     if rate is not None and time is not None:
         raise file_error(path, "give either time (a column) or rate (in Hz), not both")
     if time_unit is not None and time_unit.lower() not in SECONDS:
         valid = "s, ms, us, ns, ps, min, h, d"
         raise file_error(path, f"unknown unit of time {time_unit[:20]!r}; valid are {valid}")
-    content = separate_clocks(contents(path))
+    content = separate_clocks(read_contents(path))
     try:
         values = (*([value] if value is not None else []), *channels)
         chosen = choose_columns(content, time=time, values=values, rate=rate, runs=runs)
@@ -150,13 +156,13 @@ def _record(
     if t is not None and time is not None:
         t = _in_seconds(t, time, time_unit, notes)
     rate = chosen.rate if t is None else None
-    if rate is not None and not SLOWEST <= rate <= FASTEST:
+    if rate is not None and not SLOWEST_RATE <= rate <= FASTEST_RATE:
         what = f"a sampling rate of {rate:g} Hz is implausible; give the right rate in Hz"
         raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
     began = 0.0
-    if t is not None and t[0] >= EPOCH:
+    if t is not None and t[0] >= FIRST_EPOCH:
         began = float(t[0])
         t = t - began
         notes.append(f"{FROM_FIRST} ({began:.15g} s).")
@@ -176,7 +182,7 @@ def _record(
         value_column=value.label or f"column {value_name}",
         time_unit=unit_from,
         first_line=content.first_line,
-        constant_columns=tuple(chosen.still),
+        constant_columns=tuple(chosen.constant_columns),
         more={
             "file": path.name,
             "format": content.format,
@@ -233,7 +239,7 @@ def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple
 
 
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:
-    """Return a mask (n,) of the rows that have a cell in each column, and notes on the rows left out.
+    """Return a mask (n,) of the rows with filled cells in the columns of times and values, and notes on other rows.
 
     Raises InputError if a cell has no finite number, such as NA, null or nan.
     """
@@ -251,36 +257,36 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
         row = int(bad[0])
         what, column = next((what, c) for what, c in columns if not np.isfinite(c.values[row]))
         number = next(i for i, c in enumerate(content.columns, start=1) if c is column)
-        wrong = f"the {what} is {column.values[row]}, not a finite number"
+        fault = f"the {what} is {column.values[row]}, not a finite number"
         if row in column.words:
-            wrong = f"{column.words[row]!r} in column {number} is not a number"
-        place = f"sample {row} (from 0)"
+            fault = f"{column.words[row]!r} in column {number} is not a number"
+        position = f"sample {row} (from 0)"
         if content.first_line is not None and content.lines is not None:
-            place = f"line {int(content.lines[row]) + content.first_line}"
-        more = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
-        raise InputError(f"{place}: {wrong}; correct it or leave the row out{more}")
-    short = np.flatnonzero(~complete)
-    if short.size == 0:
+            position = f"line {int(content.lines[row]) + content.first_line}"
+        others = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
+        raise InputError(f"{position}: {fault}; correct it or leave the row out{others}")
+    incomplete = np.flatnonzero(~complete)
+    if incomplete.size == 0:
         return complete, []
     first, last = np.flatnonzero(complete)[[0, -1]]
-    edge = int(np.sum((short < first) | (short > last)))
-    parts = [f"{edge} at the ends"] if edge else []
-    parts += [f"{short.size - edge} in between"] if short.size > edge else []
-    many = f"{short.size} row{'s' if short.size != 1 else ''}"
+    at_ends = int(np.sum((incomplete < first) | (incomplete > last)))
+    parts = [f"{at_ends} at the ends"] if at_ends else []
+    parts += [f"{incomplete.size - at_ends} in between"] if incomplete.size > at_ends else []
+    many = f"{incomplete.size} row{'s' if incomplete.size != 1 else ''}"
     return complete, [f"{many} with an empty cell left out ({', '.join(parts)})."]
 
 
 def _refuse_unusable(y: np.ndarray) -> None:
     """Raise InputError for values that are too large, constant, or change too little to compute with."""
     largest = float(np.abs(y).max())
-    if largest > LARGEST:
+    if largest > LARGEST_VALUE:
         raise InputError(
             f"the values go up to {largest:.3g}, which is not a measurement; is it the right column?"
         )
     span = float(np.ptp(y))
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
-    if span < 1 / LARGEST:
+    if span < 1 / LARGEST_VALUE:
         raise InputError(
             f"the values change by {span:.3g} at most, too little to compute with; give another unit"
         )
@@ -294,18 +300,20 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):
         why = (
-            f"as asked, they are in {given}" if given is not None else f"their column is named {time.label!r}"
+            f"as specified, they are in {given}"
+            if given is not None
+            else f"their column is named {time.label!r}"
         )
-        begin = math.floor(t[0]) if seconds == DAY and t[0] >= DATED else 0
+        begin = math.floor(t[0]) if seconds == DAY and t[0] >= FIRST_DATE else 0
         since = f" from day {begin} on" if begin else ""
-        notes.append(f"Times are taken × {seconds:g}{since}: {why}.")
+        notes.append(f"Times are multiplied by {seconds:g}{since}, to get seconds: {why}.")
         t = (t - begin) * seconds
     span = float(np.abs(t).max())
-    if not span < 1 / SLOWEST * 1e3:
+    if not span < 1 / SLOWEST_RATE * 1e3:
         raise InputError(
             f"the times go up to {span:.3g} s; is {time.name!r} the right column, or in another unit?"
         )
-    if 0 < float(np.ptp(t)) < t.size / FASTEST:
+    if 0 < float(np.ptp(t)) < t.size / FASTEST_RATE:
         raise InputError(
             f"the times span {np.ptp(t):.3g} s, which no instrument resolves; give their unit or the rate"
         )

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.records.columns import Swing, measure_swing
+from bayesdamp.records.columns import OscillationMeasure, measure_oscillation
 from bayesdamp.types import Provenance
 from bayesdamp.units import UNITS
 
@@ -31,8 +31,8 @@ MAX_SPAN = 1.001
 MAX_STEP = 0.25
 """Largest step other than the jumps, in turns."""
 MAX_EXCESS = 1.5
-"""A jump differs from a turn by at most this multiple of the largest other step, because the angle also moves
-meanwhile."""
+"""A jump differs from a turn by at most this multiple of the largest other step, because the angle also changes between
+the two samples."""
 MIN_SPAN = 3.0
 """The unwrapped angle spans more than this multiple of the largest other step; noise about two levels spans less."""
 
@@ -90,25 +90,25 @@ class RawRecord:
     began: float = 0.0
 
     @cached_property
-    def swing(self) -> Swing:
+    def oscillation(self) -> OscillationMeasure:
         """Return a coarse measure of the oscillation in the values."""
-        return measure_swing(self.y)
+        return measure_oscillation(self.y)
 
 
-def resolved_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
+def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
     """Return the unit and the quantity: those given, else the file's (`stated`, `what`), else an angle in rad."""
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")
     return chosen, quantity or only or what or "angle"
 
 
-def read_as(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
+def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
     """Return the unit and the quantity of a record's values: those given, else those of the file, else a guess.
 
     The guess is an angle in rad. If the values are too large for radians, it is degrees if the column's name allows an
     angle and the values are at most 360, else counts of a sensor.
     """
-    resolved, what = resolved_unit(unit, quantity, raw.unit, raw.quantity)
+    resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
         return resolved, what
     return ("deg" if _ANGLE.search(raw.channel) and half_swing(raw) <= FULL_TURN else "counts"), what

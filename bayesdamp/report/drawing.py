@@ -28,7 +28,7 @@ from bayesdamp.store import write_bytes
 from bayesdamp.types import candidate_parts
 
 INK = "#222222"
-QUIET = "#8a8a8a"
+MUTED = "#8a8a8a"
 FAINT = "#d9d9d9"
 """Greys of lines and text, from the most to the least prominent."""
 
@@ -54,19 +54,19 @@ INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C56
 """Colours that distinguish several records, oscillations or methods in one figure."""
 LOOKS = tuple(zip(INKS, ("-", "--", "-.", ":")))
 """Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
-PALER = 0.45
+PALER_STEP = 0.45
 """Fraction of the way to white by which the colour gets paler with each further restoring law of one damping sum."""
-LETTERS, MARK = 12.5, 7
+LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
-RIGHT = 0.2
+RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
-HOLE = 20.0
+GAP_INTERVALS = 20.0
 """A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
-SVG = 80_000
+LARGEST_SVG = 80_000
 """Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded as PNG."""
-NARROW, LEGIBLE = 440, 0.8
-"""A figure that is wider than `NARROW` CSS pixels scrolls sideways on a phone, so that it is never scaled below
-`LEGIBLE`, where its letters would be too small to read."""
+NARROW_WIDTH, LEAST_SCALE = 440, 0.8
+"""A figure that is wider than `NARROW_WIDTH` CSS pixels scrolls sideways on a phone, so that it is never scaled below
+`LEAST_SCALE`, where its letters would be too small to read."""
 DPI = 150
 """Resolution of a PNG in dots per inch."""
 
@@ -95,7 +95,7 @@ def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
     before: Counter[frozenset[str]] = Counter()
     for model in models:
         terms = frozenset(candidate_parts(model)[0].split("+"))
-        ink = (1.0 - PALER) ** before[terms]
+        ink = (1.0 - PALER_STEP) ** before[terms]
         red, green, blue = (1.0 - ink * (1.0 - part) for part in to_rgb(colour(model)))
         styles[model] = to_hex((red, green, blue)), dash(model)
         before[terms] += 1
@@ -105,10 +105,10 @@ def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
     """Return the number of columns, at most `most`, of a legend that fits a figure of this width in inches."""
     longest = max(map(len, labels), default=1)
-    return max(1, min(len(labels), most, int(LETTERS * width / (longest + MARK))))
+    return max(1, min(len(labels), most, int(LETTERS_PER_INCH * width / (longest + MARK_LETTERS))))
 
 
-def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Insert a nan into a line at each long gap of the record, so that the line is interrupted there.
 
     Parameters
@@ -121,15 +121,16 @@ def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarra
     Returns
     -------
     tuple
-        The points of the line with a nan in y at each gap that is longer than `HOLE` median sampling intervals.
+        The points of the line with a nan in y at each gap that is longer than `GAP_INTERVALS` median sampling
+        intervals.
     """
     gaps = np.diff(sampled)
-    begins = sampled[:-1][gaps > HOLE * np.median(gaps)] if gaps.size else sampled[:0]
+    begins = sampled[:-1][gaps > GAP_INTERVALS * np.median(gaps)] if gaps.size else sampled[:0]
     places = np.searchsorted(t, begins, side="right")
     return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
 
 
-def plain(axis: Axis, decades: bool = True) -> None:
+def label_with_plain_numbers(axis: Axis, decades: bool = True) -> None:
     """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten.
 
     `decades`: whether the axis is so long that there is room for only a few numbers between two powers of ten.
@@ -159,7 +160,7 @@ def fix_margins(
         place = ax.get_subplotspec()
         assert place is not None
         rows, columns = place.get_gridspec().get_geometry()
-        wide = (width - RIGHT) / columns  # of a column, with the space at its left
+        wide = (width - RIGHT_MARGIN) / columns  # of a column, with the space at its left
         high = (height - top - bottom + down) / rows  # of a row, with the space below it
         first, last = place.colspan.start, place.colspan.stop
         ax.set_position((
@@ -200,14 +201,14 @@ class Drawings:
             write_bytes(self.folder / f"{name}.svg", svg)
             write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
-        kind, content = ("svg+xml", svg) if len(svg) <= SVG else ("png", png)
+        kind, content = ("svg+xml", svg) if len(svg) <= LARGEST_SVG else ("png", png)
         width = round(figure.get_figwidth() * 100)
         return Markup(
             '<figure{}><div><img src="data:image/{};base64,{}" alt="{}" style="width:{}px;--least:{}px"></div>'
             "<figcaption>{}</figcaption></figure>"
         ).format(
-            Markup(' class="wide"' if width > NARROW else ""), kind, base64.b64encode(content).decode(),
-            caption, width, round(LEGIBLE * width), caption,
+            Markup(' class="wide"' if width > NARROW_WIDTH else ""), kind, base64.b64encode(content).decode(),
+            caption, width, round(LEAST_SCALE * width), caption,
         )  # fmt: skip
 
     def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:

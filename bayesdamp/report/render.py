@@ -16,7 +16,7 @@ from bayesdamp.store.contents import OtherVersionError
 from bayesdamp.store.results import claim, remove_listed
 from bayesdamp.types import InputError
 
-DRAWN = ".drawn"
+DRAWN_LIST = ".drawn"
 """File in `figures/` that lists the figure files of the last report, one in each line."""
 
 
@@ -53,7 +53,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
         page, figures = page_of(run, pool)
     except OtherVersionError as error:
         raise InputError(error.what, str(folder)) from None
-    drawn = run.folder / "figures" / DRAWN
+    drawn = run.folder / "figures" / DRAWN_LIST
     files = {f"{name}.{kind}" for name in figures for kind in ("svg", "png")}
     before = drawn.read_text(encoding="utf-8").split("\n") if drawn.is_file() else []
     remove_listed(drawn.parent, [name for name in before if name and name not in files])

@@ -34,7 +34,7 @@ class PipeSafeConsole(Console):
 
 
 class VerdictPrinter:
-    """Print each record's verdict when it arrives, and later whether MCMC sampling confirms this verdict.
+    """Print each record's verdict when it arrives, and later whether sampling confirms this verdict.
 
     Parameters
     ----------
@@ -107,8 +107,10 @@ def print_conclusion(folder: Path, console: Console) -> None:
     answered = {answer.signal for answer in available}
     for signal in run.signals:
         if signal not in answered:
-            cell = run.cell("answer", signal, run.repeats(signal)[0])
-            outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
+            task_result = run.task_result("answer", signal, run.repeats(signal)[0])
+            outcome = (
+                task_result.outcome if task_result is not None else str(run.about(signal).get("outcome", OK))
+            )
             why = "" if outcome == OK else f": {outcome.rstrip('.')}"
             console.print()
             console.print(Text(f"{signal}: no verdict{why}."), soft_wrap=True)

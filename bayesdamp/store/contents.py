@@ -257,7 +257,7 @@ class RatiosContent(Content):
 
 
 @dataclass(frozen=True)
-class WeighedCandidate:
+class ComparedCandidate:
     """The result of an answer for one candidate: a damping sum under a restoring law.
 
     log_evidence: in nats, with deviations from the laws; None under exact laws only. log_evidence_exact: under exact
@@ -358,12 +358,12 @@ class AnswerContent(Content):
     """
 
     verdict: Mapping[str, Any]
-    candidates: tuple[WeighedCandidate, ...] = ()
+    candidates: tuple[ComparedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()
     laws: tuple[StoredFit, ...] = ()
-    rivals: tuple[WeighedCandidate, ...] = ()
+    rivals: tuple[ComparedCandidate, ...] = ()
     noise: str = ""
     noises: tuple[NoiseEvidence, ...] = ()
     terms: tuple[str, ...] = ()

@@ -27,7 +27,7 @@ def judge_all(cases: list[Case]) -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_bad_input(group: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contents, "LARGEST", 2**26)
+    monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
     judge_all(GROUPS[group])
 
 

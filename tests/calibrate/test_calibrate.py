@@ -142,7 +142,7 @@ def misjudged():
 
 @pytest.mark.parametrize("right", [True, False])
 def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch, misjudged, right):
-    monkeypatch.setattr(ranks, "CHUNK", 12)
+    monkeypatch.setattr(ranks, "RECORDS_PER_TASK", 12)
     text = KNOWN if right else KNOWN.replace("posterior = {", f"posterior = {{ {misjudged},")
     study, out = load_study(write(tmp_path, text)), tmp_path / "out"
     assert run_calibration(study, out, workers=1) == 0
@@ -194,7 +194,7 @@ def invented(sharper: float):
 
     def recovered(study, kind, first):
         rng = np.random.default_rng([first, len(kind)])
-        models, size = recovery.models_of(study, kind), recovery.CHUNK
+        models, size = recovery.models_of(study, kind), recovery.RECORDS_PER_TASK
         odds = 1.5 * rng.standard_normal((size, len(models)))
         right = np.exp(odds - logsumexp(odds, axis=1, keepdims=True))
         truth = [rng.choice(len(models), p=p) for p in right]

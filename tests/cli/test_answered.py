@@ -52,7 +52,7 @@ def test_posteriors_have_the_truth_and_the_parts_of_their_uncertainty(compared: 
 def test_exact_laws_are_sampled_only_where_that_is_asked_for(compared: Path) -> None:
     assert {r["method"] for r in read_table(compared / "evidence.csv")} == {"smc"}
     page = (compared / "report.html").read_text(encoding="utf-8")
-    assert "MCMC sampling gives this result and confirms that of linear approximations" in page
+    assert "Sequential Monte Carlo gives this result and confirms that of linear approximations" in page
 
 
 def test_a_quick_comparison_samples_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -139,7 +139,7 @@ def test_a_command_that_is_told_to_end_is_interrupted(
         signal.raise_signal(signal.SIGTERM)
         return 0
 
-    monkeypatch.setattr("bayesdamp.cli.app.parsed", lambda _: told)
+    monkeypatch.setattr("bayesdamp.cli.app.build_parser", lambda _: told)
     before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # who runs the tests may have them ignore it
     try:
         assert main(["study", "study.toml"]) == 130

@@ -21,7 +21,7 @@ def test_a_fault_in_one_check_is_its_finding(
     def broken() -> doctor.CheckResult:
         raise OSError("no such library")
 
-    monkeypatch.setattr(doctor.results, "__defaults__", ((doctor.machine, broken),))
+    monkeypatch.setattr(doctor.run_checks, "__defaults__", ((doctor.machine, broken),))
     assert main(["doctor"]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("ok  machine")

@@ -11,7 +11,7 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
-from bayesdamp.cli.commands.compare import first_words_on
+from bayesdamp.cli.commands.compare import early_lines
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
@@ -102,7 +102,7 @@ def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
         found = select_records(
             [write_table(tmp_path / "a.csv", "t (s),x (m)", t, y)], ReadingOptions()
         ).records
-        (said,) = first_words_on(found, ReadingOptions())
+        (said,) = early_lines(found, ReadingOptions())
         frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", said)[0]
         tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
         assert 0 < float(half) * tens < 1e-3 / period
@@ -115,13 +115,13 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
     stamps = write_table(tmp_path / "a.csv", "stamp (s),x (mm)", np.round(1700000000.25 + t, 2), y)
     chosen = select_records([stamps], ReadingOptions())
     assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.notes
-    first, others = first_words_on(chosen.records, ReadingOptions())
+    first, others = early_lines(chosen.records, ReadingOptions())
     spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
     assert others.startswith("a.csv: Another free decay is in the record and not used: ")
     early, late = sorted(spans)
     assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
     later = select_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
-    assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, ReadingOptions(start=41.0))[0])[0]) >= 41
+    assert float(re.findall(r"\(([\d.]+) to", early_lines(later, ReadingOptions(start=41.0))[0])[0]) >= 41
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
@@ -178,7 +178,7 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     assert any(
         "left out because it does not change: 'Supply (V) Run #1' (--angle NAME" in line for line in said
     )
-    first = first_words_on(found, ReadingOptions())
+    first = early_lines(found, ReadingOptions())
     assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
     study = comparison(study_signals(found, ReadingOptions()))
     assert len({s.name for s in study.signals}) == 2
@@ -231,7 +231,7 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     assert "--frequency HZ" in said
     plain = levels(tmp_path / "b.csv", "magnitude")
     asked = said_by_look(plain, capsys, "--quantity", "envelope", "--start", "5")
-    assert "The decay starts at 5 s, as asked" in asked
+    assert "The decay starts at 5 s, as specified" in asked
     assert "use --quantity envelope" in said_by_look(plain, capsys)
     assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")

@@ -50,7 +50,7 @@ def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPa
     def broken(_: object) -> None:
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
-    monkeypatch.setattr(app, "parsed", lambda _: lambda args, standalone_mode: broken(args))
+    monkeypatch.setattr(app, "build_parser", lambda _: lambda args, standalone_mode: broken(args))
     assert app.main(["doctor"]) == 1
     assert "internal error: BrokenPipeError" in capsys.readouterr().err
 

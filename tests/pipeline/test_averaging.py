@@ -8,12 +8,12 @@ from scipy.stats import norm
 
 from bayesdamp.numerics.weights import resample
 from bayesdamp.pipeline.candidates.evidence import average_curves, probabilities
-from bayesdamp.pipeline.candidates.posteriors import SPREAD
+from bayesdamp.pipeline.candidates.posteriors import STORED_LEVELS
 from bayesdamp.types import Evidence
 
 
 def quantiles(mean: float, sd: float) -> np.ndarray:
-    return norm(mean, sd).ppf(SPREAD)[:, None] + np.array([0.0, 10.0])
+    return norm(mean, sd).ppf(STORED_LEVELS)[:, None] + np.array([0.0, 10.0])
 
 
 def test_two_models_make_a_mixture():

@@ -31,7 +31,7 @@ def specimen(monkeypatch: pytest.MonkeyPatch, *runs: Any, candidates=("viscous",
     monkeypatch.setattr(Specimen, "deviation", "law", raising=True)
     made = object.__new__(Specimen)
     answered = [
-        SimpleNamespace(label=f"r{i}", signal=f"r{i}", repeat=0, weighed=run) for i, run in enumerate(runs)
+        SimpleNamespace(label=f"r{i}", signal=f"r{i}", repeat=0, comparison=run) for i, run in enumerate(runs)
     ]
     vars(made).update(
         name="rig", candidates=candidates, answered=answered, specs=(SimpleNamespace(restoring=("linear",)),)

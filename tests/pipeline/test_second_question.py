@@ -16,7 +16,7 @@ STUDY = study_text(
 
 
 def modes(run: RunFolder) -> set[str]:
-    return {cell.name.split("/")[3] for cell in run.cells("mode")}
+    return {cell.name.split("/")[3] for cell in run.task_results("mode")}
 
 
 def test_the_first_question_does_not_show(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.pipeline.specimens import WIDE
+from bayesdamp.pipeline.specimens import LOCATION_SCALE
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import JointContent
 from tests.pipeline.test_specimens import write
@@ -50,7 +50,7 @@ def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
     assert spread["q2.5"] > 0.002
     assert "only 3" in mean["outcome"]
     assert mean["prior_scale"] == pytest.approx(
-        WIDE * max(r["mean"] for r in rows(run, record="") if r["parameter"] == "zeta"), rel=1e-6
+        LOCATION_SCALE * max(r["mean"] for r in rows(run, record="") if r["parameter"] == "zeta"), rel=1e-6
     )
     assert {r["over"] for r in read_table(run / "population.csv")} == {
         "repeats of a", "repeats of b", "specimens"

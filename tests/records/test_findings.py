@@ -10,7 +10,7 @@ import pytest
 import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import read_as
+from bayesdamp.records.record import unit_or_guess
 from tests.failures import Failures
 from tests.records.tables import write_table
 
@@ -68,7 +68,7 @@ def test_a_doubt_is_told_where_there_is_one(tmp_path: Path) -> None:
         for name, (names, t, y, options, unit, kinds, option) in CASES.items():
             with failures.of(name):
                 raw = read_record(write_table(tmp_path / "a.csv", names, t, y), **options)  # type: ignore[arg-type]
-                found = findings(raw, *read_as(raw, unit, None), unit is not None)
+                found = findings(raw, *unit_or_guess(raw, unit, None), unit is not None)
                 assert [finding.kind for finding in found] == kinds
                 assert all(option in finding.option and len(str(finding)) < 250 for finding in found)
 
@@ -99,7 +99,7 @@ def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(tmp_path: Pa
         ("angle", 5000, "counts"), ("angle (rad)", 50, "rad"),
     ):  # fmt: skip
         path = write_table(tmp_path / "a.csv", f"t,{name}" if name else "", T, size * Y)
-        assert read_as(read_record(path), None, None) == (unit, "angle")
+        assert unit_or_guess(read_record(path), None, None) == (unit, "angle")
         record = bayesdamp.read(path)
         assert record.unit == unit
         assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")

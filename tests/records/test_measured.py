@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.oscillation.anomalies import anomalies
+from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
 from tests.failures import Failures
@@ -78,4 +78,4 @@ def test_ten_runs_by_hand():
                 assert released - 0.06 <= signal.provenance.start <= released + 0.75
                 assert last_peak - 0.1 <= signal.provenance.stop <= rests
                 assert len(signal.provenance.decays) == 1
-                assert anomalies(signal, features(signal)) == ()
+                assert find_anomalies(signal, features(signal)) == ()

@@ -6,17 +6,17 @@ import numpy as np
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.files.names import find_columns, seconds_in, unit_and_quantity, unit_of_column
-from bayesdamp.records.opening import contents
+from bayesdamp.records.opening import read_contents
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
-from bayesdamp.records.record import resolved_unit
+from bayesdamp.records.record import choose_unit
 from tests.records.tables import write_table
 
 
 def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
     """As `read` and the commands find them."""
-    column = find_columns(contents(path).columns, value)[0]
-    return resolved_unit(unit, quantity, *unit_of_column(column))
+    column = find_columns(read_contents(path).columns, value)[0]
+    return choose_unit(unit, quantity, *unit_of_column(column))
 
 
 TIMES = {

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.opening import contents, load_isolated
+from bayesdamp.records.opening import load_isolated, read_contents
 from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
 
@@ -23,7 +23,7 @@ def test_a_reader_that_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     """Negative control: who interrupts is no damaged file."""
     path = tmp_path / "a.npy"
     np.save(path, np.eye(40))
-    assert contents(path).columns
+    assert read_contents(path).columns
     for method, said in (
         ("claims", "is damaged or not what its name says"),
         ("read", "damaged or cut off"),
@@ -36,7 +36,7 @@ def test_a_reader_that_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
             with monkeypatch.context() as patch:
                 patch.setattr(NumpyReader, method, fails)
                 with pytest.raises(InputError, match=said) as caught:
-                    contents(path)
+                    read_contents(path)
             assert caught.value.where == "a.npy"
             assert caught.value.__cause__ is error
             assert len(str(caught.value)) < 300
@@ -47,7 +47,7 @@ def test_a_reader_that_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         with monkeypatch.context() as patch:
             patch.setattr(NumpyReader, method, interrupted)
             with pytest.raises(KeyboardInterrupt):
-                contents(path)
+                read_contents(path)
 
 
 def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
@@ -68,7 +68,7 @@ def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
     for path in paths:
         np.save(path, np.eye(40))
     with ThreadPoolExecutor(4) as pool:
-        assert all(found.columns for found in pool.map(contents, 3 * paths))
+        assert all(found.columns for found in pool.map(read_contents, 3 * paths))
     assert (sys.stdout, warnings.filters) == before
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import TABLES, Store, TaskResult, write_json, write_table
-from bayesdamp.store.contents import FeatureValues, WeighedCandidate
+from bayesdamp.store.contents import ComparedCandidate, FeatureValues
 from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
@@ -303,7 +303,7 @@ def write_answers(folder: Path) -> None:
     verdicts = [replace(v, sentence=sentence(v)) for v in VERDICTS]
     for v in verdicts:
         candidates = [
-            asdict(WeighedCandidate(name, v.restoring, log, exact, rms))
+            asdict(ComparedCandidate(name, v.restoring, log, exact, rms))
             for name, (log, exact, rms) in CANDIDATES.items()
         ]
         meta = {"verdict": v.to_dict(), "candidates": candidates}

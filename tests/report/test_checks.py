@@ -12,7 +12,7 @@ import pytest
 
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import RecordChecks
-from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, ranking
+from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, rank_models
 from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.units import UNITS
@@ -72,10 +72,10 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
         "answered": {},
         "under_law": False,
         "repeats": lambda _: [0],
-        "cell": lambda kind, *_: cells.get(kind),
-        "cells": lambda *_: [],
+        "task_result": lambda kind, *_: cells.get(kind),
+        "task_results": lambda *_: [],
         "unit": lambda _: UNITS[unit],
-        "simulated": lambda _: bool(truth),
+        "is_simulated": lambda _: bool(truth),
         "simulation": lambda _: simulation,
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
@@ -150,7 +150,7 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
         chains = SimpleNamespace(meta={"ratios": [{**row, "sd_noise": 0.0, "sd_law": 0.0}]}, arrays={})
         stored = {"answer": cell("answer", verdict()), "posterior": chains}
         run = run_of(posteriors=chain())
-        run.cell = lambda kind, *_: stored.get(kind)  # type: ignore[method-assign]
+        run.task_result = lambda kind, *_: stored.get(kind)  # type: ignore[method-assign]
         return " ".join(check.text for check in RecordChecks(run, "a").all())
 
     assert "NUTS confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in ratios(0.01, 0.001)
@@ -177,7 +177,7 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
     def widths(by: float) -> list[str]:
         logs = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(by), -9.6, -11.9]}
         run = run_of(verdict(), evidence=evidence(viscous=0.99, coulomb=0.01))
-        answer = run.cell("answer")
+        answer = run.task_result("answer")
 
         def stored(kind: str, *parts: object) -> object:
             if kind != "sensitivity":
@@ -185,7 +185,7 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
             result = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(parts[2])])}
             return SimpleNamespace(outcome="ok", arrays={**result, "trusted": np.ones(3, bool)})
 
-        run.cell = stored  # type: ignore[method-assign, assignment]
+        run.task_result = stored  # type: ignore[method-assign, assignment]
         return checked(run)[1]
 
     (text,) = widths(40.0)
@@ -198,7 +198,7 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
 def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
     probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
-    result = ranking(run_of(evidence=evidence(**probabilities)), "a", 0)
+    result = rank_models(run_of(evidence=evidence(**probabilities)), "a", 0)
     assert result is not None
     shares = probabilities_by_odds(result)
     assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
@@ -206,6 +206,6 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     assert own == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
     assert lower == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
     assert higher["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
-    single = ranking(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
+    single = rank_models(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
     assert single is not None
     assert probabilities_by_odds(single) == {}  # all have as many terms

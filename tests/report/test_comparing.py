@@ -11,7 +11,7 @@ import pytest
 from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import (
     compare_estimators,
-    series,
+    error_series,
     true_models,
 )
 from bayesdamp.report.results.run import RunFolder
@@ -78,7 +78,7 @@ def test_errors_are_those_under_the_model_of_the_truth(folder):
 
 
 def test_series_follow_one_factor(folder):
-    result = series(RunFolder(folder))
+    result = error_series(RunFolder(folder))
     assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
     assert result[0].values == list(LEVELS)
     assert result[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
@@ -89,7 +89,7 @@ def test_series_follow_one_factor(folder):
     run = RunFolder(folder)
     for signal in run.study["signals"][1:3]:
         signal["source"]["samples"] = 71
-    assert [(s.model, s.factor) for s in series(run)] == [("coulomb", "noise")]
+    assert [(s.model, s.factor) for s in error_series(run)] == [("coulomb", "noise")]
 
 
 def test_both_sections_are_in_the_report(folder):

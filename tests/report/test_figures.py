@@ -12,14 +12,14 @@ from bayesdamp.physics.damping import all_sums
 from bayesdamp.report.drawing import RC, Drawings, fix_margins
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.posterior import contours, marginals
-from bayesdamp.report.figures.record import raw, thinned
+from bayesdamp.report.figures.record import draw_raw_record, thin_line
 
 
 def test_thinning_keeps_the_extremes():
     t = np.linspace(0, 100, 100_001)
     y = np.sin(40 * t)
     y[50_123] = 7.0
-    at, values = thinned(t, y, 2000)
+    at, values = thin_line(t, y, 2000)
     assert len(at) <= 2100
     assert y[::50].max() < 7.0  # control: plain decimation loses it
     assert values.max() == 7.0
@@ -56,7 +56,7 @@ def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float)
     with rc_context(RC):
         figure = answer(arrays, "m", "viscous", "m/s²")
         assert labels_inside(figure)
-        assert labels_inside(raw(t, y, "acceleration / (m/s²)", 2.0, 15.0))
+        assert labels_inside(draw_raw_record(t, y, "acceleration / (m/s²)", 2.0, 15.0))
         without = {name: array for name, array in arrays.items() if name not in ("fit", "residual")}
         assert labels_inside(answer(without, "m", "viscous"))
         fix_margins(figure, left=0.2)  # the control

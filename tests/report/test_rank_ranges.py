@@ -7,7 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.report.results.estimators import ErrorSeries, interval, is_significantly_better, rank_ranges
+from bayesdamp.report.results.estimators import (
+    ErrorSeries,
+    error_interval,
+    is_significantly_better,
+    rank_ranges,
+)
 
 RNG = np.random.default_rng(5)
 
@@ -21,7 +26,7 @@ def test_intervals_hold_the_true_size(count: int):
     """Of 1,000 sets of normal errors 95 % would; Tukey's t is somewhat short for five. Chance of a false alarm 1e-4."""
     rng = np.random.default_rng(count)
     share = np.mean(
-        [low <= 2.0 <= high for low, high in (interval(errors(2.0, count, rng)) for _ in range(1000))]
+        [low <= 2.0 <= high for low, high in (error_interval(errors(2.0, count, rng)) for _ in range(1000))]
     )
     assert (0.88 if count == 5 else 0.91) < share < 0.985
 

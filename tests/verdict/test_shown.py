@@ -46,7 +46,9 @@ def test_the_sampled_sentence_is_printed_too() -> None:
     show(replace(first, sentence="The sampled one."))
     shown = console.export_text()
     assert shown.count("The first one.") == shown.count("The sampled one.") == 1
-    assert shown.index("MCMC sampling confirms this result") < shown.index("The sampled one.")
+    assert shown.index("Sampling (sequential Monte Carlo) confirms this result") < shown.index(
+        "The sampled one."
+    )
 
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:

@@ -6,7 +6,7 @@ Parts: `halves` of measured records, `runs` of one rig, and halves of `simulated
 has a row for each pair. For each part, the output contains the mean square of the standardised differences of the
 damping ratio at common amplitudes (1 if the intervals are correct), how often the sum of one answer has a probability
 of at least 0.05 in the other answer, and the records that could not be compared. The answers are from linear
-approximations; with `sampled` among the parts, they are from MCMC sampling.
+approximations; with `sampled` among the parts, they are from sequential Monte Carlo.
 """
 
 from __future__ import annotations

@@ -9,7 +9,13 @@ from pathlib import Path
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import markdown_table as table
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import FACTORS, ErrorSeries, interval, rank_ranges, series
+from bayesdamp.report.results.estimators import (
+    FACTORS,
+    ErrorSeries,
+    error_interval,
+    error_series,
+    rank_ranges,
+)
 from bayesdamp.report.results.run import RunFolder
 
 INITIAL, REFINED = "initial", "refined"
@@ -17,7 +23,7 @@ INITIAL, REFINED = "initial", "refined"
 
 def page(run: RunFolder) -> str:
     """Return the page in Markdown, from the folder of a run."""
-    every = series(run)
+    every = error_series(run)
     along = next(s for s in every if s.factor == "noise")
     repeats = max(tried for own in along.answers.values() for _, tried in own)
     at = along.values.index(1.0)
@@ -51,7 +57,7 @@ def _table(part: ErrorSeries) -> str:
         cells = []
         for i in range(len(part.values)):
             own = part.each[method, INITIAL][i]
-            low, high = interval(own)
+            low, high = error_interval(own)
             place = order[i].get(method)
             span = f" ({low:.2g}–{high:.2g})" if math.isfinite(low) else ""
             error = f"{part.errors[method, INITIAL][i]:.2g}{span}" if own else "no answer"

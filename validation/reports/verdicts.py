@@ -12,7 +12,7 @@ from bayesdamp.verdict.types import Verdict
 def sampled_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
-    """Return the verdict on a record from MCMC sampling with the full equation of motion."""
+    """Return the verdict on a record from sequential Monte Carlo with the full equation of motion."""
     return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
 
 

@@ -10,7 +10,7 @@ import typer
 from bayesdamp.claims import CLAIMS, judge_all, write_page
 from bayesdamp.claims.judge import Runs
 from bayesdamp.cli.files import CLAIMS_PAGE, SingleFile
-from bayesdamp.report.results.estimators import series
+from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import InputError
 
@@ -35,7 +35,7 @@ def claims(
         what = "is not a run of the paper's study (studies/paper.toml)"
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
-        if not series(RunFolder(folder)):
+        if not error_series(RunFolder(folder)):
             what = "has no errors along noise, sampling or length (studies/noise*.toml)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     page.write(write_page(judge_all(CLAIMS, runs), runs))

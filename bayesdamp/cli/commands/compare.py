@@ -12,7 +12,7 @@ import typer
 
 from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
-from bayesdamp.cli.options import READING, RUNNING, WEIGHED
+from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.compare import RecordOptions, comparison
 from bayesdamp.interface.no_free_decay import no_free_decay
@@ -26,9 +26,9 @@ from bayesdamp.types import InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 
-FIRST_WORDS = 5
-"""Largest number of records in one command for which a line is printed before anything is fitted."""
-ALONE = 6
+MOST_EARLY_LINES = 5
+"""Largest number of records in one command for which lines are printed before anything is fitted (`early_lines`)."""
+MOST_ENVELOPES_HERE = 6
 """Largest number of envelopes that are computed in this process: starting a second process takes longer (measured)."""
 
 
@@ -53,28 +53,28 @@ def compare(
     time_unit: o.TimeUnit = None,
     restoring: Annotated[
         list[str] | None,
-        o.option(WEIGHED, "A restoring law to compare; may be repeated; by default all."),
+        o.option(COMPARED, "A restoring law to compare; may be repeated; by default all."),
     ] = None,
     damping: Annotated[
         list[str] | None,
         o.option(
-            WEIGHED,
+            COMPARED,
             "Damping sums to compare, such as stribeck,viscous+cubic; may be repeated. By default the seven "
             "sums of viscous, Coulomb and quadratic damping, and other forms that may be more probable.",
         ),
     ] = None,
     noise: Annotated[
-        str, o.option(WEIGHED, "A noise model, or auto to choose one for each record.")
+        str, o.option(COMPARED, "A noise model, or auto to choose one for each record.")
     ] = "auto",
     repeats: Annotated[
         bool,
         o.option(
-            WEIGHED,
+            COMPARED,
             "The records are of one specimen: fit them jointly, each from its own start.",
             "--repeats",
         ),
     ] = False,
-    seed: Annotated[int, o.option(WEIGHED, "Seed of all random numbers.", min=0)] = 0,
+    seed: Annotated[int, o.option(COMPARED, "Seed of all random numbers.", min=0)] = 0,
     out: o.Out = None,
     workers: o.Workers = None,
     scheduler: o.Scheduler = None,
@@ -85,20 +85,22 @@ def compare(
         bool,
         o.option(
             RUNNING,
-            "Also check the answer by NUTS and bridge sampling, assuming that laws hold exactly; takes minutes. "
-            "With --deviation law, these allow the same deviations as the answer. With --repeats, also fit all "
-            "records jointly.",
+            "Also check the answer by MCMC chains (NUTS) and bridge sampling, assuming that laws hold exactly; takes "
+            "minutes. With --deviation law, these allow the same deviations as the answer. With --repeats, also fit "
+            "all records jointly.",
             "--exact",
         ),
     ] = False,
     deviation: Annotated[
         str,
-        o.option(WEIGHED, "auto or law: laws may hold approximately; none: laws hold exactly."),
+        o.option(COMPARED, "auto or law: laws may hold approximately; none: laws hold exactly."),
     ] = "auto",
     sensor: Annotated[
         float,
         o.option(
-            WEIGHED, "Linearity error of the sensor (0.002 is 0.2 %), the smallest error of a damping ratio."
+            COMPARED,
+            "Relative linearity error (sd) of the sensor, added in quadrature to that of every damping ratio; "
+            "0.002 is 0.2 %.",
         ),
     ] = 0.002,
     quiet: o.Quiet = False,
@@ -133,7 +135,7 @@ def compare(
         failed = chosen.failed
         signals = r.study_signals(chosen.records, reading)
     # A single record is computed by the threads of this process; more processes would not make it faster.
-    alone = len(signals) <= (ALONE if envelopes else 1) and not exact and scheduler is None
+    alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
     study = comparison(
         signals,
         restoring=restoring or (),
@@ -146,8 +148,8 @@ def compare(
         sensor=sensor,
     )
     if not quiet:
-        few = 0 < len(chosen.records) <= FIRST_WORDS
-        first = first_words_on(read_by_study(chosen.records, study), reading) if few else []
+        few = 0 < len(chosen.records) <= MOST_EARLY_LINES
+        first = early_lines(read_by_study(chosen.records, study), reading) if few else []
         # First the lines on what may be read wrongly, last the lines on how the file was read.
         for line in [*chosen.doubted, *first, *r.command_suggestions(chosen.records, reading), *chosen.notes]:
             typer.echo(line, err=True)
@@ -209,11 +211,12 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
     return read
 
 
-def first_words_on(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
+def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
     """Return lines on records that are printed before anything is fitted.
 
     For each record that oscillates, a line gives its frequency and its damping without a law, or says that it is not
-    the free decay of one oscillator. Then there is a line for each file for which the unit rad is assumed.
+    the free decay of one oscillator. For each record without an oscillation, a line suggests --quantity envelope if no
+    value is negative. Then there is a line for each file for which the unit rad is assumed.
     """
     lines = []
     assumed: dict[str, None] = {}
@@ -225,15 +228,16 @@ def first_words_on(records: Sequence[r.FileRecord], options: r.ReadingOptions) -
             continue
         if options.assumes_rad(record.raw, record.unit, record.quantity):
             assumed[record.path.name] = None
-        other = no_free_decay(signal)
-        whose = ", ".join(filter(None, (record.path.name, r.distinguishing_label(record, records))))
-        if other is not None:
-            lines.append(f"{whose}: {in_unit(other, UNITS[record.unit]).sentence}")
+        not_a_free_decay = no_free_decay(signal)
+        label = ", ".join(filter(None, (record.path.name, r.distinguishing_label(record, records))))
+        if not_a_free_decay is not None:
+            lines.append(f"{label}: {in_unit(not_a_free_decay, UNITS[record.unit]).sentence}")
             continue
         with suppress(Refusal):
-            lines.append(f"{whose}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
-            about = signal.provenance
-            others = other_decays(about.decays, about.start, about.start + float(signal.t[-1]))
-            lines += [f"{whose}: {others}"] if others else []
+            lines.append(f"{label}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
+            provenance = signal.provenance
+            start = provenance.start
+            others = other_decays(provenance.decays, start, start + float(signal.t[-1]))
+            lines += [f"{label}: {others}"] if others else []
     unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
     return [*lines, *(f"{name}: {unit}" for name in assumed)]

@@ -15,7 +15,7 @@ from bayesdamp.machine import cache_folder, cores
 
 LEAST_MEMORY = 2.0
 """Required memory in GiB: twice the 0.95 GiB of a quick comparison of 2,001 samples on two processes (measured)."""
-TRUTH, WITHIN = 0.05, 0.1
+TRUE_RATE, TOLERATED_ERROR = 0.05, 0.1
 """Decay rate in 1/s of the test record, and the relative error that the answer may have (conventional)."""
 
 
@@ -92,18 +92,18 @@ def answer() -> CheckResult:
 
     options = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
     began = time.perf_counter()
-    signal = bd.simulate({"viscous": TRUTH}, "linear", seed=1, **options)
+    signal = bd.simulate({"viscous": TRUE_RATE}, "linear", seed=1, **options)
     verdict = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"]).verdict
     took = time.perf_counter() - began
     rates = [c.value for c in verdict.coefficients if c.name == "zeta"]
-    good = verdict.damping == "viscous" and bool(rates) and abs(rates[0] / TRUTH - 1) < WITHIN
+    good = verdict.damping == "viscous" and bool(rates) and abs(rates[0] / TRUE_RATE - 1) < TOLERATED_ERROR
     return CheckResult("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
 
 
 CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kernels, answer)
 
 
-def results(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
+def run_checks(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
     """Run each check and yield its result. An exception in a check is reported as a failed check."""
     for function in checks:
         try:
@@ -117,7 +117,7 @@ def results(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[
 def doctor() -> int:
     """Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record."""
     good = True
-    for check in results():
+    for check in run_checks():
         typer.echo(f"{'ok' if check.good else 'NO':<4}{check.what:<10} {check.text}")
         good = good and check.good
     return 0 if good else 1

@@ -53,7 +53,7 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
         If the study would be invalid.
     """
     tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
-    typed, of = _commented(shlex.quote(out.name)), _commented(Path(records[0]["file"]).name)
+    typed, of = _as_comment(shlex.quote(out.name)), _as_comment(Path(records[0]["file"]).name)
     lines = [
         f"# A study of {of} with the settings of `bayesdamp compare --exact`. Correct what is wrong, then run",
         f"#   bayesdamp check {typed}    to check it for errors",
@@ -68,7 +68,7 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
         lines += [
             "",
             "[[signal]]",
-            *(_line(SignalTable, key, value) for key, value in sorted(given.items(), key=_place)),
+            *(_line(SignalTable, key, value) for key, value in sorted(given.items(), key=_sort_key)),
         ]
     for name, table in tables.items():
         if isinstance(table, dict):
@@ -79,13 +79,13 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     return text
 
 
-def _commented(text: str) -> str:
+def _as_comment(text: str) -> str:
     """Return a text as one printable line, for a comment in the study."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
-def _place(item: tuple[str, Any]) -> int:
-    """Return the sort key of an item of a [[signal]]: specimen, restoring and system come last."""
+def _sort_key(item: tuple[str, Any]) -> int:
+    """Return the key by which items (key, value) of a [[signal]] are sorted: specimen, restoring and system last."""
     last = ("specimen", "restoring", "system")
     return last.index(item[0]) if item[0] in last else -1
 

@@ -11,15 +11,15 @@ from rich.console import Console
 
 from bayesdamp.cli import looking, options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
-from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubts, records_in
+from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubt_lines, records_in
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
-from bayesdamp.records.opening import contents
+from bayesdamp.records.opening import read_contents
 from bayesdamp.types import InputError
 
-COLUMNS, PLOTS, FACTS = 24, 4, 12
+MOST_COLUMNS, MOST_PLOTS, MOST_FACTS = 24, 4, 12
 """Largest numbers of columns, plots and facts on the file that are shown."""
-NARROWEST = 10
+NARROWEST_PLOT = 10
 """Smallest width of a plot in characters."""
 
 
@@ -45,15 +45,15 @@ def look(
         page.check()
     use_modules(read_modules(plugin or ()))
 
-    console, content = Console(), contents(file)
+    console, content = Console(), read_contents(file)
 
     def show_file() -> None:
         table = looking.columns_table(content)
-        first = replace(table, lines=table.lines[:COLUMNS])
+        first = replace(table, lines=table.lines[:MOST_COLUMNS])
         console.print(first.rich(title=f"{file.name}: {content.format}", title_justify="left"))
-        if len(content.columns) > COLUMNS:
-            console.print(f"and {len(content.columns) - COLUMNS} more columns", style="bright_black")
-        for name, value in list(content.facts.items())[:FACTS]:
+        if len(content.columns) > MOST_COLUMNS:
+            console.print(f"and {len(content.columns) - MOST_COLUMNS} more columns", style="bright_black")
+        for name, value in list(content.facts.items())[:MOST_FACTS]:
             console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
 
     if are_envelopes([file], angle, unit, quantity):
@@ -69,7 +69,7 @@ def look(
         except InputError:
             show_file()
             raise
-        for line in [*doubts(file, every), *command_suggestions(every, options)]:
+        for line in [*doubt_lines(file, every), *command_suggestions(every, options)]:
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
         views = [looking.view_motion(record) for record in every]
         show_file()
@@ -77,9 +77,9 @@ def look(
         console.print(f"\n{view.name}: {view.reading}", style="bold", markup=False, highlight=False)
         for line in view.lines:
             console.print(f"  {line}", markup=False, highlight=False)
-        if i < PLOTS:
+        if i < MOST_PLOTS:
             width = max(
-                NARROWEST, min(console.width, 100) - 2
+                NARROWEST_PLOT, min(console.width, 100) - 2
             )  # the width of a terminal may be reported as 0
             console.print(looking.plot(view.t, view.y, view.window, width))
     if page is not None:

@@ -20,12 +20,19 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.types import InputError
 
-DAMPING = {"viscous": 0.1}
+DAMPING_DEFAULTS = {"viscous": 0.1}
 """Default damping in 1/s, with a Q of about 30."""
-LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
+RESTORING_DEFAULTS = {
+    "stiffness": 40.0,
+    "gravity": 4.0,
+    "cubic": 40.0,
+    "rest_angle": 0.0,
+    "spring_angle": 0.0,
+}
 """Default parameters of the restoring laws, with a frequency of about 1 Hz and visible nonlinearities."""
-NOISE = 0.01
-"""Default sd of the noise as a fraction of the amplitude; without noise a record would have no likelihood."""
+NOISE_FRACTION = 0.01
+"""Default sd of the noise, as a fraction of the amplitude. It is not 0, because models cannot be compared without
+noise."""
 
 
 def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
@@ -48,9 +55,13 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 
 def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
     """Return the nonzero defaults that were used, in the form of options; empty if there are none."""
-    system = {name: LAW[name] for name in LAWS.get(restoring).parameters if name in LAW} | START
+    system = {
+        name: RESTORING_DEFAULTS[name]
+        for name in LAWS.get(restoring).parameters
+        if name in RESTORING_DEFAULTS
+    } | START
     left = {name: value for name, value in system.items() if value and name not in other}
-    options = {"--damping": {} if damping else DAMPING, "--set": left}
+    options = {"--damping": {} if damping else DAMPING_DEFAULTS, "--set": left}
     typed = ((option, [f"{n}={v:g}" for n, v in values.items()]) for option, values in options.items())
     return " ".join(f"{option} {','.join(words)}" for option, words in typed if words)
 
@@ -93,14 +104,14 @@ def simulate_with_defaults(
         If the record cannot be simulated.
     """
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
-    terms = {name: value for name, value in damping.items() if name not in further} or DAMPING
+    terms = {name: value for name, value in damping.items() if name not in further} or DAMPING_DEFAULTS
     own = {name: value for name, value in damping.items() if name in further}
     needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
-    known = {name: value for name, value in LAW.items() if name in needed}
+    known = {name: value for name, value in RESTORING_DEFAULTS.items() if name in needed}
     make = partial(simulate_record, terms, restoring, **{**known, **own, **other}, **options)
     clean = make()
     if noise_sd is None:
-        noise_sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+        noise_sd = float(f"{NOISE_FRACTION * np.ptp(clean.y) / 2:.1e}")
         if noise_sd == 0:
             raise InputError(
                 "simulate: the oscillator does not move; start it away from equilibrium, such as --set theta0=0.3"

@@ -19,7 +19,7 @@ from bayesdamp.interface.evidence import FROM_DRAWS, run_evidence_method
 from bayesdamp.numerics.weights import quantiles
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
-from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS, weighted_curves
+from bayesdamp.pipeline.candidates.posteriors import CURVE, QUANTILE_LEVELS, weighted_curves
 from bayesdamp.pipeline.tasks import Product, task_seed
 from bayesdamp.priors import odds
 from bayesdamp.store import Store
@@ -58,10 +58,10 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
         others = [m for m in study.evidence.methods if m != FIRST_METHOD]
-        weighed = list_evidence(
+        evidences = list_evidence(
             candidate.store, f"{candidate.spec.name}/{candidate.repeat}", candidate.model, others
         )
-        if weighed and not disagreement(weighed):
+        if evidences and not disagreement(evidences):
             return Product(EvidenceContent(), seconds=0.0)
     draws, outcome = None, OK
     if EVIDENCES.get(method).needs_draws and FROM_DRAWS in study.posterior.samplers:
@@ -80,17 +80,17 @@ def list_evidence(store: Store, record: str, model: str, methods: Sequence[str])
 
     For a method that failed, the evidence has an outcome but no number.
     """
-    weighed = []
+    evidences = []
     for method in dict.fromkeys((*methods, REFEREE)):
         result = store.find(f"evidence/{record}/{model}/{method}")
         if result is None:
             continue
         evidence = EvidenceContent.of(result).evidence
         if evidence is not None:
-            weighed.append(evidence)
+            evidences.append(evidence)
         elif result.outcome != OK:
-            weighed.append(Evidence(model, method, outcome=result.outcome))
-    return weighed
+            evidences.append(Evidence(model, method, outcome=result.outcome))
+    return evidences
 
 
 def evidence_by_method(
@@ -103,8 +103,8 @@ def evidence_by_method(
     methods = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
     by_model = {model: list_evidence(store, record, model, methods) for model in models}
-    for model, weighed in by_model.items():
-        for e in weighed:
+    for model, evidences in by_model.items():
+        for e in evidences:
             by_method.setdefault(e.method, {})[model] = e
     refereed = by_method.get(REFEREE, {}).values()
     if REFEREE not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
@@ -112,8 +112,8 @@ def evidence_by_method(
         by_method.pop(REFEREE, None)
     if len([m for m in by_method if m != FIRST_METHOD]) > 1:
         by_method[ADOPTED] = {}
-        for model, weighed in by_model.items():
-            counting = [e for e in weighed if e.method != FIRST_METHOD]
+        for model, evidences in by_model.items():
+            counting = [e for e in evidences if e.method != FIRST_METHOD]
             if counting:
                 by_method[ADOPTED][model] = choose_evidence(counting)
     return by_method
@@ -127,8 +127,8 @@ ENOUGH_COVERED = 0.99
 
 def has_average(study: Study, spec: SignalSpec) -> bool:
     """Return whether the damping of a signal is averaged: several models, with posteriors and evidence."""
-    is_weighed = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
-    return is_weighed and len(study.compare(spec)) > 1
+    computes_evidence = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
+    return computes_evidence and len(study.compare(spec)) > 1
 
 
 def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
@@ -200,4 +200,4 @@ def average_curves(curves: Mapping[str, np.ndarray], weights: Mapping[str, float
     """
     values = np.concatenate(list(curves.values()))
     each = np.concatenate([np.full(len(c), weights[m] / len(c)) for m, c in curves.items()])
-    return np.stack([quantiles(column, each / each.sum(), LEVELS) for column in values.T], axis=-1)
+    return np.stack([quantiles(column, each / each.sum(), QUANTILE_LEVELS) for column in values.T], axis=-1)

@@ -27,14 +27,14 @@ from bayesdamp.store.files import write_bytes
 from bayesdamp.types import OK, Ratio
 
 CURVE = "equivalent_ratio"
-LEVELS = np.array([0.025, 0.5, 0.975])
-SPREAD = (np.arange(100) + 0.5) / 100
+QUANTILE_LEVELS = np.array([0.025, 0.5, 0.975])
+STORED_LEVELS = (np.arange(100) + 0.5) / 100
 """Levels of 100 quantiles that represent the draws of a curve with equal weight."""
 CURVE_POINTS = 25
 """Number of amplitudes at which the damping is computed."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
 """Names, in the file of draws, of the sizes of the deviations g and h: energy-weighted means over the record."""
-SMALLEST = 0.02
+SMALLEST_AMPLITUDE = 0.02
 """Smallest amplitude of the curves as a fraction of the first amplitude (conventional)."""
 
 
@@ -119,9 +119,9 @@ def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[
     deviations.
     """
     record, law = candidate.record.features, candidate.fit.law
-    least = max(min(record.amplitude, record.final_amplitude), SMALLEST * record.amplitude)
+    least = max(min(record.amplitude, record.final_amplitude), SMALLEST_AMPLITUDE * record.amplitude)
     grid = np.geomspace(least, record.amplitude, CURVE_POINTS)
-    levels = (*LEVELS, *SPREAD)
+    levels = (*QUANTILE_LEVELS, *STORED_LEVELS)
     curves = curves_against_amplitude(motions, grid, levels)
     if law is not None:
         few = u[:: max(1, len(u) // CURVE_DRAWS)]
@@ -131,8 +131,12 @@ def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[
         if finite.any():
             ratio[:, finite] = np.quantile(drawn[:, finite], levels, axis=0)
         # The ratio of a cycle's decrement to its damping ratio follows from the restoring law alone.
-        middle = list(LEVELS).index(0.5)
+        middle = list(QUANTILE_LEVELS).index(0.5)
         curves = {n: ratio * (c[middle] / curves[CURVE][middle]) for n, c in curves.items()}
     whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
-    band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in curves.items()}
-    return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": curves[CURVE][len(LEVELS) :, whole]}
+    band = {f"curve/{n}": c[: len(QUANTILE_LEVELS), whole] for n, c in curves.items()}
+    return {
+        "amplitudes": grid[whole],
+        **band,
+        f"spread/{CURVE}": curves[CURVE][len(QUANTILE_LEVELS) :, whole],
+    }

@@ -42,7 +42,7 @@ from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
 
 STORED_SAMPLES = 1000
-"""Samples of a prediction that are stored, at least, if it has as many."""
+"""A prediction of more samples is thinned before it is stored, to at least this number of samples."""
 
 
 def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> dict[str, str]:
@@ -68,7 +68,9 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
         *(["savage_dickey"] if len(candidate.terms) < 2 else []),
     }
     sources = {
-        kind: source.format(candidate.path) for kind, (source, _) in KINDS.items() if kind not in left_out
+        kind: source.format(candidate.path)
+        for kind, (source, _) in SENSITIVITIES.items()
+        if kind not in left_out
     }
     return {
         f"sensitivity/{candidate.path}/{kind}": keys[source]
@@ -79,7 +81,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 
 def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Product:
     """Compute one of the sensitivity tasks. Raises Refusal if the task that it starts from has no draws."""
-    source_name, compute = KINDS[kind]
+    source_name, compute = SENSITIVITIES[kind]
     source = candidate.store.read(source_name.format(candidate.path))
     if not source.arrays:
         reason = "not applicable: no draws were kept; run with --fresh"
@@ -111,7 +113,7 @@ def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> P
         carry = partial(law.predict_second_half, single, seed=seed)
     evidence, ahead = predict_from_half(candidate.model, half, carry, seed)
     whole = EvidenceContent.of(source).evidence
-    assert whole is not None  # a source with draws was weighed
+    assert whole is not None  # a source with draws has evidence
     density, uncertainty = log_predictive(whole, evidence)
     later = t[-ahead.error.size :]
     content = HalfContent(
@@ -162,7 +164,7 @@ def _compute_ratios(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 Compute = Callable[[StudyCandidate, TaskResult, int], Product]
-KINDS: dict[str, tuple[str, Compute]] = {
+SENSITIVITIES: dict[str, tuple[str, Compute]] = {
     "widths": ("evidence/{}/importance", _compute_widths),
     "half": ("evidence/{}/importance", _compute_half),
     "noises": ("evidence/{}/importance", _compute_noises),

@@ -24,15 +24,15 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
-CLEAR = 3.0
+OFFSET_SIGMAS = 3.0
 """An offset is significant from this many standard errors on (conventional)."""
 HARMONICS = 3
 """Number of harmonics in the model from which the sensor's zero is estimated."""
 MOST_POWERS = 6
 """Highest degree of the polynomials of time in this model; the degree is half the number of cycles up to that."""
-OUTLIER = 8.0
+OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a local harmonic fit by more than this many standard deviations."""
-TURNS, TURNS_NAMED = 0.5, 3.0
+MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """A user is warned if an angle in rad exceeds this many turns to either side; the second number is for columns whose
 name states the unit (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
@@ -51,16 +51,16 @@ TONE_BURST = (
 )
 MOST_SAMPLES = 100_000
 """The number of samples of a longer record is reduced (decimation)."""
-PER_CYCLE, LEAST_PER_CYCLE = 100.0, 20.0
+SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
 """Number of samples a cycle after decimation, and the smallest number for records with very many cycles."""
-PASS = 0.7
+PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""
 ATTENUATION = 90.0
 """Attenuation of the filter in dB above the new Nyquist frequency. Its ripple in the pass band is as small: 3e-5."""
-HEARD = 1e-3
+PRESERVED_DENSITY = 1e-3
 """Frequencies with at least this fraction of the largest spectral density (−30 dB) are preserved."""
-UNEVEN = 2.0
+MAX_STEPS_OFF = 2.0
 """A record is decimated only if its stamps differ from a uniform clock by at most this many steps."""
 
 
@@ -120,7 +120,7 @@ def sensor_offset(signal: Signal, features: Features) -> float:
     rest = signal.y - design @ c
     scatter = float(np.sqrt(np.sum(rest**2) / (x.size - design.shape[1])))
     error = scatter * float(np.linalg.norm(inverse[0]))
-    return float(c[0]) if abs(c[0]) > CLEAR * error else 0.0
+    return float(c[0]) if abs(c[0]) > OFFSET_SIGMAS * error else 0.0
 
 
 def clean(
@@ -213,7 +213,7 @@ def clean(
             f"{label}."
         )
     turns = measured.amplitude / (2 * np.pi)
-    if base == "rad" and turns > (TURNS if named is None else TURNS_NAMED):
+    if base == "rad" and turns > (MAX_TURNS if named is None else MAX_TURNS_NAMED):
         warnings.append(
             f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."
@@ -227,8 +227,8 @@ def clean(
         )
     if outliers:
         notes.append(
-            f"{outliers} sample{'s are' if outliers > 1 else ' is'} further than {OUTLIER:g} standard deviations from "
-            "a local fit; they are not removed."
+            f"{outliers} sample{'s are' if outliers > 1 else ' is'} further than {OUTLIER_SIGMAS:g} standard "
+            "deviations from a local fit; they are not removed."
         )
     periods = float(t[-1] - t[0]) / period
     clear = f", of which {cycles:.1f} are above the noise" if periods > cycles + 1 else ""
@@ -277,7 +277,7 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
 
 
 def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
-    """Return the number of samples that differ from local harmonic fits by more than OUTLIER standard deviations.
+    """Return the number of samples that differ from local harmonic fits by more than OUTLIER_SIGMAS sds.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
             continue
         rest, sd, window = residuals(signal.t[a:], signal.y[a:], period)
         usual = float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0
-        limit = OUTLIER * np.maximum(np.nan_to_num(sd)[window], usual)
+        limit = OUTLIER_SIGMAS * np.maximum(np.nan_to_num(sd)[window], usual)
         is_far[a:] |= np.abs(np.nan_to_num(rest)) > np.maximum(limit, 2 * signal.step + 1e-3 * amplitude)
     return int(is_far.sum())
 
@@ -341,7 +341,7 @@ def decimate(raw: RawRecord) -> RawRecord:
         if np.any(gaps < 0) or raw.t[-1] == raw.t[0]:
             return raw
         step, off = robust_step(rows, raw.t)
-        if not step > 0 or off > UNEVEN * max(step, float(np.median(gaps[gaps > 0]))):
+        if not step > 0 or off > MAX_STEPS_OFF * max(step, float(np.median(gaps[gaps > 0]))):
             return raw
         start, rate = float(np.mean(raw.t) - step * np.mean(rows)), 1 / step
     elif raw.rate is not None:
@@ -355,10 +355,10 @@ def decimate(raw: RawRecord) -> RawRecord:
     if not power.max() > 0:
         return raw
     peak = float(frequency[int(np.argmax(power))])
-    highest = float(frequency[np.flatnonzero(power > HEARD * power.max())[-1]])
+    highest = float(frequency[np.flatnonzero(power > PRESERVED_DENSITY * power.max())[-1]])
     cycles = peak * raw.y.size / rate
-    per_cycle = float(np.clip(MOST_SAMPLES / cycles, LEAST_PER_CYCLE, PER_CYCLE))
-    factor = int(rate / max(per_cycle * peak, 2 * highest / PASS))
+    per_cycle = float(np.clip(MOST_SAMPLES / cycles, LEAST_SAMPLES_PER_CYCLE, SAMPLES_PER_CYCLE))
+    factor = int(rate / max(per_cycle * peak, 2 * highest / PASS_BAND))
     if factor < 2:
         return raw
     y, first = filter_and_decimate(raw.y, factor)
@@ -366,7 +366,7 @@ def decimate(raw: RawRecord) -> RawRecord:
     note = (
         f"The {raw.y.size} samples at {rate:.6g} Hz, more than the oscillation needs, are reduced to {y.size} at "
         f"{rate / factor:.6g} Hz with a zero-phase filter that is flat within 1e-4 up to "
-        f"{PASS * rate / factor / 2:.4g} Hz; the noise is that within this band."
+        f"{PASS_BAND * rate / factor / 2:.4g} Hz; the noise is that within this band."
     )
     before = raw.provenance
     provenance = replace(
@@ -381,7 +381,8 @@ def decimate(raw: RawRecord) -> RawRecord:
 def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     """Low-pass filter values with a symmetric (zero-phase) filter and return every factor-th of them.
 
-    The filter is flat within 1e-4 up to PASS of the new Nyquist frequency, and attenuates by ATTENUATION dB above it.
+    The filter is flat within 1e-4 up to PASS_BAND of the new Nyquist frequency, and attenuates by ATTENUATION dB above
+    it.
 
     Parameters
     ----------
@@ -399,10 +400,10 @@ def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     ----------
     A. V. Oppenheim and R. W. Schafer, Discrete-Time Signal Processing, 7.5: FIR filters by a Kaiser window.
     """
-    width = (1 - PASS) / factor
+    width = (1 - PASS_BAND) / factor
     half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))
     kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
-    taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
+    taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS_BAND) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
     # Sample k of the result is centred on sample k - half of y.
     whole = scipy.signal.upfirdn(taps, y - middle, 1, 1)

@@ -9,28 +9,32 @@ import numpy as np
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
-MANY = 0.05
-"""If at least this fraction of the stamps repeats, they count as bursts of a uniform sampling (conventional)."""
-EVEN = 1.5
+BURST_REPEATS = 0.05
+"""If at least this fraction of the stamps repeats the one before, they count as bursts of a uniform sampling
+(conventional)."""
+EVEN_STEPS_RATIO = 1.5
 """Rows count as merely out of order if, for the sorted times, mean over median step and median over smallest step are
 below this (conventional)."""
-PAUSES, SHORT = 8, 0.3
+MIN_PAUSES, SHORT_STEP = 8, 0.3
 """Stamps come in bursts if there are at least this many pauses, and the median step is below this fraction of the mean
 step (conventional)."""
-MOVES = 2.0
-"""Rows are missing at longer steps if the mean squared change of the values there is larger by this factor
-(conventional)."""
-WHOLE = 1e-3
+JUMP_RATIO = 2.0
+"""Rows are missing at longer steps of the times if the mean squared change of the values across these steps is more
+than this factor times that across the other steps (conventional)."""
+MULTIPLE_TOLERANCE = 1e-3
 """Where rows are missing, steps are multiples of the smallest one within this fraction of it (conventional)."""
-EXACT = 1e-6
+UNIFORM_TOLERANCE = 1e-6
 """Stamps are used as they are if they differ from a uniform clock by less than this fraction of a step
 (conventional)."""
-ROUNDED = 0.6
+ROUNDING_TOLERANCE = 0.6
 """Rounded or truncated stamps differ from a uniform clock by at most this fraction of the last digit: 0.5, and an
 allowance for the error of the fitted line."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
 """Seconds in the units in which a file may write its times."""
-FEWEST = 8
+MOST_STEPS_OFF = 8
+"""A uniform clock is not chosen automatically if a stamp is further from it than this many median steps (above zero);
+then the record may contain a pause (conventional)."""
+MIN_ROUNDED_STEPS = 8
 """Stamps count as rounded only if at least this many steps differ from the usual one, because a single missing or
 repeated row also changes the step. Eight such faults at random are as evenly spaced in 0.24 % of records (8!/8⁸)."""
 
@@ -60,8 +64,15 @@ class Clock:
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     """Return the times of a record.
 
-    A uniform clock is first stamp + index × step. The step is that of the uniform sampling whose rounded times are the
-    stamps, or the slope of a robust line through stamps against index.
+    A uniform clock is first stamp + index × step. The clock "auto" is decided in this order:
+
+    1. without times: the sampling rate;
+    2. stamps that are the rounded times of a uniform sampling, and no missing rows: uniform, with its step;
+    3. stamps that come in bursts: refused if none repeats, or if only a few (below BURST_REPEATS) do;
+    4. no stamp repeats: as logged;
+    5. else uniform, with the slope of a robust line through stamps against index, unless stamps are too far from it.
+
+    With "uniform" the step is also that of rule 2 or 5.
 
     Parameters
     ----------
@@ -82,47 +93,47 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.t is None:
         if raw.rate is None:
-            what = "the record has neither times nor a sampling rate; give the rate in Hz"
-            raise InputError(what, name, arguments=["rate"])
+            problem = "the record has neither times nor a sampling rate; give the rate in Hz"
+            raise InputError(problem, name, arguments=["rate"])
         note = f"No times are used: samples are taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
-        what, arguments = _describe_backward_times(raw.t, at)
-        raise InputError(what, name, _place(raw, at + 1), arguments)
+        problem, arguments = _describe_backward_times(raw.t, at)
+        raise InputError(problem, name, _describe_row(raw, at + 1), arguments)
     if raw.t[-1] == raw.t[0]:
-        what = f"all times are {raw.t[0]:g}; name the right time column, or give the rate in Hz"
-        raise InputError(what, name, arguments=["time", "rate"])
-    repeated = float(np.mean(gaps == 0))
-    first, share = int(np.argmax(gaps == 0)) + 1, f"{100 * repeated:.3g} %"
+        problem = f"all times are {raw.t[0]:g}; name the right time column, or give the rate in Hz"
+        raise InputError(problem, name, arguments=["time", "rate"])
+    repeated_fraction = float(np.mean(gaps == 0))
+    first_repeat, share = int(np.argmax(gaps == 0)) + 1, f"{100 * repeated_fraction:.3g} %"
     if clock == "as_logged":
-        if repeated:
-            what = f'{share} of the times repeat, which the clock "as_logged" cannot use; use "uniform"'
-            raise InputError(what, name, _place(raw, first), ["clock"])
-        return Clock(raw.t, "as_logged", repeated)
+        if repeated_fraction:
+            problem = f'{share} of the times repeat, which the clock "as_logged" cannot use; use "uniform"'
+            raise InputError(problem, name, _describe_row(raw, first_repeat), ["clock"])
+        return Clock(raw.t, "as_logged", repeated_fraction)
     is_auto = clock == "auto"
     if not (is_auto and _rows_are_missing(rows, raw.t, raw.y)):
-        digit, step, off = rounded_sampling(rows, raw.t)
-        if EXACT * step < off <= ROUNDED * digit and digit <= step:
+        digit, step, largest_misfit = rounded_sampling(rows, raw.t)
+        if UNIFORM_TOLERANCE * step < largest_misfit <= ROUNDING_TOLERANCE * digit and digit <= step:
             note = f"The time stamps are written to {digit:.3g} s: {_describe_uniform(raw.t[0], step)}."
-            return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
-        if is_auto and digit > step and off <= digit:
+            return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
+        if is_auto and digit > step and largest_misfit <= digit:
             raise InputError(
                 f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); "
                 'give the rate, or use the clock "uniform", which estimates it',
                 name,
                 arguments=["clock", "rate"],
             )
-    if is_auto and 0 < repeated < MANY:
+    if is_auto and 0 < repeated_fraction < BURST_REPEATS:
         raise InputError(
-            f"the time {raw.t[first]:.10g} s repeats, as do {share} of the times, too few for bursts; correct the "
-            'file, or use the clock "uniform"',
+            f"the time {raw.t[first_repeat]:.10g} s repeats, as do {share} of the times, too few for bursts; correct "
+            'the file, or use the clock "uniform"',
             name,
-            _place(raw, first),
+            _describe_row(raw, first_repeat),
             ["clock"],
         )
-    begins = np.arange(raw.y.size) if repeated else burst_begins(raw.t)
+    begins = np.arange(raw.y.size) if repeated_fraction else burst_begins(raw.t)
     in_bursts = begins.size < raw.y.size
     if is_auto and in_bursts:
         raise InputError(
@@ -131,20 +142,20 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             name,
             arguments=["clock"],
         )
-    if is_auto and not repeated:
-        return Clock(raw.t, "as_logged", repeated)
-    step, off = robust_step(rows[begins], raw.t[begins])
-    if is_auto and off > 8 * float(np.median(gaps[gaps > 0])):
+    if is_auto and not repeated_fraction:
+        return Clock(raw.t, "as_logged", repeated_fraction)
+    step, largest_misfit = robust_step(rows[begins], raw.t[begins])
+    if is_auto and largest_misfit > MOST_STEPS_OFF * float(np.median(gaps[gaps > 0])):
         raise InputError(
-            f"{share} of the times repeat, but a uniform clock would be off by up to {off:.3g} s; is there a pause in "
-            'the record? The clock "uniform" uses one all the same',
+            f"{share} of the times repeat, but a uniform clock would be off by up to {largest_misfit:.3g} s; is there "
+            'a pause in the record? The clock "uniform" uses a uniform clock nevertheless',
             name,
             arguments=["clock"],
         )
-    why = f"{share} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
-    what = "bursts begin" if in_bursts else "stamps are"
-    note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {what} within {off:.2g} s of that."
-    return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+    why = f"{share} of the time stamps repeat (they come in bursts)" if repeated_fraction else "As requested"
+    anchors = "bursts begin" if in_bursts else "stamps are"
+    note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {anchors} within {largest_misfit:.2g} s of that."
+    return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
 
 
 def _describe_uniform(start: float, step: float) -> str:
@@ -165,9 +176,12 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     least = gaps.min()
     many = np.round(gaps / max(least, 1e-300))
     longer = many > 1
-    if min(longer.sum(), (~longer).sum()) < PAUSES or np.abs(gaps - many * least).max() > WHOLE * least:
+    if (
+        min(longer.sum(), (~longer).sum()) < MIN_PAUSES
+        or np.abs(gaps - many * least).max() > MULTIPLE_TOLERANCE * least
+    ):
         return False
-    return bool(moves[longer].mean() > MOVES * moves[~longer].mean())
+    return bool(moves[longer].mean() > JUMP_RATIO * moves[~longer].mean())
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
@@ -192,7 +206,7 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
         if digit >= 4 * rounding and np.abs(late - digit * np.round(late / digit)).max() <= rounding
     ]
     digit, steps = max(multiples, default=0.0), np.diff(t)[np.diff(rows) == 1]
-    if not digit or np.sum(np.abs(steps - np.median(steps)) > 0.5 * digit) < FEWEST:
+    if not digit or np.sum(np.abs(steps - np.median(steps)) > 0.5 * digit) < MIN_ROUNDED_STEPS:
         return 0.0, 0.0, 0.0
     x = rows - rows.mean()
     step, start = np.polyfit(x, t, 1)
@@ -206,7 +220,7 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
     """
     gaps = np.diff(t)
     pauses = gaps > gaps.mean()
-    if min(pauses.sum(), (~pauses).sum()) < PAUSES or np.median(gaps) > SHORT * gaps.mean():
+    if min(pauses.sum(), (~pauses).sum()) < MIN_PAUSES or np.median(gaps) > SHORT_STEP * gaps.mean():
         return np.arange(t.size)
     return np.r_[0, 1 + np.flatnonzero(pauses)]
 
@@ -229,7 +243,9 @@ def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ..
     how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s"
     how += f" ({rows} rows do so)" if rows > 1 else ""
     steps = np.diff(np.sort(t))
-    if steps.min() > np.median(steps) / EVEN and steps.mean() < EVEN * np.median(steps):
+    if steps.min() > np.median(steps) / EVEN_STEPS_RATIO and steps.mean() < EVEN_STEPS_RATIO * np.median(
+        steps
+    ):
         return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()
     what = (
         f"{how}; does another record begin there (split the file), or do the times change their unit (give the rate "
@@ -266,7 +282,7 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
     return step, float(np.abs(rest).max())
 
 
-def _place(raw: RawRecord, index: int) -> str:
+def _describe_row(raw: RawRecord, index: int) -> str:
     line = raw.provenance.first_line
     if line is not None and raw.rows.size:
         return f"line {int(raw.rows[index]) + line}"

@@ -14,48 +14,49 @@ from typing import Literal
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.records.oscillation.turning import Turning, local_median, true_runs
+from bayesdamp.records.oscillation.turning import TurningPoints, local_median, true_runs
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
 """The property in which a swing does not fit to the later ones."""
 
 # These thresholds were set on simulated and measured records with hands, hits and releases (tests/records/hands.py).
-RISE = 0.25
-"""A second release or a push is assumed if a range grows by more than this fraction within a cycle; in beats the growth
-is as gradual as the fall before."""
-FALL = 0.35
-"""A hand that stops the motion is assumed if a range falls by more than this fraction within a cycle, unless it fell so
-fast before."""
-JUMP = 3.0
-"""Such a step must be this many times larger than the steps in the cycles before."""
-WINDOW = 4
+MAX_RISE = 0.25
+"""A second release or a push is assumed if the range of a swing (maximum minus minimum) grows by more than this
+fraction within a cycle; in beats the growth is as gradual as the fall before."""
+MAX_FALL = 0.35
+"""A hand that stops the motion is assumed if the range of a swing falls by more than this fraction within a cycle,
+unless it fell so fast before."""
+JUMP_RATIO = 3.0
+"""Such a rise or fall must be this many times larger than the changes of the range in the cycles before."""
+SWINGS_PER_WINDOW = 4
 """At a break of the decay rate, two windows of this many swings before it are compared with two after it."""
-BREAK = 0.4
+MIN_RATE_CHANGE = 0.4
 """At a break the decay rate must change by this fraction more than any power of the amplitude explains."""
-POWER = 1.2
-"""The decay rate changes at most with this power of the amplitude, or its inverse: −1 is dry friction, 1 is drag."""
-LATER = 10
+LARGEST_POWER = 1.2
+"""The decay rate is assumed to be proportional to a power of the amplitude between minus this and this: −1 is dry
+friction, 0 viscous damping, 1 drag."""
+LATER_SWINGS = 10
 """Number of later swings with which a swing is compared."""
-CHANCE = 1e-3
+EXCEEDANCE = 1e-3
 """Probability that a swing of a free decay is outside the prediction interval from the later ones."""
 MAX_MISFIT = 5.0
 """Largest misfit of a swing, relative to the median misfit of the later swings."""
-PERIOD, MIDLINE, SHAPE = 0.02, 0.03, 0.01
+PERIOD_TOLERANCE, MIDLINE_TOLERANCE, SHAPE_TOLERANCE = 0.02, 0.03, 0.01
 """Deviations that are always allowed: of the period (relative), of the midline (relative to the range), and of the
 shape (relative to the amplitude)."""
 MAX_LOG_FALL = 0.9
-"""Swings whose log range is within this of the largest one are used to predict its decay rate. Smaller ones are not:
-with dry friction the rate increases without bound towards the end."""
-STILL = 0.02
+"""The decay rate of the largest swing is predicted from swings whose ln range is at most this much smaller. Smaller
+swings are not used: with dry friction the rate increases without bound towards the end."""
+STILL_FRACTION = 0.02
 """A part of the record counts as moving if it changes by more than this fraction of the first swing (and the noise)."""
-ERRORS = 4.0
+NOISE_ERRORS = 4.0
 """A movement or a turning value below this many standard errors may be noise."""
-TEMPLATE = 0.02
-"""A swing may differ from a later one, scaled to its size and period, by this fraction of the range."""
+TEMPLATE_TOLERANCE = 0.02
+"""A swing may differ by this fraction of its range from a later swing that is scaled to its size and period."""
 
 
-def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
+def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
     """Find the stretches of swings that may be a free decay.
 
     Parameters
@@ -84,19 +85,19 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
         across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
 
         for a, b in pairwise([0, *_without_holes(_find_jumps(ranges, floor), across), ranges.size]):
-            reason_not_continuing = (a + c for c in _find_breaks(ranges[a:b], floor) if a + c < b)
-            cuts = [a, *_without_holes(reason_not_continuing, across), b]
+            breaks = (a + c for c in _find_breaks(ranges[a:b], floor) if a + c < b)
+            cuts = [a, *_without_holes(breaks, across), b]
             cuts = sorted({c + e for c, d in pairwise(cuts) for e in _ends_of_fall(ranges[c:d], floor)})
             spans += [(first + c, first + d + 1) for c, d in pairwise(cuts) if d - c >= 2]
     return spans
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return the marks that are not near a gap in the samples, at which the range falls by several swings."""
-    return [m for m in marks if not np.any(np.abs(across - m) <= 2 * WINDOW)]
+    """Return the marks that are not near a gap in the samples, across which the range falls as over several swings."""
+    return [m for m in marks if not np.any(np.abs(across - m) <= 2 * SWINGS_PER_WINDOW)]
 
 
-def information(turns: Turning, stretch: tuple[int, int]) -> float:
+def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
     """Return a measure of how much information a stretch contains about the damping.
 
     It is the number of swings times the log of the ratio of its largest to its smallest range (plus 0.02).
@@ -107,7 +108,7 @@ def information(turns: Turning, stretch: tuple[int, int]) -> float:
     return ranges.size * (0.02 + float(fallen))
 
 
-def _runs_in_phase(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
+def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
     """Return start and end (exclusive) of runs of swings that are in phase and above the noise.
 
     A run continues across a turning point that a spike spoils, and across a gap in the samples.
@@ -155,9 +156,9 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
     top = int(np.argmax(ranges))
     low = top + int(np.argmin(ranges[top:]))
     marks = [0]
-    if ranges[top] - ranges[0] > max(RISE * ranges[0], 4 * floor):
+    if ranges[top] - ranges[0] > max(MAX_RISE * ranges[0], 4 * floor):
         marks.append(top)
-    if ranges[-1] - ranges[low] > max(RISE * ranges[low], 4 * floor):
+    if ranges[-1] - ranges[low] > max(MAX_RISE * ranges[low], 4 * floor):
         marks.append(low + 1)
     return [*marks, ranges.size]
 
@@ -165,14 +166,14 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of swings before which the range (k,) jumps, so that a new stretch begins there."""
     change = ranges[2:] - ranges[:-2]
-    rises = change > np.maximum(RISE * ranges[:-2], 4 * floor)
-    falls = -change > np.maximum(FALL * ranges[:-2], 4 * floor)
+    rises = change > np.maximum(MAX_RISE * ranges[:-2], 4 * floor)
+    falls = -change > np.maximum(MAX_FALL * ranges[:-2], 4 * floor)
     marks: list[int] = []
     for i in np.flatnonzero(rises | falls).tolist():
         usual = np.abs(change[max(i - 4, 0) : max(i - 1, 0)])
         if usual.size == 0 and change[i] < 0:
             continue
-        if abs(change[i]) > JUMP * float(usual.max(initial=0.0)):
+        if abs(change[i]) > JUMP_RATIO * float(usual.max(initial=0.0)):
             at = i + 2 if change[i] > 0 else i + 1
             if not marks or at - marks[-1] > 1:
                 marks.append(at)
@@ -187,23 +188,23 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     The change must be larger than any power of the amplitude explains. The decay rates in two windows before and two
     after are compared; in a beat they change steadily.
     """
-    if ranges.size < 4 * WINDOW:
+    if ranges.size < 4 * SWINGS_PER_WINDOW:
         return []
-    logs, n = np.log(ranges), np.arange(WINDOW) - (WINDOW - 1) / 2
-    windows = np.lib.stride_tricks.sliding_window_view(logs, WINDOW)
+    logs, n = np.log(ranges), np.arange(SWINGS_PER_WINDOW) - (SWINGS_PER_WINDOW - 1) / 2
+    windows = np.lib.stride_tricks.sliding_window_view(logs, SWINGS_PER_WINDOW)
     size = windows.mean(axis=1)
     rate = -(windows @ n) / np.sum(n**2)
     scatter = np.sqrt(np.mean((windows - size[:, None] + rate[:, None] * n) ** 2, axis=1))
     blur = np.hypot(scatter, 0.5 * floor / ranges[: size.size]) / np.sqrt(np.sum(n**2))
-    k = np.arange(WINDOW, ranges.size - 3 * WINDOW + 1)
-    # The four windows begin at k - WINDOW, k, k + WINDOW and k + 2 WINDOW.
-    parts = k + np.arange(-WINDOW, 3 * WINDOW, WINDOW)[:, None]
+    k = np.arange(SWINGS_PER_WINDOW, ranges.size - 3 * SWINGS_PER_WINDOW + 1)
+    # The four windows begin at k - SWINGS_PER_WINDOW, k, k + SWINGS_PER_WINDOW and k + 2 SWINGS_PER_WINDOW.
+    parts = k + np.arange(-SWINGS_PER_WINDOW, 3 * SWINGS_PER_WINDOW, SWINGS_PER_WINDOW)[:, None]
     rates, sizes = rate[parts], size[parts]
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
         """Return the part of the change of the rate from window i to j that no power of the amplitude explains."""
-        factor = np.exp(POWER * np.abs(sizes[i] - sizes[j]))
+        factor = np.exp(LARGEST_POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)
         return np.maximum(np.maximum(low - rates[i], rates[i] - high), 0.0)
 
@@ -213,18 +214,20 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
 
     def corner(a: int, b: int) -> int:
         """Return the swing between a and b at which the break is: a line before and a parabola after fit best."""
-        corners = range(a + WINDOW + 1, b - WINDOW)
+        corners = range(a + SWINGS_PER_WINDOW + 1, b - SWINGS_PER_WINDOW)
         return min(corners, key=lambda m: misfit(logs[a:m], 1) + misfit(logs[m:b], 2))
 
     inner = np.maximum(unexplained(0, 1), unexplained(2, 3))
-    clear = ranges[k + 3 * WINDOW - 1] > 16 * floor
-    limit = np.maximum.reduce([BREAK * np.maximum(np.abs(rates[1]), np.abs(rates[2])), 6 * sd, 2.5 * inner])
+    clear = ranges[k + 3 * SWINGS_PER_WINDOW - 1] > 16 * floor
+    limit = np.maximum.reduce(
+        [MIN_RATE_CHANGE * np.maximum(np.abs(rates[1]), np.abs(rates[2])), 6 * sd, 2.5 * inner]
+    )
     # Require the change also between the outer windows: a spoiled turning point changes only the inner ones.
     excess = np.where(clear, np.minimum(unexplained(1, 2), unexplained(0, 3)) - limit, -1.0)
     marks: list[int] = []
     while (best := int(np.argmax(excess))) >= 0 and excess[best] > 0:
-        marks.append(corner(int(k[best]) - WINDOW, int(k[best]) + 3 * WINDOW) + 1)
-        excess[max(best - 2 * WINDOW, 0) : best + 2 * WINDOW + 1] = -1.0
+        marks.append(corner(int(k[best]) - SWINGS_PER_WINDOW, int(k[best]) + 3 * SWINGS_PER_WINDOW) + 1)
+        excess[max(best - 2 * SWINGS_PER_WINDOW, 0) : best + 2 * SWINGS_PER_WINDOW + 1] = -1.0
     return sorted(marks)
 
 
@@ -244,7 +247,7 @@ class Swings:
 
     t: np.ndarray
     y: np.ndarray
-    turns: Turning
+    turns: TurningPoints
     floor: float
     _misfits: dict[int, tuple[float, float]] = field(default_factory=dict)
 
@@ -255,19 +258,25 @@ class Swings:
         self.midlines = (values[:-2] + 2 * values[1:-1] + values[2:]) / 4
 
     def reason_not_continuing(self, i: int) -> Reason | None:
-        """Return the property in which swing i does not fit to the later ones; None if it fits or they are too few."""
-        later = self.gaps[i + 1 : i + 1 + LATER]
+        """Return the property in which swing i does not fit to the later swings.
+
+        Return None if it fits, or if there are too few later swings.
+        """
+        later = self.gaps[i + 1 : i + 1 + LATER_SWINGS]
         if later.size >= 2:  # a swing that a hand stops is shorter than predicted
             predicted, slack = _predict_before(later)
             usual = float(np.median(later))
             blur = 0.3 * self.floor / self.ranges[i] * usual
-            share = PERIOD if later.size >= 6 else 2.5 * PERIOD
+            share = PERIOD_TOLERANCE if later.size >= 6 else 2.5 * PERIOD_TOLERANCE
             if not abs(self.gaps[i] - predicted) <= max(share * usual, blur) + slack:
                 return "period"
-        later = self.midlines[i + 1 : i + 1 + LATER]
+        later = self.midlines[i + 1 : i + 1 + LATER_SWINGS]
         if later.size >= 3:
             predicted, slack = _predict_before(later)
-            if not abs(self.midlines[i] - predicted) <= max(MIDLINE * self.ranges[i], self.floor) + slack:
+            if (
+                not abs(self.midlines[i] - predicted)
+                <= max(MIDLINE_TOLERANCE * self.ranges[i], self.floor) + slack
+            ):
                 return "midline"
         return None if self._is_like_later(i, self.misfit(i)) else "shape"
 
@@ -280,9 +289,11 @@ class Swings:
         return self._is_like_later(-1, self._fit_misfit(begin, end, self.gaps[0]))
 
     def _is_like_later(self, i: int, misfit: tuple[float, float]) -> bool:
-        later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER, self.gaps.size))])
+        later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER_SWINGS, self.gaps.size))])
         usual = np.median(later, axis=0) if later.size else np.zeros(2)
-        limit = np.maximum(MAX_MISFIT * usual, np.array([1, 2]) * SHAPE * 0.5 * self.ranges[max(i, 0)])
+        limit = np.maximum(
+            MAX_MISFIT * usual, np.array([1, 2]) * SHAPE_TOLERANCE * 0.5 * self.ranges[max(i, 0)]
+        )
         return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
 
     def misfit(self, i: int) -> tuple[float, float]:
@@ -308,10 +319,10 @@ class Swings:
 
 
 def _predict_before(later: np.ndarray) -> tuple[float, float]:
-    """Predict the value before the first of the `later` ones (k ≥ 2,) by a polynomial through these.
+    """Extrapolate a series back by one element, with a polynomial through its values `later`, (k ≥ 2,).
 
     Even and odd values may differ by a constant (upward and downward swings). Return the predicted value, and the half
-    width of the least-squares prediction interval that is exceeded with probability CHANCE.
+    width of the least-squares prediction interval that is exceeded with probability EXCEEDANCE.
     """
     x = np.arange(later.size + 1.0)
     columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
@@ -322,7 +333,7 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
     free = later.size - columns.shape[1]
     variance = float(np.sum((later - columns[1:] @ c) ** 2)) / free
     weights = columns[0] @ inverse
-    slack = float(scipy.special.stdtrit(free, 1 - CHANCE / 2)) * np.sqrt(
+    slack = float(scipy.special.stdtrit(free, 1 - EXCEEDANCE / 2)) * np.sqrt(
         variance * (1 + float(weights @ weights))
     )
     return float(columns[0] @ c), min(slack, 2 * float(np.ptp(later))) if free < 2 else slack
@@ -373,11 +384,17 @@ class Series:
         return float(self.grid[1] - self.grid[0])
 
     def moves(self, begin: float, end: float, swing: float) -> bool:
-        """Return whether the values between begin and end (s) change by more than noise, rounding and `STILL`."""
-        part = self.values[(self.grid >= begin) & (self.grid <= end)]
-        return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * self.step + ERRORS * self.noise
+        """Return whether the values between begin and end (s) change by more than noise and rounding can explain.
 
-    def reach(self, turns: Turning) -> Reach:
+        The change must also be more than STILL_FRACTION of the range `swing` of a half cycle.
+        """
+        part = self.values[(self.grid >= begin) & (self.grid <= end)]
+        return (
+            part.size > 1
+            and float(np.ptp(part)) > STILL_FRACTION * swing + 2 * self.step + NOISE_ERRORS * self.noise
+        )
+
+    def reach(self, turns: TurningPoints) -> Reach:
         """Return how far the samples before the first turning point agree with the later swings.
 
         They are compared with the swing between the second and third turning point, which has the same direction, after
@@ -385,7 +402,7 @@ class Series:
         """
         times = turns.times
         gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
-        fall, unsure = _predict_fall(np.log(ranges[: LATER + 2]))
+        fall, unsure = _predict_fall(np.log(ranges[: LATER_SWINGS + 2]))
         unsure = min(unsure, 0.03 + 0.1 * abs(fall))
         same = gaps[1:8:2]  # swings in the same direction; upward ones may last longer than downward ones
         trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
@@ -404,7 +421,7 @@ class Series:
         width = max(int(0.1 * gaps[0] / self.spacing), 0) | 1
         share = np.minimum(back / pace, 1.0)
         speed = np.abs(np.gradient(self.values[a:b], self.spacing)) if b - a > 1 else np.zeros(1)
-        allowed = (1 + scale) * (0.5 * self.step) + (TEMPLATE + unsure * share) * ranges[0]
+        allowed = (1 + scale) * (0.5 * self.step) + (TEMPLATE_TOLERANCE + unsure * share) * ranges[0]
         allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
         blur = 4.5 * self.noise * np.sqrt(1 + scale**2)
         smooth = scipy.ndimage.uniform_filter1d(off, width, mode="nearest")
@@ -419,7 +436,10 @@ class Series:
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
-    """Return the predicted fall of the log range (k ≥ 2,) over the cycle before, and the error of the prediction."""
+    """Predict by how much the log range of a swing fell over the cycle before the first swing.
+
+    logs: log ranges of successive swings, (k ≥ 2,). Return the predicted fall and its error.
+    """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])
         return fall, 0.5 * abs(fall)
@@ -430,7 +450,7 @@ def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
         )
 
     def most_change(first: float) -> float:
-        return abs(first) * float(np.expm1(0.5 * POWER * abs(first)))
+        return abs(first) * float(np.expm1(0.5 * LARGEST_POWER * abs(first)))
 
     near = falls[: int(np.count_nonzero(logs[:-2] > logs[0] - MAX_LOG_FALL))]
     if near.size >= 6:

@@ -9,52 +9,61 @@ from itertools import pairwise
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.records.cleaning.swings import ERRORS, RISE, Reason, Series, Swings, information, stretches
+from bayesdamp.records.cleaning.swings import (
+    MAX_RISE,
+    NOISE_ERRORS,
+    Reason,
+    Series,
+    Swings,
+    find_stretches,
+    information,
+)
 from bayesdamp.records.oscillation.features import without_gap_edges
 from bayesdamp.records.oscillation.modes import few_samples, find_excited, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
-from bayesdamp.records.oscillation.turning import Turning, resample, turning_points
+from bayesdamp.records.oscillation.turning import TurningPoints, resample, turning_points
 from bayesdamp.types import FreeDecay, InputError
 
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
-STEPS = 2.0
+MIN_STEPS = 2.0
 """A turning point closer to the midline than this many recording steps is not used."""
-SIGMAS = 2.0
+MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
-SHARE = 0.3
+MIN_VARIANCE_SHARE = 0.3
 """Smallest fraction of the variance that an oscillation must explain."""
 FEWEST_A_CYCLE = 4.0
 """Smallest number of samples in a cycle with which an oscillation can be followed."""
-CLEAR = 0.85
+CLEAR_SHARE = 0.85
 """If a period explains at least this fraction, no other period is tried."""
-HEAD = 24
+MOST_HEAD_SWINGS = 24
 """Most swings at the start of a stretch that are compared with the later ones (and at most half of them)."""
-MARGIN = 0.2
-"""If the start is within a swing, after a hand, this fraction of a swing more is left out."""
-TOUCHED = 0.25
+START_MARGIN = 0.2
+"""If a hand releases the body within a swing, the start is later than the release by this fraction of a swing."""
+HAND_REACH = 0.25
 """A hand that moves within this fraction of a swing from a turning point may have shifted the turning point."""
-LEAST_BEFORE = 6
-"""Smallest number of turning points of a decay for some judgements about its start and stop."""
-OTHER = 0.1
+LEAST_TURNS = 6
+"""Smallest number of turning points of a decay with which its first or last swing is compared with the others."""
+OTHER_INFORMATION = 0.1
 """Another stretch counts as a free decay if its `information` is at least this fraction of that of the used one;
 smaller ones may be a hum in the noise."""
-TAIL = 0.01
+MIN_POWER_SHARE = 0.01
 """A record is refused if its decay has less than this fraction of the power of all swings (conventional)."""
-NAMED = 3
+LISTED_DECAYS = 3
 """Most other free decays whose times a note lists."""
-LATE, LOW = 1.0, 0.2
+MAX_DELAY, REST_FRACTION = 1.0, 0.2
 """After a start that the user gives, a free decay must begin within this many periods; before it the body counts as at
 rest if its swings are below this fraction of the first swing of the decay."""
-FEW = 30
+FEW_TURNS = 30
 """With at most this many turning points, the start may be within a swing, to gain half a swing."""
-AVERAGED, SMALL = 6, 0.1
-"""Number of swings that are averaged to measure a rise, and largest rise by noise, relative to the largest swing."""
-SECOND = 0.05
-"""A record is used as a whole if a second oscillation has at least this size, relative to the first."""
-ANYWHERE = ("steady", "excited")
+AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
+"""Number of swings that are averaged to measure a rise, and largest rise that noise can cause, as a fraction of the
+largest swing."""
+SECOND_SIZE = 0.05
+"""A record is used as a whole if it has a second oscillation of at least this amplitude, relative to the first one."""
+BEGIN_ANYWHERE = ("steady", "excited")
 """Kinds of motion that need not begin at the largest value of the record."""
-MIDDLE = 0.5
+LATE_PEAK = 0.5
 """If the largest value comes after this fraction of the record, all of the record is searched for other motions."""
 
 
@@ -86,7 +95,7 @@ class _Decays:
     in s. floor: smallest distance of a turning point from the midline.
     """
 
-    turns: Turning
+    turns: TurningPoints
     stretches: list[tuple[int, int]]
     best: tuple[int, int]
     noise: float
@@ -94,12 +103,12 @@ class _Decays:
     floor: float
 
     @property
-    def best_turns(self) -> Turning:
+    def best_turns(self) -> TurningPoints:
         return self.turns.cut(*self.best)
 
     def is_relevant(self, stretch: tuple[int, int]) -> bool:
         """Return whether a stretch has enough information to be another free decay, and not a hum in the noise."""
-        return information(self.turns, stretch) >= OTHER * information(self.turns, self.best)
+        return information(self.turns, stretch) >= OTHER_INFORMATION * information(self.turns, self.best)
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
@@ -116,20 +125,20 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | 
         Approximate period of the oscillation, s.
     """
     largest = int(np.argmax(np.abs(y - np.median(y))))
-    first = largest if largest < MIDDLE * t.size else 0
+    first = largest if largest < LATE_PEAK * t.size else 0
     if t.size - first < 20:
         return None
     motion = find_other_motion(t[first:], y[first:], period)
-    if motion is None or motion.kind in ANYWHERE:
+    if motion is None or motion.kind in BEGIN_ANYWHERE:
         # The motion need not begin at the largest value: search in the whole record.
         whole = (
             find_excited(*few_samples(t, y, period), period)
             if motion is None
             else find_other_motion(t, y, period)
         )
-        if whole is not None and whole.kind in ANYWHERE:
+        if whole is not None and whole.kind in BEGIN_ANYWHERE:
             first, motion = 0, whole
-    if motion is None or motion.size < SECOND:
+    if motion is None or motion.size < SECOND_SIZE:
         return None
     note = "It is not the free decay of one oscillator, so all that oscillates is used."
     return DecayWindow(first, t.size - 1, (note,))
@@ -173,11 +182,11 @@ def free_decay(
             if (first, last) != decays.best and decays.is_relevant((first, last)):
                 power[first : last - 1] = 0.0
         share = own / max(float(power.sum()), 1e-300)
-        if share < TAIL:
+        if share < MIN_POWER_SHARE:
             raise InputError(
-                f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; the decay "
-                f"from {times[a]:.4g} to {times[b - 1]:.4g} s has only {100 * share:.1g} % of the power; if there are "
-                "several modes, band-pass filter the record around one, else give start and stop",
+                f"its largest half cycles, near {times[loudest]:.4g} s, are not the decay of one oscillation; the "
+                f"decay from {times[a]:.4g} to {times[b - 1]:.4g} s has only {100 * share:.1g} % of the power; if "
+                "there are several modes, band-pass filter the record around one, else give start and stop",
                 name,
             )
     if not seek_start and seek_stop:
@@ -223,9 +232,9 @@ def _find_decays(
     """Return the stretches of free decay for the best of the periods. Raises InputError if there are none."""
     options: list[_Decays] = []
     for period, share in periods:
-        if share >= SHARE and (decays := _decays_of_period(t, y, step, period)):
+        if share >= MIN_VARIANCE_SHARE and (decays := _decays_of_period(t, y, step, period)):
             options.append(decays)
-        if share > CLEAR and options:
+        if share > CLEAR_SHARE and options:
             break
     if options:
         return max(options, key=lambda decays: information(decays.turns, decays.best))
@@ -238,7 +247,7 @@ def _find_decays(
             f"cycle; give a record with at least {FEWEST_A_CYCLE:.0f}, better 10",
             name,
         )
-    if share < SHARE:
+    if share < MIN_VARIANCE_SHARE:
         raise InputError(
             f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})", name
         )
@@ -249,16 +258,16 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
     """Return the stretches of free decay with about the given period in s; None if there are none."""
     noise = roughness(t, y, period)
     turns = without_gap_edges(turning_points(t, y, period, noise), t, period)
-    sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
-    floor = max(STEPS * step, sigmas * noise)
-    spans = stretches(t, turns, floor)
+    sigmas = max(MIN_SIGMAS, NOISE_ERRORS * float(np.median(turns.gain))) if turns.gain.size else MIN_SIGMAS
+    floor = max(MIN_STEPS * step, sigmas * noise)
+    spans = find_stretches(t, turns, floor)
     if spans:  # measure the noise again within the best stretch, because it may differ from that at rest
         a, b = max(spans, key=lambda span: information(turns, span))
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
         decays = _Decays(turns, spans, (a, b), noise, period, floor)
-        floor = max(STEPS * step, sigmas * noise, _largest_rise(decays))
-        spans = stretches(t, turns, floor)
+        floor = max(MIN_STEPS * step, sigmas * noise, _largest_rise(decays))
+        spans = find_stretches(t, turns, floor)
     if not spans:
         return None
     best = max(spans, key=lambda span: information(turns, span))
@@ -281,12 +290,12 @@ def _largest_rise(decays: _Decays) -> float:
     last = end + int(astray[0]) if astray.size else last
     ranges = np.abs(np.diff(turns.values[first:last]))
     ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # not across a hole
-    if ranges.size < 4 * AVERAGED:
+    if ranges.size < 4 * AVERAGED_SWINGS:
         return 0.0
-    smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED_SWINGS, mode="nearest")
     falling = smooth[int(np.argmax(smooth)) :]
     rise = float((falling - np.minimum.accumulate(falling)).max())
-    return rise if rise < SMALL * float(smooth.max()) else 0.0
+    return rise if rise < MAX_NOISE_RISE * float(smooth.max()) else 0.0
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
@@ -295,21 +304,21 @@ def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
     Raises InputError if the body is at rest at the start and is struck or released only later.
     """
     times, sizes = decays.turns.times, np.abs(np.diff(decays.turns.values))
-    soon = t[0] + LATE * decays.period
+    soon = t[0] + MAX_DELAY * decays.period
     starting = [
         (a, b)
         for a, b in decays.stretches
-        if decays.is_relevant((a, b)) or (times[a] <= soon and b - a > LEAST_BEFORE)
+        if decays.is_relevant((a, b)) or (times[a] <= soon and b - a > LEAST_TURNS)
     ]
     first = starting[0][0]
-    if times[first] > soon and sizes[: max(first - 1, 0)].max(initial=0.0) < LOW * sizes[first]:
+    if times[first] > soon and sizes[: max(first - 1, 0)].max(initial=0.0) < REST_FRACTION * sizes[first]:
         raise InputError(
             f"hardly anything moves between the given start ({t[0]:.6g} s) and the release or hit near "
             f"{times[first]:.6g} s; give a start after it, or leave the start out",
             name,
         )
     for (_, end), (begin, _) in pairwise(starting):
-        if sizes[begin] > (1 + RISE) * sizes[end - 2]:
+        if sizes[begin] > (1 + MAX_RISE) * sizes[end - 2]:
             return _last_sample(t, times[end - 1])
     return t.size - 1
 
@@ -319,8 +328,8 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
         return ""
-    spans = ", ".join(f"{d.start:.4g} to {d.stop:.4g} s" for d in others[:NAMED])
-    more = len(others) - NAMED
+    spans = ", ".join(f"{d.start:.4g} to {d.stop:.4g} s" for d in others[:LISTED_DECAYS])
+    more = len(others) - LISTED_DECAYS
     if len(others) == 1:
         return f"Another free decay is in the record and not used: {spans}; start and stop choose it."
     tail = f" and {more} more" if more > 0 else ""
@@ -335,11 +344,11 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
     grown = 0
     for i in range(first - 1, -1, -1):
         in_phase = 0.7 < gaps[i] / gaps[first] < 1 / 0.7
-        if not in_phase or not LOW * sizes[first] < sizes[i] < sizes[i + 1]:
+        if not in_phase or not REST_FRACTION * sizes[first] < sizes[i] < sizes[i + 1]:
             break
         grown += 1
     swings = Swings(t, y, decays.best_turns, 2 * decays.noise + step)
-    most = min(HEAD, swings.gaps.size // 2)
+    most = min(MOST_HEAD_SWINGS, swings.gaps.size // 2)
     why: Reason | None = None
     for i in range(min(max(grown - 1, 0), most), most + 1):
         reason = swings.reason_not_continuing(i)
@@ -368,10 +377,14 @@ def _find_start(
     if why in (None, "period", "shape"):  # a part of that swing may be free
         if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
             at, what = far.at, "the release"
-        elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
-            at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
-    touched = not far.whole and far.share < TOUCHED and decay.times.size > LEAST_BEFORE
-    if at == decay.times[0] and touched and series.moves(at - MARGIN * gap, at, float(swings.ranges[0])):
+        elif not far.whole and decay.times.size <= FEW_TURNS and far.share > 0.5:
+            at, what = far.at + START_MARGIN * gap, "where it begins to follow its later swings"
+    touched = not far.whole and far.share < HAND_REACH and decay.times.size > LEAST_TURNS
+    if (
+        at == decay.times[0]
+        and touched
+        and series.moves(at - START_MARGIN * gap, at, float(swings.ranges[0]))
+    ):
         at = float(decay.times[1])  # a hand that moves the body to its turning point may release it later
     first = int(np.searchsorted(t, at - 1e-12))
     notes.append(
@@ -381,7 +394,7 @@ def _find_start(
     return first
 
 
-def _find_stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
+def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int, str]:
     """Return the last sample of the free decay, and the reason as a clause ("" for the end of the record)."""
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
@@ -394,18 +407,18 @@ def _find_stop(series: Series, decay: Turning, floor: float) -> tuple[int, str]:
         why = "the last turning point from which it swings back; in the next half cycle it comes to rest."
         return _last_sample(t, times[k - 1]), why
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
-    reversed_turns = Turning(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
+    reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
     reversed_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
     if left <= 1.2 * gap:
         if k < 4 or left < 0.2 * gap or reversed_series.reach(reversed_turns).whole:
             return t.size - 1, ""
-    elif not (k >= LEAST_BEFORE and before > 4 * floor and float(np.ptp(later)) > 0.25 * before):
+    elif not (k >= LEAST_TURNS and before > 4 * floor and float(np.ptp(later)) > 0.25 * before):
         why = "the last turning point that stands out of noise and rounding; after it the record is nearly at rest."
         return _last_sample(t, times[k]), why
     # A hand, a hit or a stop ends the decay.
     last = float(times[k])
-    touched = reversed_series.reach(reversed_turns).share < TOUCHED and reversed_series.moves(
-        -last - MARGIN * float(times[k] - times[k - 1]), -last, before
+    touched = reversed_series.reach(reversed_turns).share < HAND_REACH and reversed_series.moves(
+        -last - START_MARGIN * float(times[k] - times[k - 1]), -last, before
     )
     why = "the last undisturbed turning point; what follows does not continue the free decay."
     return _last_sample(t, float(times[k - 1 if touched else k])), why

@@ -19,12 +19,12 @@ DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dB
 """Units of levels, 20 log10 of the amplitude."""
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
-STRONG = 0.2
+MAX_NEGATIVE = 0.2
 """Negative readings larger than this fraction of the largest one are refused; smaller ones are noise (conventional)."""
-LOUDEST = 1000.0
+LARGEST_LEVEL = 1000.0
 """Levels beyond ±1000 dB (50 decades of the amplitude) are refused, and linear readings this far below the largest
 count as zero (conventional)."""
-HEAD = 8192
+HEAD_BYTES = 8192
 """Number of bytes at the start of a file that are searched for the names of its columns."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 """Hz in each unit of frequency."""
@@ -123,14 +123,14 @@ def make_record(
     if unit in DECIBELS:
         level = y.astype(float)
         far = level[np.argmax(np.abs(level))] if level.size else 0.0
-        if abs(far) > LOUDEST:
+        if abs(far) > LARGEST_LEVEL:
             raise InputError(
                 f"{name}: a level of {far:g} {unit} is implausible; is it the right column, and is it in {unit}?"
             )
     else:
         size = np.abs(y)
-        size[size < 10.0 ** (-LOUDEST / 20.0) * size.max(initial=0.0)] = 0.0
-        if np.any(y < -STRONG * size.max()):
+        size[size < 10.0 ** (-LARGEST_LEVEL / 20.0) * size.max(initial=0.0)] = 0.0
+        if np.any(y < -MAX_NEGATIVE * size.max()):
             raise InputError(
                 f"{name}: readings have both signs ({y.min():g} to {y.max():g}), so they are not amplitudes; "
                 "give --unit dB for levels, or leave out --quantity envelope for an oscillation"
@@ -157,7 +157,7 @@ def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = 
         return False
     try:
         with path.open("rb") as file:
-            lines = file.read(HEAD).decode("latin-1").splitlines()
+            lines = file.read(HEAD_BYTES).decode("latin-1").splitlines()
     except OSError:  # the error is reported later, when the file is read
         return False
     named = [line for line in lines if re.search(r"[A-Za-z]{2}", line)]
@@ -245,7 +245,7 @@ def read_envelope(
 
 
 def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplitude: float) -> Scale:
-    """Return the amplitude (rad or m) and the frequency (rad/s) that damping terms need, as far as they need them.
+    """Return the start amplitude (rad or m) and the frequency (rad/s) of the record, if its damping terms need them.
 
     Parameters
     ----------

@@ -16,70 +16,72 @@ from bayesdamp.types import Refusal
 NEPER = 20.0 / np.log(10.0)
 """dB in a neper, 20/ln 10."""
 # Unless a comment says otherwise, the following thresholds are conventional.
-FITTED = 80
+FITTED_BLOCKS = 80
 """Number of blocks to which a decay and its noise floor are fitted."""
 LEAST_DROP = 3.0
 """Smallest fall of a decay in dB from which its rate is determined; half the amplitude is 6 dB."""
 LEAST_POINTS = 6
 """Smallest number of readings of a decay."""
-WORSE = 2.0
+MISFIT_RATIO = 2.0
 """A short line, or a power law, is not part of the decay if its misfit is this many times the usual one."""
-GUARD = 0.02
+GUARD_FRACTION = 0.02
 """Fraction of the decay's duration that is left out after the release, if a drive precedes it."""
-CHECKED = 0.05
-"""Fraction of a decay at its start that a power law must fit also by itself."""
-WON = 0.15
-"""The start from a power law is used if the decay is longer by this fraction, in time or in dB, than from straight
-lines."""
-SMALLEST = 0.15
-"""Smaller deviations in dB are not significant, because detectors are not more linear."""
+CHECKED_FRACTION = 0.05
+"""A power law must fit the whole decay, and also this fraction of it at the start by itself."""
+LEAST_LENGTHENING = 0.15
+"""The start of the decay that a power-law fit gives replaces that of the straight-line search if it lengthens the decay
+by at least this fraction of its time or of its fall (and by LEAST_DROP)."""
+LEAST_DEVIATION = 0.15
+"""Deviations of a level below this, in dB, are not significant, because detectors are not more linear."""
 ABOVE_FLOOR = 10.0
 """A decay ends where its level is this many dB above the mean power of the noise floor. There the effect of the floor
 on the level is still Gaussian, and its mean is right to 1e-5 (for a circular complex Gaussian floor)."""
-LAG = 0.1
+LAG_IN_DECAY_TIMES = 0.1
 """Readings of the floor at this distance, in decay times (1/rate), are compared. Thermal motion of the mode itself is
 correlated over its decay time and hardly changes in this time; detector noise does."""
-PARTS = 8
+FLOOR_PARTS = 8
 """Number of parts of the floor from which a standard error is computed."""
-LEAST = 24
+LEAST_FLOOR_READINGS = 24
 """Smallest number of readings from which the fluctuation of the floor is measured."""
-KNOWN = 0.3
-"""Relative standard deviation of the constant part of the floor during the decay, which is measured only after it."""
-POINTS = 600
+CONSTANT_FLOOR_SD = 0.3
+"""Relative standard deviation of the constant part of the floor during the decay, because it is measured only after the
+decay."""
+MOST_BLOCKS = 600
 """Number of blocks into which a record is averaged."""
-COARSE = 72
+COARSE_BLOCKS = 72
 """Number of blocks among which the straightest descent is searched."""
-LOST = 0.4
-"""A start is rejected if less than this fraction of the straightest descent is after it."""
+LEAST_REMAINING = 0.4
+"""The start of a decay is rejected if less than this fraction of the fall in dB of the straightest descent remains."""
 SURE_DROP = 8.0
 """Larger falls in dB can only be a decay."""
-SPARSE = 60
+SPARSE_READINGS = 60
 """A record with fewer readings is a table, in which no release and no floor is searched."""
 MISFIT_WEIGHT = 20.0
 """In the search of the straightest descent, 1 dB of rms misfit counts as much as this many dB of fall."""
-NARROWEST = 10
+SHORTEST_LINE = 10
 """Smallest number of blocks in a short line."""
-ROUNDS = 4
+START_ROUNDS = 4
 """Most rounds of the search for the start."""
-SHORT = 0.12
+LINE_FRACTION = 0.12
 """Length of the short lines with which the release is found, as a fraction of the decay's duration."""
-AHEAD = 2
+LINES_AHEAD = 2
 """The usual misfit is the median over this many lengths of short lines ahead, because it grows towards the floor."""
-SLOWEST, FASTEST = 0.4, 5.0
+SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
 """A short line is not part of the decay if its rate is outside these multiples of the rate after it."""
-FLAT = 0.2
-"""A level with less than this fraction of the earlier rate is no longer falling."""
-WILD, WILD_OVER = 2.5, 15
+FLAT_RATE = 0.2
+"""A level that falls at less than this fraction of its earlier rate counts as constant."""
+NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
 """A level that scatters by this many dB from block to block, over so many blocks, is noise (for random phases: 5.6)."""
-LAST, ROUGHER = 8, 3.0
+LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
 """Smallest number of readings at the end of a record that are tested for a steeper fall; a noise floor is rougher than
 the first eighth of the decay by at least the second number (for random phases it scatters by 5.6 dB)."""
-SMOOTH = 7
+SMOOTHED_BLOCKS = 7
 """Number of blocks over which the level is averaged for the comparison with the floor."""
-LEVEL = 0.15
+LEVEL_RATE = 0.15
 """A short line with less than this multiple of the rate after it is never part of the decay."""
-TOLERANCE = 3.0
-"""A slope outside the limits is not part of the decay if it also deviates by this many usual changes of the slope."""
+SLOPE_CHANGES = 3.0
+"""A short line whose slope is outside SLOWEST_RATE and FASTEST_RATE is not part of the decay if the slope also differs
+from the rate after it by more than this multiple of the usual change of the slope."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +95,12 @@ class NoiseFloor:
 
     power: float
     decay: float = 0.0
-    swing: float = float("nan")
+    semivariance: float = float("nan")
     error: float = float("nan")
 
     def scaled(self, factor: float) -> NoiseFloor:
         """Return the floor with all powers multiplied by a factor."""
-        return NoiseFloor(self.power * factor, self.decay * factor, self.swing * factor**2, self.error)
+        return NoiseFloor(self.power * factor, self.decay * factor, self.semivariance * factor**2, self.error)
 
     def parts(self, slow: float) -> tuple[float, float, float, float]:
         """Separate the floor into fluctuating and constant power.
@@ -117,17 +119,17 @@ class NoiseFloor:
         tuple[float, float, float, float]
             Fluctuating power, constant power, its standard deviation, log weight.
         """
-        if not np.isfinite(self.swing):
+        if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0
-        correlation = slow * np.exp(-LAG)
+        correlation = slow * np.exp(-LAG_IN_DECAY_TIMES)
         a, b = 1.0 - correlation**2, (1.0 - correlation) * self.decay
-        fluctuating = (np.sqrt(b * b + a * self.swing) - b) / a
+        fluctuating = (np.sqrt(b * b + a * self.semivariance) - b) / a
         if fluctuating <= self.power:
             constant = self.power - fluctuating
-            sd = float(np.hypot(KNOWN * constant, 0.5 * self.error * fluctuating))
+            sd = float(np.hypot(CONSTANT_FLOOR_SD * constant, 0.5 * self.error * fluctuating))
             return float(fluctuating), float(constant), sd, float(np.log(fluctuating / self.power))
         most = a * self.power**2 + 2.0 * b * self.power
-        off = np.log(self.swing / most) / self.error
+        off = np.log(self.semivariance / most) / self.error
         return self.power, 0.0, 0.0, float(-0.5 * off**2)
 
 
@@ -146,22 +148,22 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
     span = rate * float(t[-1] - t[0])
-    lag = max(1, round(LAG * (t.size - 1) / span)) if span > 0 else t.size
-    if t.size < LEAST + lag:
+    lag = max(1, round(LAG_IN_DECAY_TIMES * (t.size - 1) / span)) if span > 0 else t.size
+    if t.size < LEAST_FLOOR_READINGS + lag:
         return NoiseFloor(mean)
     squares = 0.5 * (power[lag:] - power[:-lag]) ** 2
-    swing = float(squares.mean())
-    if not swing > 0:
+    semivariance = float(squares.mean())
+    if not semivariance > 0:
         return NoiseFloor(mean)
     # Error of swing / power²; both errors are from parts, because slow fluctuations correlate the readings.
     error = np.hypot(_relative_error(squares), 2.0 * _relative_error(power))
-    return NoiseFloor(mean, rest, swing, float(error))
+    return NoiseFloor(mean, rest, semivariance, float(error))
 
 
 def _relative_error(values: np.ndarray) -> float:
-    """Return the relative standard error of the mean of correlated values, from the means of PARTS parts."""
-    means = np.array([part.mean() for part in np.array_split(values, PARTS)])
-    return float(means.std(ddof=1)) / np.sqrt(PARTS) / float(means.mean())
+    """Return the relative standard error of the mean of correlated values, from the means of FLOOR_PARTS parts."""
+    means = np.array([part.mean() for part in np.array_split(values, FLOOR_PARTS)])
+    return float(means.std(ddof=1)) / np.sqrt(FLOOR_PARTS) / float(means.mean())
 
 
 def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,8 +215,8 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
     """Return the first block from which a power law and a noise floor describe the levels.
 
     Straight lines follow a decay back only while it is straight in dB, but dry friction and drag curve it. The search
-    bisects the blocks before `begin`, which was found by straight lines; `begin` is returned if the gain is small. end:
-    end of the decay.
+    bisects the blocks before `begin`, at which the decay starts according to straight lines; `begin` itself is returned
+    if the decay would hardly become longer. end: block at which the decay ends.
     """
     y = levels.yb
     low, first = -1, begin
@@ -225,30 +227,34 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
         else:
             low = middle
     span, whole = max(end - first, 1), fall_in_db(y, first, end)
-    won = whole - fall_in_db(y, begin, end)
-    if won < LEAST_DROP or (begin - first < WON * span and won < WON * whole):
+    gain_db = whole - fall_in_db(y, begin, end)
+    if gain_db < LEAST_DROP or (
+        begin - first < LEAST_LENGTHENING * span and gain_db < LEAST_LENGTHENING * whole
+    ):
         return begin
-    return first + (max(1, round(GUARD * span)) if first > 0 else 0)
+    return first + (max(1, round(GUARD_FRACTION * span)) if first > 0 else 0)
 
 
 def power_law_holds(levels: Levels, at: int) -> bool:
-    """Return whether a power law and a noise floor describe the levels from a block on, and also those at its start."""
+    """Return whether a power law and a noise floor fit the levels from block `at` on, and also the first of these."""
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
     off = levels.yb[at : at + x.size] - fit.scale - 10.0 * np.log10(np.exp(2.0 * x) + fit.floor)
-    z = off / np.hypot(SMALLEST, NEPER * np.sqrt(0.5 * fit.floor) * np.exp(-x))
-    first = z[: max(LEAST_POINTS, round(CHECKED * z.size))]
-    return bool(max(np.mean(z**2), np.mean(first**2)) <= WORSE**2)
+    z = off / np.hypot(LEAST_DEVIATION, NEPER * np.sqrt(0.5 * fit.floor) * np.exp(-x))
+    first = z[: max(LEAST_POINTS, round(CHECKED_FRACTION * z.size))]
+    return bool(max(np.mean(z**2), np.mean(first**2)) <= MISFIT_RATIO**2)
 
 
 def fit_power_law(levels: Levels, begin: int) -> DecayFit:
-    """Fit a power law and a noise floor to the levels from a block on."""
+    """Fit dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on."""
     t, y = levels.t, levels.y
     start, stop = int(levels.edges[begin]), y.size
     scale = float(y[start:].max())
     x, floor_at, floor, p = np.zeros(0), levels.tb.size, 0.0, None
     for _ in range(2):
-        tc, power, _ = average_in_blocks(t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED)
+        tc, power, _ = average_in_blocks(
+            t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED_BLOCKS
+        )
         p = _fit_decay_and_floor(tc - t[start], power, p)
         times = levels.tb[begin:] - t[start]
         x = power_decay(times, p[0], p[1] - (p[2] - 1.0) * p[0], p[2])
@@ -335,7 +341,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
-    if t.size < SPARSE:
+    if t.size < SPARSE_READINGS:
         # A table of few readings is a decay from its highest reading on.
         top = int(np.argmax(y))
         if t.size - top < LEAST_POINTS:
@@ -345,7 +351,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         _refuse_small(float(y[top] - y[-1]))
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
         return EnvelopeWindow(top, t.size, None, (begins, "ends with the record"))
-    levels = Levels(t, y, *average_in_blocks(t, y, POINTS))
+    levels = Levels(t, y, *average_in_blocks(t, y, MOST_BLOCKS))
     yb = levels.yb
     first, last = _straightest(levels)
     core = fall_in_db(yb, first, last + 1)
@@ -355,14 +361,14 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     if not bent:
         _refuse_small(core)
     begin, broken = first, first > 0
-    for _ in range(ROUNDS):
+    for _ in range(START_ROUNDS):
         before = begin
         begin, broken = _follow_back(levels, begin, last)
         if abs(begin - before) <= 1:
             break
     end, floor = _follow_on(levels, begin)
     if core > SURE_DROP and (
-        fall_in_db(yb, begin, end) < LEAST_DROP or fall_in_db(yb, begin, last) < LOST * core
+        fall_in_db(yb, begin, end) < LEAST_DROP or fall_in_db(yb, begin, last) < LEAST_REMAINING * core
     ):
         begin, broken = first, first > 0  # the start from short lines leaves hardly any decay
         end, floor = _follow_on(levels, begin)
@@ -413,9 +419,9 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
             f"only {max(0, behind - first)} readings are between start and stop; at least {LEAST_POINTS} are needed"
         )
     if start is not None:
-        begins = f"starts at {t[first]:.4g} s, as asked"
+        begins = f"starts at {t[first]:.4g} s, as specified"
     if stop is not None:
-        ends = f"ends at {t[behind - 1]:.4g} s, as asked"
+        ends = f"ends at {t[behind - 1]:.4g} s, as specified"
     return EnvelopeWindow(first, behind, window.floor, (begins, ends))
 
 
@@ -425,7 +431,9 @@ def _straightest(levels: Levels) -> tuple[int, int]:
     It has the largest fall minus `MISFIT_WEIGHT` times the misfit of a straight line. Levels are means of power,
     limited from below by the level at the end of the record, so that dips of the floor are not taken for a descent.
     """
-    t, power, edges = average_in_blocks(levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE)
+    t, power, edges = average_in_blocks(
+        levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE_BLOCKS
+    )
     y = 10.0 * np.log10(power)
     y = np.maximum(y, 10.0 * np.log10(power[-max(1, y.size // 12) :].mean()))
     i, j = np.triu_indices(t.size + 1, k=min(4, t.size))
@@ -445,7 +453,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
     """
     t, y = levels.tb, levels.yb
     span = last - first + 1
-    width = max(NARROWEST, round(SHORT * span))
+    width = max(SHORTEST_LINE, round(LINE_FRACTION * span))
     if span < width + 2:
         return first, first > 0
     begins = np.arange(t.size - width + 1)
@@ -460,9 +468,9 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
         ahead = slope[at : at + width]
         rate = float(np.median(ahead[ahead < 0])) if np.any(ahead < 0) else rate
         ratio = slope[at - 1] / rate
-        odd = not SLOWEST <= ratio <= FASTEST and abs(slope[at - 1] - rate) > TOLERANCE * wobble
-        usual = float(np.median(rms[at : at + AHEAD * width]))
-        if odd or ratio < LEVEL or rms[at - 1] > max(WORSE * usual, SMALLEST / 3):
+        odd = not SLOWEST_RATE <= ratio <= FASTEST_RATE and abs(slope[at - 1] - rate) > SLOPE_CHANGES * wobble
+        usual = float(np.median(rms[at : at + LINES_AHEAD * width]))
+        if odd or ratio < LEVEL_RATE or rms[at - 1] > max(MISFIT_RATIO * usual, LEAST_DEVIATION / 3):
             near = slice(max(0, at - width), min(at + 2 * width, last + 1))
             t, y = t[near], y[near]
             corners = np.arange(3, t.size - 2)
@@ -471,7 +479,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
                 rms_after = _lines(t, y, corners, np.full_like(corners, t.size))[1]
                 squares = corners * rms_before**2 + (t.size - corners) * rms_after**2
                 at = max(at, near.start + int(corners[np.argmin(squares)]))
-            return min(at + max(1, round(GUARD * span)), last - 3), True
+            return min(at + max(1, round(GUARD_FRACTION * span)), last - 3), True
         at -= 1
     return 0, False
 
@@ -488,9 +496,10 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
 
 
 def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
-    """Return the block after the last one of the decay, and the noise floor measured after it (None if not reached).
+    """Return the block after the last one of the decay, and the noise floor measured after the decay.
 
-    A power law and a floor are fitted robustly to the levels from the start on.
+    The floor is None if the record ends before the decay reaches it. begin: first block of the decay, from which a
+    power law and a floor are fitted robustly to the levels.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
     count = tb.size
@@ -513,14 +522,16 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
         middle = slice(level.size // 2, level.size // 2 + part)
         took = float(late[middle].mean() - late[:part].mean())
         usual = float(level[:part].mean() - level[middle].mean()) / took
-        if 10.0 * np.log10(power_before.mean() / last_power.mean()) < FLAT * usual * step:
+        if 10.0 * np.log10(power_before.mean() / last_power.mean()) < FLAT_RATE * usual * step:
             floor, floor_at = max(floor, float(last_power.mean())), count - 1
             measured = NoiseFloor(floor)
     end, after = count, yb[begin:]
-    if after.size >= 2 * WILD_OVER:  # end the decay where levels scatter like noise
+    if after.size >= 2 * SCATTER_BLOCKS:  # end the decay where levels scatter like noise
         bends = (after[1:-1] - 0.5 * (after[:-2] + after[2:])) ** 2 / 1.5
-        wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
-        end = min(count, begin + int(wild[0]) + WILD_OVER // 2) if wild.size else count
+        wild = np.flatnonzero(
+            np.convolve(bends, np.ones(SCATTER_BLOCKS) / SCATTER_BLOCKS, "valid") > NOISE_SCATTER**2
+        )
+        end = min(count, begin + int(wild[0]) + SCATTER_BLOCKS // 2) if wild.size else count
     if floor_at == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
         return end, None
     if _steepens(t, y, int(edges[begin]), int(edges[floor_at]), stop):
@@ -528,27 +539,27 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
     above = np.flatnonzero(np.exp(2.0 * x) < limit)
     end = min(end, begin + int(above[0])) if above.size else end
-    if end - begin > SMOOTH:
-        smooth = np.convolve(yb[begin:end], np.ones(SMOOTH) / SMOOTH, "valid")
+    if end - begin > SMOOTHED_BLOCKS:
+        smooth = np.convolve(yb[begin:end], np.ones(SMOOTHED_BLOCKS) / SMOOTHED_BLOCKS, "valid")
         below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
-        end = begin + int(below[0]) + SMOOTH // 2 if below.size else end
+        end = begin + int(below[0]) + SMOOTHED_BLOCKS // 2 if below.size else end
     return end, measured.scaled(10.0 ** (scale / 10.0))
 
 
 def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int) -> bool:
-    """Return whether the readings from `floor_at` (or the last few) to `stop` are a decay and not a noise floor.
+    """Return whether the readings from `floor_at` (or the last few) to `stop` belong to the decay, not to a floor.
 
-    They are a decay, which no power law follows, if they fall faster than the readings before and are not much rougher
-    than the first eighth of the decay, from `begin` on.
+    They do (in a decay that steepens more than any power law) if they fall faster than the readings before `floor_at`
+    and are not much rougher than the first eighth of the decay, which starts at `begin`.
     """
-    floor_at = min(floor_at, stop - LAST)
-    before = slice(max(begin, floor_at - max(NARROWEST, (floor_at - begin) // 4)), floor_at)
+    floor_at = min(floor_at, stop - LEAST_LAST_READINGS)
+    before = slice(max(begin, floor_at - max(SHORTEST_LINE, (floor_at - begin) // 4)), floor_at)
     if before.stop - before.start < LEAST_POINTS:
         return False
     slope, usual = (
         float(np.polyfit(t[part] - t[floor_at], y[part], 1)[0]) for part in (slice(floor_at, stop), before)
     )
-    early, late = y[begin : begin + max((floor_at - begin) // 8, LAST)], y[floor_at:stop]
+    early, late = y[begin : begin + max((floor_at - begin) // 8, LEAST_LAST_READINGS)], y[floor_at:stop]
     # Roughness from third differences, in which a smooth curve hardly appears.
     rough_early, rough_late = (float(np.median(np.abs(np.diff(part, 3)))) for part in (early, late))
-    return slope < usual < 0.0 and rough_late < ROUGHER * rough_early
+    return slope < usual < 0.0 and rough_late < ROUGHNESS_RATIO * rough_early

@@ -13,7 +13,7 @@ import numpy as np
 from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
-LARGEST = 2**31
+LARGEST_FILE = 2**31
 """Largest size of a file in bytes, also after unpacking (conventional)."""
 
 
@@ -134,9 +134,9 @@ class Reader(Protocol):
 
 
 def refuse_large(size: float) -> None:
-    """Raise InputError if `size`, the unpacked size in bytes, is more than LARGEST."""
-    if size > LARGEST:
-        right = f"files of more than {LARGEST / 2**30:.3g} GiB are not read: give a part of it"
+    """Raise InputError if `size`, the unpacked size in bytes, is more than LARGEST_FILE."""
+    if size > LARGEST_FILE:
+        right = f"files of more than {LARGEST_FILE / 2**30:.3g} GiB are not read: give a part of it"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
 
 

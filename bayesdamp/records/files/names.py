@@ -30,17 +30,18 @@ SECONDS = {
 _JOINED = re.compile(
     r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
 )
-"""A name of times with a unit directly behind it, as ArduPilot's `TimeUS`."""
+"""Pattern of a column name of times that ends in its unit without a separator, as ArduPilot's `TimeUS`."""
 TIMES = re.compile(
     r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
     re.IGNORECASE,
 )
 """Pattern of names of columns that contain times."""
 _ONLY_OF_TIMES = {text for text, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
-"""These count as units of time only after a name of times; elsewhere `d`, `h`, `ps` may be a depth, height or power."""
-_UNSURE = ("in", "v", "V", "g", "au", "foot")
-"""After "_" these do not count as units, because they may be words of the name."""
-_SHORT = ("mm", "cm", "um", "mV", "ms", "us")
+"""Texts that count as units of time only after a name of times: elsewhere `d`, `h`, `ps` may be a depth, height or
+power."""
+_AMBIGUOUS_UNITS = ("in", "v", "V", "g", "au", "foot")
+"""Texts that do not count as units after "_", because they may be words of the name."""
+_TWO_LETTER_UNITS = ("mm", "cm", "um", "mV", "ms", "us")
 """Units of two letters that are not words, so that they count as units after a blank."""
 _QUANTITIES = {
     **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
@@ -63,14 +64,14 @@ _INDEX = re.compile(
     r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
 )
 _BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
-MOST, WIDTH = 12, 110
+MOST_NAMES, LIST_WIDTH = 12, 110
 """Most names in a list in a message, and most characters of the list (conventional)."""
 MOST_FACTS, LONGEST_FACT = 60, 200
 """Most facts of a file that are stored, and most characters of one (conventional)."""
 _PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S.*?)\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
-_EITHER = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
+_AMBIGUOUS_COMMA = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
 """A number whose comma may be a decimal mark or separate thousands."""
 _HERTZ = {
     **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6},
@@ -94,40 +95,42 @@ _MATLAB_STEP = "Ts"
 """MATLAB's name of a sampling interval; `ts` is more often a time stamp."""
 
 
-def _plain(text: str) -> str:
+def _normalise_unit(text: str) -> str:
     """Return the text of a unit in small letters, without blanks, brackets and signs of powers."""
     return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
 
 
-_WRITTEN = {_plain(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
-"""The unit for each way of writing it, as `_plain` returns it."""
+_WRITTEN = {_normalise_unit(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
+"""The unit for each way of writing it, as `_normalise_unit` returns it."""
 
 
-def _bare(text: str) -> str:
+def _normalise_time_unit(text: str) -> str:
     return text.lower().replace("(s)", "s").strip(" .")
 
 
 def _unit_candidates(name: str) -> list[str]:
-    """Return the parts of a name that may be a unit: in brackets, or after "/", " in ", "_" or a blank."""
+    """Return the parts of a column's name that may be a unit: in brackets, or after "/", " in ", "_" or a blank."""
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
         return ["".join(groups).strip() for groups in inside]
     behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     if behind:
-        unsure = behind[0][0] == "_" and behind[1] in _UNSURE
+        unsure = behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS
         return [] if unsure else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
-    if last and (_bare(last[1]) in SECONDS or _plain(last[1]) in _WRITTEN):
+    if last and (_normalise_time_unit(last[1]) in SECONDS or _normalise_unit(last[1]) in _WRITTEN):
         # A unit that nothing marks: `Angle degrees`, `adc`.
         word, alone = last[1], last[1] == name.strip()
-        if (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not alone):
+        if (len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min") or (
+            word in _TWO_LETTER_UNITS and not alone
+        ):
             return [word]
     return []
 
 
 def seconds_in(name: str) -> float | None:
     """Return the seconds in the unit that the name of a column of times states; None if it states none."""
-    units = [unit for unit in map(_bare, _unit_candidates(name)) if unit in SECONDS]
+    units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
         units = [joined[1].lower()]
     seconds = set[float]()
@@ -142,14 +145,14 @@ def seconds_in(name: str) -> float | None:
 
 def seconds_written(unit: str) -> float | None:
     """Return the seconds in a unit of time such as `h` or `ms since 2024-01-01`; None for other units."""
-    return SECONDS.get(_bare(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
+    return SECONDS.get(_normalise_time_unit(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
 
 
 def may_be_unit(cell: str, name: str) -> bool:
     """Return whether the cell below a column's name is its unit, or empty."""
     text = cell.strip("()[] ")
-    if _bare(text) in SECONDS:
-        return _bare(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
+    if _normalise_time_unit(text) in SECONDS:
+        return _normalise_time_unit(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
     return text in ("", "-") or unit_written(text) is not None
 
 
@@ -171,7 +174,7 @@ def _quantity_of(name: str) -> str | None:
 
 def unit_written(text: str) -> tuple[str, str] | None:
     """Return the unit (of the displacement) and the quantity for the text of a unit; None if it is not known."""
-    text = _plain(text)
+    text = _normalise_unit(text)
     if text in _WRITTEN:
         return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
     for quantity, per in _PER:
@@ -181,7 +184,7 @@ def unit_written(text: str) -> tuple[str, str] | None:
     return None
 
 
-def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
+def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
     """Convert a unit that a user gives to its name in `UNITS`, and return it with the quantity.
 
     Parameters
@@ -271,7 +274,7 @@ def list_names(columns: Sequence[Column]) -> str:
     names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
     shown: list[str] = []
     for name in names:
-        if len(shown) == MOST or len(", ".join([*shown, name])) > WIDTH:
+        if len(shown) == MOST_NAMES or len(", ".join([*shown, name])) > LIST_WIDTH:
             return f"{', '.join(shown)} and {len(names) - len(shown)} more"
         shown.append(name)
     return ", ".join(shown)
@@ -318,7 +321,11 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     close = get_close_matches(name, [*valid, *bare], n=1, cutoff=0.6)
     if close:
         raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
-    what = f"valid are {', '.join(valid)}" if 0 < len(valid) <= MOST else f"columns are {list_names(columns)}"
+    what = (
+        f"valid are {', '.join(valid)}"
+        if 0 < len(valid) <= MOST_NAMES
+        else f"columns are {list_names(columns)}"
+    )
     raise InputError(f"unknown column {name[:60]!r}; {what}")
 
 
@@ -337,8 +344,10 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
     InputError
         If the text is not a valid selection, or selects no run.
     """
-    more = f" and {len(labels) - MOST} more" if len(labels) > MOST else ""
-    choice = "there are " + (f"runs {', '.join(labels[:MOST])}{more}" if labels else "none to choose from")
+    more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
+    choice = "there are " + (
+        f"runs {', '.join(labels[:MOST_NAMES])}{more}" if labels else "none to choose from"
+    )
     wanted: list[str] = []
     for part in filter(None, (piece.strip() for piece in text.split(","))):
         if part in labels:
@@ -423,7 +432,7 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
         number = value
         if isinstance(value, str):
             thousands = _THOUSANDS.match(value)
-            start = thousands or (None if _EITHER.match(value) else _NUMBER.match(value))
+            start = thousands or (None if _AMBIGUOUS_COMMA.match(value) else _NUMBER.match(value))
             if start is None:
                 continue
             number = float(start[0].replace(",", "" if thousands else "."))

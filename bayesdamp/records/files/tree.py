@@ -11,9 +11,9 @@ from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
 from bayesdamp.types import Fact, InputError
 
-WIDEST = 64
+WIDEST_MATRIX = 64
 """A matrix with more columns than this is ignored (conventional)."""
-DEEPEST = 20
+DEEPEST_LEVEL = 20
 """Deeper levels of nesting are ignored (conventional)."""
 _NUMBERS = "fiub"
 """Kinds of NumPy data types that are numbers."""
@@ -51,7 +51,7 @@ class Walk:
         depth
             Number of levels above the item.
         """
-        if depth > DEEPEST:
+        if depth > DEEPEST_LEVEL:
             return
         if isinstance(item, Mapping):
             for key, below in item.items():
@@ -82,7 +82,7 @@ class Walk:
             table = np.squeeze(item)
             if table.ndim == 1:
                 self._add_vector(path, table.astype(float), run)
-            elif table.ndim == 2 and min(table.shape) <= WIDEST:
+            elif table.ndim == 2 and min(table.shape) <= WIDEST_MATRIX:
                 table = table if table.shape[0] >= table.shape[1] else table.T
                 for i in range(table.shape[1]):
                     self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)

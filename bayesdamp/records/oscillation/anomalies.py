@@ -12,51 +12,52 @@ from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import true_runs
 from bayesdamp.types import Signal
 
-RISE = 0.02
+MIN_RISE = 0.02
 """The amplitude counts as rising if half cycles grow significantly by more than this, relatively. Measured: a beat of
 0.4 mm in a decay of 80 mm grows by 0.027, decays of one oscillator by at most 0.01."""
-TOGETHER = 3
+SUCCESSIVE_HALF_CYCLES = 3
 """Number of successive half cycles that must grow together, because a spike spoils one turning point and so two half
 cycles."""
-FLAT = 3
+MIN_FLAT_SAMPLES = 3
 """Smallest number of successive samples at the extreme value of a clipped peak, if values are not rounded."""
-MARGIN = 1.5
+FLAT_RATIO = 1.5
 """A rounded record counts as clipped if it stays at its extreme this many times longer than a sinusoid does; a pendulum
 at 2.8 rad also stays longer."""
 # For rectified records, all conventional:
-FEWEST = 6
+MIN_HALF_CYCLES = 6
 """Smallest number of half cycles for a decision."""
-LARGE = 0.3
+MIN_PEAK = 0.3
 """Half cycles are used as long as their peak is above this fraction of the largest; below are noise and offsets."""
-TOUCHES = 0.15
-"""The record must fall below this fraction of each peak; it does with at least eleven samples in a half cycle."""
-FALLS = 0.8
-"""The last peak must be below this fraction of the first; pulses or a counter do not decay."""
-NOISE = 0.1
-"""Values of one sign may go below zero by this fraction of the largest peak, because of noise."""
-BETWEEN = 0.3
+MAX_MINIMUM = 0.15
+"""Between its peaks a rectified record must fall below this fraction of each peak, as it does if it has at least eleven
+samples in a half cycle."""
+MAX_LAST_PEAK = 0.8
+"""In a rectified decay the last peak must be below this fraction of the first; pulses or a counter do not decay."""
+MAX_UNDERSHOOT = 0.1
+"""Noise may change the sign of values of a rectified record up to this fraction of the largest peak."""
+MIN_MEDIAN = 0.3
 """The median of a half cycle must be above this fraction of its peak: it is 0.71 for |sin|, 0.5 for sin², 0 for
 pulses."""
-PER_PERIOD, MOST = 24, 200_000
+ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
 """Samples in a period, and most samples in total, from which the envelope is computed."""
-FLANK, FLANK_CYCLES, MIRRORED = 0.2, 3, 0.15
+FLANK_LEVEL, FLANK_CYCLES, MAX_ASYMMETRY = 0.2, 3, 0.15
 """The two flanks of an envelope are compared above this fraction of its peak, if they last at least this many cycles.
 In a tone burst they differ by less than the third number, relative to the peak. Measured: tone bursts with 5 % noise
 differ by up to 0.13, real decays with so long a rise by at least 0.6."""
 
 CLIPPED = "The peaks are cut off: the record stays at its extreme value."
-RISES = "The amplitude rises again, which beats, a second mode or a drive would cause."
+RISES_AGAIN = "The amplitude rises again, which beats, a second mode or a drive would cause."
 
 
-def anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
+def find_anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
     """Return sentences that say why a record may not be a free decay: clipped peaks, or an amplitude that rises."""
     faults = []
     if is_clipped(signal.y, features.samples_per_cycle):
         faults.append(CLIPPED)
     # Rounding shifts all samples near a turning point equally, so it does not average out: add half a step.
     noise = float(np.hypot(features.roughness, 0.5 * signal.step))
-    if relative_rise(2 * features.swing_sizes, noise, TOGETHER) > RISE:
-        faults.append(RISES)
+    if relative_rise(2 * features.swing_sizes, noise, SUCCESSIVE_HALF_CYCLES) > MIN_RISE:
+        faults.append(RISES_AGAIN)
     return tuple(faults)
 
 
@@ -91,7 +92,7 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
     repeats = max(int(np.median(moving)), 1) if moving.size >= 5 else 1
     # A sinusoid that just reaches the extreme level stays within one step of it for so many samples.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
-    limit = max(FLAT, MARGIN * usual + 1) * repeats
+    limit = max(MIN_FLAT_SAMPLES, FLAT_RATIO * usual + 1) * repeats
     runs = [run for edge in (levels[0], levels[-1]) for run in true_runs(np.abs(y - edge) <= 1e-9 * size)]
     runs = [
         (a, b) for a, b in runs if a > 0 and b < y.size
@@ -119,24 +120,24 @@ def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: fl
 def is_rectified(y: np.ndarray) -> bool:
     """Return whether equally spaced values y (n,) are the absolute value or the square of a decaying oscillation."""
     y = y if abs(y.max()) >= abs(y.min()) else -y
-    if y.min() < -NOISE * y.max():
+    if y.min() < -MAX_UNDERSHOOT * y.max():
         return False
     half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # the period of |y|
-    if y.size < FEWEST * half_cycle or half_cycle < 2:
+    if y.size < MIN_HALF_CYCLES * half_cycle or half_cycle < 2:
         return False
     edges = np.arange(0.0, y.size, half_cycle).astype(int)
     halves = [y[begin:end] for begin, end in pairwise(edges)]
     peaks = np.array([half.max() for half in halves])
     first = int(np.argmax(peaks))
-    small = np.flatnonzero(peaks[first:] < LARGE * peaks[first])
+    small = np.flatnonzero(peaks[first:] < MIN_PEAK * peaks[first])
     behind = first + int(small[0]) if small.size else peaks.size
-    if behind - first < FEWEST:
+    if behind - first < MIN_HALF_CYCLES:
         return False
     halves, peaks = halves[first:behind], peaks[first:behind]
     lowest = np.array([half.min() for half in halves]) / peaks
     middle = np.array([float(np.median(half)) for half in halves]) / peaks
-    falls = peaks[-1] < FALLS * peaks[0]
-    return bool(falls and lowest.max() < TOUCHES and np.median(middle) > BETWEEN)
+    falls = peaks[-1] < MAX_LAST_PEAK * peaks[0]
+    return bool(falls and lowest.max() < MAX_MINIMUM and np.median(middle) > MIN_MEDIAN)
 
 
 def is_tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
@@ -152,16 +153,18 @@ def is_tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
     period
         Period of the strongest oscillation, s.
     """
-    count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))
+    count = int(
+        np.clip(ENVELOPE_PER_PERIOD * (t[-1] - t[0]) / period, 2 * ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES)
+    )
     grid = np.linspace(t[0], t[-1], count)
     wave = (np.interp(grid, t, y) - np.median(y)) * np.exp(-2j * np.pi * grid / period)
     each = max(int(period / (grid[1] - grid[0])), 3)
     weights = np.hanning(each + 2)[1:-1]
     envelope = np.abs(np.convolve(wave, weights / weights.sum(), "same"))
     top = int(np.argmax(envelope))
-    low = envelope < FLANK * envelope[top]
+    low = envelope < FLANK_LEVEL * envelope[top]
     before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
     if not before.size or not after.size or min(top - before[-1], after[0]) < FLANK_CYCLES * each:
         return False
     off = np.arange(min(top - int(before[-1]), int(after[0])))
-    return bool(np.abs(envelope[top - off] - envelope[top + off]).max() < MIRRORED * envelope[top])
+    return bool(np.abs(envelope[top - off] - envelope[top + off]).max() < MAX_ASYMMETRY * envelope[top])

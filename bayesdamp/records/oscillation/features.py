@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.records.oscillation.noise import group_by_size, roughness
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import (
-    Turning,
+    TurningPoints,
     local_median,
     midpoints,
     true_runs,
@@ -23,17 +23,17 @@ from bayesdamp.records.oscillation.turning import (
 )
 from bayesdamp.types import FeatureValues, Refusal, Signal
 
-NO_NEARER = 0.7
+MAX_CHANGE_RATIO = 0.7
 """A record does not oscillate if the mean square change over a period is larger than this fraction of that over half a
 period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, and 2/3
 for two equal modes whose frequencies differ by a fifth."""
-HOLE = 0.25
+HOLE_IN_LAG = 0.25
 """Changes over a time lag are not used if a gap longer than this fraction of the lag is at its end."""
-LEAST, USUAL, BESIDE = 0.5, 5.0, 0.25
-"""A gap is longer than this many periods and than so many usual sampling intervals. Turning points within so many
-periods of a gap are not used (conventional)."""
-NEIGHBOURHOOD = 1.5
-"""Number of periods before the first and after the last turning point that are used in this test."""
+GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
+"""A gap is longer than the first number of periods and than the second number of usual sampling intervals. Turning
+points within the third number of periods of a gap are not used (conventional)."""
+TESTED_MARGIN = 1.5
+"""Number of periods before the first and after the last turning point in which `reason_not_oscillating` looks."""
 LEAST_SHARE = 0.3
 """Smallest fraction of the variance within one or two periods that an oscillation must explain."""
 
@@ -89,13 +89,13 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
         """Return the variance of changes over `lag` seconds, except those that end in a gap; NaN if too few."""
         after = t + lag
         place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
-        first = (after <= t[-1]) & (t[place] - t[place - 1] < max(HOLE * lag, usual))
+        first = (after <= t[-1]) & (t[place] - t[place - 1] < max(HOLE_IN_LAG * lag, usual))
         change = np.interp(after[first], t, y) - y[first]
         return float(np.var(change)) if change.size > 2 else float("nan")
 
     whole = variance_of_changes(period) - 2 * noise**2
     half = variance_of_changes(0.5 * period) - 2 * noise**2
-    if np.isfinite(whole) and half > 0 and whole > NO_NEARER * half:
+    if np.isfinite(whole) and half > 0 and whole > MAX_CHANGE_RATIO * half:
         return "after a whole period it is no closer to its earlier values than after half a period"
     return ""
 
@@ -116,16 +116,16 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
         Start and end of each gap, in s, (h, 2).
     """
     gaps = np.diff(t)
-    at = np.flatnonzero((gaps > LEAST * period) & (gaps > USUAL * np.median(gaps)))
+    at = np.flatnonzero((gaps > GAP_PERIODS * period) & (gaps > GAP_INTERVALS * np.median(gaps)))
     return np.stack([t[at], t[at + 1]], axis=1)
 
 
-def without_gap_edges(turns: Turning, t: np.ndarray, period: float) -> Turning:
+def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> TurningPoints:
     """Return the turning points that are not in or near a gap, where interpolation would create false ones."""
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
-        good &= (turns.times < a - BESIDE * period) | (turns.times > b + BESIDE * period)
-    return Turning(turns.times[good], turns.values[good], turns.gain[good])
+        good &= (turns.times < a - GAP_MARGIN * period) | (turns.times > b + GAP_MARGIN * period)
+    return TurningPoints(turns.times[good], turns.values[good], turns.gain[good])
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def features(signal: Signal) -> Features:
         raise Refusal("no oscillation stands out of the noise")
     noise = roughness(t, y, period)
     runs = regular_runs(without_gap_edges(turning_points(t, y, period, noise), t, period), noise)
-    turns = max(runs, key=lambda run: run.times.size, default=Turning(*np.empty((3, 0))))
+    turns = max(runs, key=lambda run: run.times.size, default=TurningPoints(*np.empty((3, 0))))
     if turns.times.size < 3:
         raise Refusal("no oscillation is found: fewer than three turning points stand out of the noise")
     middle = midpoints(turns.values)
@@ -175,7 +175,7 @@ def features(signal: Signal) -> Features:
     # The final period and noise.
     period = mean_period(crossings, sharp, turns.times)
     noise = roughness(t, y, period)
-    near = NEIGHBOURHOOD * period
+    near = TESTED_MARGIN * period
     inside = (t >= turns.times[0] - near) & (t <= turns.times[-1] + near)
     if reason := reason_not_oscillating(t[inside], y[inside], period, noise):
         raise Refusal(f"no oscillation is found: {reason}")
@@ -206,7 +206,7 @@ def features(signal: Signal) -> Features:
     )
 
 
-def regular_runs(turns: Turning, noise: float) -> list[Turning]:
+def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
     """Return runs of turning points with regular distances and ranges above the noise, in time order."""
     if turns.times.size < 3:
         return [turns]
@@ -220,12 +220,14 @@ def regular_runs(turns: Turning, noise: float) -> list[Turning]:
     return [turns.cut(a, b + 1) for a, b in true_runs(good)]
 
 
-def _join_across_holes(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
+def _join_across_holes(
+    runs: list[TurningPoints], turns: TurningPoints, t: np.ndarray, period: float
+) -> list[TurningPoints]:
     """Return `turns` and the runs before and after it that are separated only by gaps in the samples, in time order."""
     missing = holes(t, period)
     pieces = [turns]
 
-    def follows(a: Turning, b: Turning) -> bool:
+    def follows(a: TurningPoints, b: TurningPoints) -> bool:
         """Return whether run b follows run a with a gap and less than two other periods between them."""
         inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
         gap = b.times[0] - a.times[-1]
@@ -241,7 +243,7 @@ def _join_across_holes(runs: list[Turning], turns: Turning, t: np.ndarray, perio
     return pieces
 
 
-def _sizes(turns: Turning) -> np.ndarray:
+def _sizes(turns: TurningPoints) -> np.ndarray:
     return np.abs(turns.values - midpoints(turns.values))
 
 
@@ -251,7 +253,7 @@ def _half_cycle_basis(x: np.ndarray) -> np.ndarray:
 
 
 def crossing_times(
-    t: np.ndarray, y: np.ndarray, turns: Turning, middle: np.ndarray
+    t: np.ndarray, y: np.ndarray, turns: TurningPoints, middle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the times at which a record crosses its midline, between successive turning points.
 

@@ -27,42 +27,44 @@ from bayesdamp.records.oscillation.spectrum import block_means
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.units import Unit
 
-SHORTEST, LONGEST, SHARE = 2.0, 8.0, 0.05
-"""A window has this fraction of the record's cycles, but at least `SHORTEST` and at most `LONGEST` periods
-(conventional)."""
-PER_WINDOW = 4
+SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
+"""A window has this fraction of the record's cycles, but at least `SHORTEST_WINDOW` and at most `LONGEST_WINDOW`
+periods (conventional)."""
+STARTS_PER_WINDOW = 4
 """Windows overlap: this many start within the length of one (conventional)."""
-MOST, FEWEST = 100, 3
+MOST_WINDOWS, FEWEST_WINDOWS = 100, 3
 """Largest and smallest number of windows; in long records they are further apart (conventional)."""
-PER_CYCLE = 64
+SAMPLES_PER_CYCLE = 64
 """Neighbouring samples are averaged to about this many samples a cycle; this reduces all amplitudes by 0.04 %."""
 FEWEST_SAMPLES = 8
 """Smallest number of samples in a window."""
-COVERED = 0.6
-"""Samples must cover at least this fraction of a window's weight, so that windows over gaps are left out."""
-FAR = 6.0
+LEAST_COVERAGE = 0.6
+"""Smallest fraction of a window's total weight at which there are samples; windows over gaps have less and are left
+out."""
+OUTLIER_SDS = 6.0
 """Samples further than this many robust standard deviations from a window's fit are left out (conventional)."""
-ROUNDING = 0.29
+ROUNDING_SD = 0.29
 """Standard deviation of a rounding error, 1/√12 of a step."""
 LEAST_ERROR = 1e-5
 """Smallest relative error of an amplitude, which is that of the fitted model (conventional)."""
 NUGGET = 1e-3
-"""Fraction of the error variance that is independent between windows, which keeps the correlation matrix regular."""
+"""Fraction of an amplitude's error variance that is assumed independent between windows, so that the correlation matrix
+is regular."""
 POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Powers of the amplitude (0: its log) that may be a straight line in time (Box and Cox 1964): the first one for drag,
 the middle one for viscous damping, the last one for dry friction."""
 WALKS = np.concatenate([[0.0], np.geomspace(1.0, 1e8, 9)])
 """Possible variances of the random walk over the whole record, relative to the error variance of the amplitudes."""
-KNOWN = 4.0
-"""The noise within the windows counts as much as this many amplitudes in the estimate of the variance
-(conventional)."""
-STEADY = 0.2
+NOISE_WEIGHT = 4.0
+"""In the estimate of the error variance of the amplitudes, the noise measured within the windows counts as much as this
+many amplitudes (conventional)."""
+PROBABILITY_NO_WALK = 0.2
 """Prior probability of no walk; the other variances share the rest. With 0.5 and smaller walks, the intervals at the
 ends of a record were too narrow, because no power of the amplitude is a straight line under a sum of dampings (measured
 on 104 records: the worst by a factor of 7; with the present values, 3.5)."""
-SYSTEMATIC = 5e-4
+RATE_ERROR = 5e-4
 """Relative systematic error of decay rates, from averaging over a window."""
-SLOWER = 1.0
+FREQUENCY_ERROR = 1.0
 """Relative systematic error of a frequency, in units of the squared damping ratio. The phase of a decaying sinusoid is
 slower than the natural frequency by 0.5 of this unit for viscous damping, and by 2 for dry friction, whose alternating
 offset 4 δ / π is in quadrature with the sinusoid and grows relative to it."""
@@ -70,13 +72,13 @@ TWO_SIDED = 1.96
 """Half width of a 95 % interval in standard deviations."""
 DEGREE = 5
 """Highest degree of the polynomial of the log amplitude in time, from which the time of a given amplitude follows."""
-ROUNDS = 2
+AVERAGING_ROUNDS = 2
 """Number of rounds that correct the amplitudes for the averaging over windows."""
-FLOORS = (0.0, 0.03, 0.1, 0.3, 1.0)
-"""Constant errors of the amplitudes that are tried, relative to the smallest amplitude."""
-POINTS = 12
+CONSTANT_ERRORS = (0.0, 0.03, 0.1, 0.3, 1.0)
+"""Errors of equal size for all amplitudes that are tried, relative to the smallest amplitude."""
+MOST_POINTS = 12
 """Largest number of points of the curves in reports."""
-INDEPENDENT = 1.5
+ESTIMATES_PER_WINDOW = 1.5
 """Number of independent estimates within the length of one window (for overlapping raised cosines)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
@@ -114,7 +116,7 @@ class Sinusoids:
         return self.errors[:, None] * self.errors * self.correlation
 
     @property
-    def places(self) -> np.ndarray:
+    def scaled_times(self) -> np.ndarray:
         """Return the times scaled to −1 to 1 along the record, (k,)."""
         first, last = self.times[0], self.times[-1]
         return 2 * (self.times - first) / (last - first) - 1
@@ -126,18 +128,23 @@ def sinusoids(signal: Signal) -> Sinusoids:
     Raises Refusal if the record is too short for three windows.
     """
     measured = features(signal)
-    block = max(int(measured.samples_per_cycle / PER_CYCLE), 1)
+    block = max(int(measured.samples_per_cycle / SAMPLES_PER_CYCLE), 1)
     t, y = (block_means(np.asarray(values, float), block) for values in (signal.t, signal.y))
     first = max(float(t[0]), float(measured.swing_times[0]) - 0.75 * measured.period)
     last = min(float(t[-1]), float(measured.swing_times[-1]) + 0.75 * measured.period)
     crossings = measured.crossing_times
-    if last - first > MOST * SHORTEST * measured.period and crossings.size > 1:
+    if last - first > MOST_WINDOWS * SHORTEST_WINDOW * measured.period and crossings.size > 1:
         # Windows that hardly overlap do not determine the number of cycles between them; the crossings do. Stay within.
         first, last = max(first, float(crossings[0])), min(last, float(crossings[-1]))
     span = (last - first) / measured.period
-    periods = max(min(float(np.clip(SHARE * measured.cycles, SHORTEST, LONGEST)), span - 1.5), 1.0)
+    periods = max(
+        min(float(np.clip(WINDOW_FRACTION * measured.cycles, SHORTEST_WINDOW, LONGEST_WINDOW)), span - 1.5),
+        1.0,
+    )
     inside = last - first - periods * measured.period
-    count = int(np.clip(PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST, MOST))
+    count = int(
+        np.clip(STARTS_PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST_WINDOWS, MOST_WINDOWS)
+    )
     middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
     # First estimate of the local period, from neighbouring turning points; smoothed, because one may be wrong.
     turns = measured.turning_times
@@ -155,7 +162,7 @@ def sinusoids(signal: Signal) -> Sinusoids:
     pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
     times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, periods, crossings)
     widths = 2 * np.pi * periods / used
-    noise = float(np.hypot(measured.roughness, ROUNDING * signal.step)) / np.sqrt(block)
+    noise = float(np.hypot(measured.roughness, ROUNDING_SD * signal.step)) / np.sqrt(block)
     errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
     # The errors of overlapping windows correlate by the autocorrelation of the raised cosine at their distance. The
     # same width is used for all, so that the matrix is positive definite.
@@ -194,18 +201,18 @@ def _fit_windows(
         weight = np.cos(np.pi * u / wide) ** 2
         c, inverse = _solve_weighted(columns, values, weight)
         off = np.abs(values - (columns @ c[:, :, None])[:, :, 0])
-        far = off > FAR * 1.4826 * np.median(off, axis=1, keepdims=True)
+        far = off > OUTLIER_SDS * 1.4826 * np.median(off, axis=1, keepdims=True)
         again = np.flatnonzero(far.any(axis=1) & (np.sum(~far, axis=1) >= FEWEST_SAMPLES))
         weight[again] = np.where(far[again], 0.0, weight[again])
         c[again], inverse[again] = _solve_weighted(columns[again], values[again], weight[again])
         size = np.hypot(c[:, 0], c[:, 1])
-        good = (size > 0) & (weight.sum(axis=1) * spacing >= COVERED * 0.5 * wide[:, 0])
+        good = (size > 0) & (weight.sum(axis=1) * spacing >= LEAST_COVERAGE * 0.5 * wide[:, 0])
         which, c, size = same[good], c[good], size[good]
         ends = c[:, 0, None] * inverse[good, 0] + c[:, 1, None] * inverse[good, 1]
         gains = np.linalg.norm(ends / size[:, None], axis=1)
         fits[:, which] = size, np.arctan2(-c[:, 1], c[:, 0]), gains
     good = np.isfinite(fits[0])
-    if np.count_nonzero(good) < FEWEST:
+    if np.count_nonzero(good) < FEWEST_WINDOWS:
         raise Refusal("the record has too few cycles to estimate damping and frequency")
     times, used, (amplitudes, phases, gains) = middles[good], pace[good], fits[:, good]
     # Unwrap the phases: their advance between windows must agree with the number of midline crossings.
@@ -300,13 +307,13 @@ class LawFree:
             sizes, slope, variance = _smooth(self.windows, self.sizes, place)
             # The frequency is the slope of the smoothed phases.
             _, frequency, spread = _smooth(self.windows, self.windows.phases, place, (0.0,))
-        sd = np.sqrt(variance + (SYSTEMATIC * slope) ** 2)
+        sd = np.sqrt(variance + (RATE_ERROR * slope) ** 2)
         amplitude = np.exp(sizes)
         _, energy, energy_sd = self.backbone.at(amplitude)
         rate = -slope / half * energy
         ratio = rate / np.hypot(rate, 1.0)
         ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
-        frequency_sd = np.hypot(np.sqrt(spread), SLOWER * ratio**2 * frequency)
+        frequency_sd = np.hypot(np.sqrt(spread), FREQUENCY_ERROR * ratio**2 * frequency)
         return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half)
 
 
@@ -316,12 +323,14 @@ def law_free(signal: Signal) -> LawFree:
     windows = sinusoids(signal)
     # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
     # oscillation is not visible within a window, only between windows.
-    least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.places
+    least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.scaled_times
     options = [
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
-        for share in FLOORS
+        for share in CONSTANT_ERRORS
     ]
-    windows = max(options, key=lambda w: max(f.log for f in _smooth_power(w, log_sizes, 0.0, x[:1], False)))
+    windows = max(
+        options, key=lambda w: max(f.log_likelihood for f in _smooth_power(w, log_sizes, 0.0, x[:1], False))
+    )
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     sizes, half = log_sizes, 0.5 * float(windows.times[-1] - windows.times[0])
     line = _fit_line(windows, sizes)
@@ -336,7 +345,7 @@ def law_free(signal: Signal) -> LawFree:
     averages, width = sizes, 2 * windows.widths / (windows.times[-1] - windows.times[0])
     share = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * share) ** 2
-    for _ in range(ROUNDS):
+    for _ in range(AVERAGING_ROUNDS):
         # Correct for the average over a window, which is larger than at its middle if the curve is convex.
         curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x, with_slopes=False)[0])
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
@@ -345,19 +354,19 @@ def law_free(signal: Signal) -> LawFree:
 
 
 def amplitude_curves(signal: Signal) -> Curves:
-    """Return amplitude, damping ratio and frequency at up to `POINTS` equidistant times of a record.
+    """Return amplitude, damping ratio and frequency at up to `MOST_POINTS` equidistant times of a record.
 
     Raises Refusal if it has too few cycles.
     """
     fit = law_free(signal)
-    count = int(np.clip(fit.sizes.size // PER_WINDOW + 1, 2, POINTS))
+    count = int(np.clip(fit.sizes.size // STARTS_PER_WINDOW + 1, 2, MOST_POINTS))
     return fit.at(np.linspace(*fit.span, count))
 
 
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
     """Fit a polynomial in time to log amplitudes (k,)."""
-    degree = min(DEGREE, max(sizes.size // PER_WINDOW, 1))
-    return np.polynomial.Polynomial.fit(windows.places, sizes, degree, w=1 / windows.errors)
+    degree = min(DEGREE, max(sizes.size // STARTS_PER_WINDOW, 1))
+    return np.polynomial.Polynomial.fit(windows.scaled_times, sizes, degree, w=1 / windows.errors)
 
 
 def _smooth(
@@ -373,14 +382,14 @@ def _smooth(
     are empty without `with_slopes`.
     """
     fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
-    logs = np.array([f.log for f in fits])
+    logs = np.array([f.log_likelihood for f in fits])
     weights = np.exp(logs - logs.max())
     weights = weights / weights.sum()
-    slope, variance = _mix(weights, [f.slopes for f in fits], [f.sds for f in fits])
+    slope, variance = _mix_curves(weights, [f.slopes for f in fits], [f.sds for f in fits])
     return weights @ np.array([f.sizes for f in fits]), slope, variance
 
 
-def _mix(
+def _mix_curves(
     weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and variance, (k,), of a mixture with weights (m,) of curves with means and sds (m, k)."""
@@ -416,7 +425,7 @@ class Backbone:
                 total = total + (_backbone_curves(c + size * axis, a)[1] - middle[1]) ** 2
             sds.append(np.sqrt(total))
         weights = np.array([w for w, _, _ in self.parts])
-        ratio, variance = _mix(weights, [c[1] for c in curves], sds)
+        ratio, variance = _mix_curves(weights, [c[1] for c in curves], sds)
         return weights @ np.array([c[0] for c in curves]), ratio, np.sqrt(variance)
 
 
@@ -449,7 +458,7 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
     root = np.linalg.cholesky(windows.covariance)
-    independent = INDEPENDENT * t.size / PER_WINDOW
+    independent = ESTIMATES_PER_WINDOW * t.size / STARTS_PER_WINDOW
     fits = []
     for count in (1, 2, 3):
         if count > 1 and independent < count + 1:
@@ -461,8 +470,10 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         inverse = np.linalg.pinv(white)
         aim = np.linalg.solve(root, windows.phases)
         c = inverse @ aim
-        variance = (float(np.sum((aim - white @ c) ** 2)) + KNOWN) / (t.size - count - 1 + KNOWN)
-        wide = float(scipy.special.stdtrit(independent - count - 1 + KNOWN, 0.975)) / TWO_SIDED
+        variance = (float(np.sum((aim - white @ c) ** 2)) + NOISE_WEIGHT) / (
+            t.size - count - 1 + NOISE_WEIGHT
+        )
+        wide = float(scipy.special.stdtrit(independent - count - 1 + NOISE_WEIGHT, 0.975)) / TWO_SIDED
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
         fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
     logs = np.array([f[0] for f in fits])
@@ -472,10 +483,10 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
 
 @dataclass(frozen=True)
-class _Smoothed:
+class _SmoothedCurve:
     """A smoothed curve: log marginal likelihood; log amplitudes, their slopes in scaled time and sds of these (k,)."""
 
-    log: float
+    log_likelihood: float
     sizes: np.ndarray
     slopes: np.ndarray
     sds: np.ndarray
@@ -483,13 +494,13 @@ class _Smoothed:
 
 def _smooth_power(
     windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray, with_slopes: bool
-) -> list[_Smoothed]:
+) -> list[_SmoothedCurve]:
     """Smooth a power of the amplitude by a line plus a random walk, for each variance of the walk in `WALKS`.
 
     logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
     curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty.
     """
-    x = windows.places
+    x = windows.scaled_times
     middle = logs.mean()
     base = np.exp(power * (logs - middle))
     values = logs - middle if power == 0 else (base - 1) / power
@@ -505,10 +516,13 @@ def _smooth_power(
     less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
     walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
     free = x.size - 2
-    wide = float(scipy.special.stdtrit(free * INDEPENDENT / PER_WINDOW + KNOWN, 0.975)) / TWO_SIDED
+    wide = (
+        float(scipy.special.stdtrit(free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT, 0.975))
+        / TWO_SIDED
+    )
     base_at = np.interp(at, x, base)
     curves = []
-    prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
+    prior = np.log(np.where(WALKS == 0, PROBABILITY_NO_WALK, (1 - PROBABILITY_NO_WALK) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
         try:
             factor = scipy.linalg.cho_factor(noise / scale + ratio * walk, lower=True)
@@ -519,12 +533,12 @@ def _smooth_power(
         c = inverse @ (weighted.T @ values)
         rest = values - columns @ c
         off = scipy.linalg.cho_solve(factor, rest)
-        variance = (float(rest @ off) + KNOWN * scale) / (free + KNOWN)
+        variance = (float(rest @ off) + NOISE_WEIGHT * scale) / (free + NOISE_WEIGHT)
         log = (
             log_prior
             - float(np.sum(np.log(np.diag(factor[0]))))
             + 0.5 * float(np.linalg.slogdet(inverse)[1])
-            - 0.5 * (free + KNOWN) * np.log(variance)
+            - 0.5 * (free + NOISE_WEIGHT) * np.log(variance)
             + float(np.sum(np.log(base)))  # Jacobian: all densities are those of the log amplitudes
         )
         level = columns_at @ c + ratio * walk_at @ off
@@ -540,7 +554,7 @@ def _smooth_power(
                 "ij,jk,ik->i", line, inverse, line
             )
             sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
-        curves.append(_Smoothed(log, sizes, slopes, sds))
+        curves.append(_SmoothedCurve(log, sizes, slopes, sds))
     return curves
 
 
@@ -564,7 +578,7 @@ class DampingAt:
 
 @dataclass(frozen=True)
 class FirstWords:
-    """Frequency and damping of a record, before any model is fitted.
+    """Frequency and damping of a record without a damping law, which are printed before any model is fitted.
 
     Attributes
     ----------

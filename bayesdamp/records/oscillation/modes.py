@@ -15,60 +15,62 @@ from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import block_means, coarse_period
 from bayesdamp.records.oscillation.turning import zigzag
 
-MOST = 1500
+MOST_SAMPLES = 1500
 """Most samples that are fitted. In longer records neighbouring samples are averaged, but at least `PER_CYCLE` samples
 remain in a period (conventional)."""
 PER_CYCLE = 12
 """Smallest number of samples in a period after averaging (conventional)."""
-APART = 0.6
+MIN_SEPARATION = 0.6
 """A new mode is searched only if its start frequency differs from those of the present modes by at least this, in units
 of 1 / (duration of the record)."""
-PADDED = 4
-"""Before its spectrum is computed, a record is padded with zeros to this many times its length."""
-SEARCHED = 6_000
+PADDING = 4
+"""Factor of length to which a record is padded with zeros before its spectrum is computed."""
+MOST_SEARCHED = 6_000
 """Most samples for a search. From a longer record so many are drawn at random (which avoids aliasing); the result is
 then judged on all samples (conventional)."""
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
-EXPLAINED = 0.95
-"""Two damped sinusoids must explain at least this fraction of the variance, and one alone at least so much for a record
-of one oscillation."""
-SIGMAS = 6.0
+MIN_EXPLAINED = 0.95
+"""Smallest fraction of the variance that two damped sinusoids must explain for a record of two oscillations, and one
+damped sinusoid for a record of one."""
+GROWTH_SIGMAS = 6.0
 """An oscillation grows if its decay rate is below zero by more than this many standard errors."""
-GROWN = 1.05
+MIN_GROWTH = 1.05
 """Smallest factor by which a growing oscillation grows over the record."""
-CLOSE = 0.2
+CLOSE_FREQUENCIES = 0.2
 """If two frequencies differ by less than this, relatively, they may be one oscillator whose frequency changes with its
 amplitude; then only a rising amplitude shows that they are two."""
-HARMONIC = 0.05
+HARMONIC_TOLERANCE = 0.05
 """A second frequency this close to a multiple of the first, relatively, counts as a harmonic of one oscillator."""
-LIFTED = 0.05
+MIN_RISE = 0.05
 """Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction."""
-CLEAR = 3.0
+RISE_SIGMAS = 3.0
 """A rise counts if it exceeds this many standard deviations of a sample's noise."""
-TOGETHER = 2
+SUCCESSIVE_PERIODS = 2
 """Number of successive periods that must rise together."""
-GONE, PASSING = 0.01, 15.0
-"""A second oscillation that falls below this fraction of the first within so many cycles is only a transient."""
-STEADY = 0.1
+GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
+"""A second oscillation that falls below the first number, as a fraction of the first oscillation, within the second
+number of cycles is only a transient."""
+STEADY_RATE_RATIO = 0.1
 """An oscillation counts as sustained by a drive if its decay rate is below this fraction of the other one's."""
-HOLE = 0.2
+HOLE_IN_PERIOD = 0.2
 """Periods that contain a gap longer than this fraction of the period are not used, because a peak may be missing."""
-CYCLES = 3.0
+MIN_CYCLES = 3.0
 """Smallest number of cycles of the slower mode for a decision."""
-WANDERING = 8.0
+DRIFT_CYCLES = 8.0
 """A smaller, slower oscillation that does not decay and has fewer cycles than this is a drift of the baseline."""
-UNSEEN = 3.0
-"""A decay rate of fewer standard errors than this is not significant."""
-SUSTAINED = 0.05
+RATE_SIGMAS = 3.0
+"""A decay rate that is smaller than this many of its standard errors is not significant."""
+MAX_SUSTAINED_FALL = 0.05
 """An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
 a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
-HALVED = 2.0
+MIN_FALL = 2.0
 """Smallest factor by which the amplitude falls before it stays constant."""
-AGAIN, RISES, SLOWLY = 1.5, 4, 3
-"""An amplitude that is excited throughout rises by at least this factor, so many times, and over so many periods."""
-RISING = 0.25
+RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
+"""In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
+of times, and each time over at least the third number of periods."""
+MIN_RISING_FRACTION = 0.25
 """Smallest fraction of the record in which it rises: random excitation gives a half, repeated releases little."""
-ABOVE = 20.0
+MIN_RANGE_SIGMAS = 20.0
 """An oscillation that stays constant must have a range of at least this many standard deviations of a sample's
 noise."""
 
@@ -180,15 +182,15 @@ def _add_mode(
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(0.0, t[-1], spacing)
     values = np.interp(grid, t, rest)
-    size = PADDED * grid.size
+    size = PADDING * grid.size
     power = np.abs(np.fft.rfft(values * np.hanning(grid.size + 2)[1:-1], size)) ** 2
-    power[: PADDED * 2] = 0.0  # fewer than two cycles in the record are a drift
+    power[: PADDING * 2] = 0.0  # fewer than two cycles in the record are a drift
     bin_width = 2 * np.pi / t[-1]
     starts = [2 * np.pi * float(np.argmax(power)) / (size * spacing)]
     starts += [omega + side * bin_width for omega, _ in points for side in (-1.5, 1.5)]
     few, few_y = t, y
-    if t.size > SEARCHED:
-        some = np.sort(np.random.default_rng(0).choice(t.size, SEARCHED, replace=False))
+    if t.size > MOST_SEARCHED:
+        some = np.sort(np.random.default_rng(0).choice(t.size, MOST_SEARCHED, replace=False))
         few, few_y = t[some], y[some]
     count = len(points) + 1
     scale = np.tile([bin_width, 1.0 / t[-1]], count)
@@ -213,7 +215,7 @@ def _add_mode(
 
     best: tuple[np.ndarray, np.ndarray] | None = None
     for omega in starts:
-        is_near = np.any(np.abs(points[:, 0] - omega) < APART * bin_width)
+        is_near = np.any(np.abs(points[:, 0] - omega) < MIN_SEPARATION * bin_width)
         if omega <= 0 or (best is not None and is_near):
             continue
         start = np.vstack([points, [omega, 1.0 / t[-1]]]).ravel() / scale
@@ -232,9 +234,9 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in blocks to at most `MOST` samples, or `PER_CYCLE` samples a period if that is more."""
+    """Average a record in blocks to at most `MOST_SAMPLES` samples, or `PER_CYCLE` samples a period if that is more."""
     cycles = float(t[-1] - t[0]) / period
-    block = int(max(t.size // max(MOST, round(PER_CYCLE * cycles)), 1))
+    block = int(max(t.size // max(MOST_SAMPLES, round(PER_CYCLE * cycles)), 1))
     block = min(block, max(int(period * t.size / float(t[-1] - t[0]) / PER_CYCLE), 1))
     return block_means(t, block), block_means(y, block)
 
@@ -293,14 +295,14 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
         return None
     duration = float(t[-1] - t[0])
     rate, error = float(single.rates[0]), float(single.errors[0])
-    if single.left < 1 - EXPLAINED:
-        if rate < -SIGMAS * error and single.last[0] > GROWN * single.first[0]:
+    if single.left < 1 - MIN_EXPLAINED:
+        if rate < -GROWTH_SIGMAS * error and single.last[0] > MIN_GROWTH * single.first[0]:
             return OtherMotion("growing", single, float(single.last[0] / single.first[0] - 1))
-        no_decay = rate < UNSEEN * error and (abs(rate) + 2 * error) * duration < SUSTAINED
-        if single.frequencies[0] * duration > CYCLES and no_decay:
+        no_decay = rate < RATE_SIGMAS * error and (abs(rate) + 2 * error) * duration < MAX_SUSTAINED_FALL
+        if single.frequencies[0] * duration > MIN_CYCLES and no_decay:
             return OtherMotion("steady", single, 1.0)
     two = next(fits, None)
-    if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * single.left:
+    if two is None or two.left > (1 - MIN_EXPLAINED) or two.left > 0.5 * single.left:
         return None
     if not harmonics and transient_duration(two, duration / 4):
         return None
@@ -308,28 +310,28 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
     size = float(largest[1] / largest[0])
     slowest, fastest = sorted(two.rates.tolist())
     # Steady: the slower mode does not halve during the record, while the other one decays.
-    steady = abs(slowest) < min(STEADY * fastest, np.log(HALVED) / duration)
+    steady = abs(slowest) < min(STEADY_RATE_RATIO * fastest, np.log(MIN_FALL) / duration)
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
-    if f * duration < CYCLES:
+    if f * duration < MIN_CYCLES:
         return None
     slow = int(np.argmin(two.frequencies))
-    if slow == 1 and f * duration < WANDERING and two.rates[slow] < UNSEEN * two.errors[slow]:
+    if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
         return None  # a drift of the baseline
-    if g / f - 1 < CLOSE:
+    if g / f - 1 < CLOSE_FREQUENCIES:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
         last = ranges[-(ranges.size // 3) :]
-        levels = steady and last.size >= 3 * TOGETHER
-        levels = levels and ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise
+        levels = steady and last.size >= 3 * SUCCESSIVE_PERIODS
+        levels = levels and ranges[0] > MIN_FALL * np.median(last) > MIN_FALL * MIN_RANGE_SIGMAS * noise
         if levels:
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
-            levels = falls < SUSTAINED and abs(early / late - 1) < SUSTAINED
-        if relative_rise(ranges, noise) < LIFTED and not levels:
+            levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
+        if relative_rise(ranges, noise) < MIN_RISE and not levels:
             return None
         return OtherMotion("driven" if steady else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
-    if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
+    if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC_TOLERANCE * multiple:
         return None
     return OtherMotion("driven" if steady else "two modes", two, size)
 
@@ -352,22 +354,22 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
         The motion; None if the amplitude does not behave like this.
     """
     ranges = _ranges(t, y, period)
-    if ranges.size < 3 * RISES * SLOWLY:
+    if ranges.size < 3 * MIN_RISES * RISE_PERIODS:
         return None
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
-    if not before < HALVED * after < HALVED**2 * before:  # written so that it also holds if a median is 0
+    if not before < MIN_FALL * after < MIN_FALL**2 * before:  # written so that it also holds if a median is 0
         return None
     noise = roughness(t, y, period)
     if (
-        ranges.min() <= CLEAR * noise
+        ranges.min() <= RISE_SIGMAS * noise
         or coarse_period(t, y)[1] < LEAST_SHARE
         or reason_not_oscillating(t, y, period, noise)
     ):
         return None
-    turns, _ = zigzag(np.log(ranges), np.full(ranges.size, np.log(AGAIN)))
-    rises = [b - a for a, b in pairwise(turns[:-1]) if ranges[b] > ranges[a] and b - a >= SLOWLY]
-    if len(rises) < RISES or sum(rises) < RISING * ranges.size:
+    turns, _ = zigzag(np.log(ranges), np.full(ranges.size, np.log(RISE_RATIO)))
+    rises = [b - a for a, b in pairwise(turns[:-1]) if ranges[b] > ranges[a] and b - a >= RISE_PERIODS]
+    if len(rises) < MIN_RISES or sum(rises) < MIN_RISING_FRACTION * ranges.size:
         return None
     nan, f = np.array([np.nan]), np.array([1 / period])
     modes = Modes(f, nan, nan, np.array([0.5 * ranges.min()]), np.array([0.5 * ranges.max()]), 1.0)
@@ -377,23 +379,24 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
 def transient_duration(two: Modes, longest: float) -> float:
     """Return for how long, in s, the faster decaying of two modes is visible, if it is only a transient; else 0.
 
-    It is a transient, such as the ringing of a filter, if it lasts at most `PASSING` cycles and at most `longest`, s.
+    It is a transient, such as the ringing of a filter, if it lasts at most `TRANSIENT_CYCLES` cycles and at most
+    `longest`, s.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))
-    long = float(np.log(max(size / GONE, 1.0)) / max(two.rates[fast] - two.rates[slow], 1e-300))
-    return long if long < min(PASSING / float(two.frequencies[slow]), longest) else 0.0
+    long = float(np.log(max(size / GONE_FRACTION, 1.0)) / max(two.rates[fast] - two.rates[slow], 1e-300))
+    return long if long < min(TRANSIENT_CYCLES / float(two.frequencies[slow]), longest) else 0.0
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     """Return the range (maximum minus minimum) of each period without a gap in the samples, in time order."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
-    widest = max(HOLE * period, 2.5 * float(np.median(np.diff(t))))
+    widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
     return np.array([np.ptp(y[a:b]) for a, b in long if np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest])
 
 
-def relative_rise(ranges: np.ndarray, noise: float, together: int = TOGETHER) -> float:
+def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_PERIODS) -> float:
     """Return by how much an amplitude rises significantly after it has fallen, relative to its value after the rise.
 
     Any damping removes energy, so for a free decay of one oscillator the result is about 0.
@@ -411,5 +414,5 @@ def relative_rise(ranges: np.ndarray, noise: float, together: int = TOGETHER) ->
         return 0.0
     runs = np.lib.stride_tricks.sliding_window_view(ranges, together)
     before, later = np.minimum.accumulate(runs.max(axis=1))[:-together], runs.min(axis=1)[together:]
-    rises = later - before - CLEAR * noise
+    rises = later - before - RISE_SIGMAS * noise
     return float(max(np.max(rises / np.maximum(later, 1e-300)), 0.0))

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-ENOUGH = 512
+ENOUGH_WINDOWS = 512
 """Number of windows from which the median noise is computed; it is then known to 1 % or better."""
-TALL = 200
+TALL_WINDOW = 200
 """From this number of samples in a window, the least-squares problem is solved by its (faster) normal equations."""
-BLOCK = 200_000
+BLOCK_SAMPLES = 200_000
 """Number of samples that are fitted at once, which limits the memory to about 40 MB."""
 
 
@@ -102,11 +102,12 @@ def group_by_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tu
     Yields
     ------
     tuple
-        The number of samples, and indices of windows that together have at most about `BLOCK` samples or values.
+        The number of samples, and indices of windows that together have at most about `BLOCK_SAMPLES` samples or
+        values.
     """
     for n in np.unique(sizes[sizes >= least]).tolist():
         same = np.flatnonzero(sizes == n)
-        for part in np.array_split(same, -(-same.size * max(n, values) // BLOCK)):
+        for part in np.array_split(same, -(-same.size * max(n, values) // BLOCK_SAMPLES)):
             yield n, part
 
 
@@ -115,7 +116,7 @@ def _inverse(columns: np.ndarray) -> np.ndarray:
 
     If n is large, the normal equations are used, which takes a tenth of the time.
     """
-    if columns.shape[1] < TALL:
+    if columns.shape[1] < TALL_WINDOW:
         return np.linalg.pinv(columns, rcond=1e-10)
     transposed = np.swapaxes(columns, 1, 2)
     return np.linalg.pinv(transposed @ columns, rcond=1e-13, hermitian=True) @ transposed
@@ -167,5 +168,5 @@ def residuals(
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
     """Return the standard deviation of the noise of y (n,): the median over windows of about a period."""
-    sd = residuals(t, y, period, ENOUGH)[1]
+    sd = residuals(t, y, period, ENOUGH_WINDOWS)[1]
     return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-MOST = 16384
+MOST_SAMPLES = 16384
 """Most samples for the search; longer records are averaged in blocks (conventional)."""
-SHORTEST = 4.0
+SHORTEST_PERIOD = 4.0
 """Number of samples in the shortest period that is searched."""
-LOST = 0.5
-"""If block averaging leaves less than this fraction of the variance, the oscillation may be lost."""
-UNSURE = 0.5
+LEAST_VARIANCE = 0.5
+"""If less than this fraction of the variance remains after block averaging, the blocks may hide the oscillation."""
+SURE_FRACTION = 0.5
 """An oscillation in block averages is accepted if it has at least this fraction of their variance."""
-WITHIN = 4.5
+ALIAS_BLOCKS = 4.5
 """A period of fewer blocks than this may be an alias of a faster oscillation."""
-LINE = 4
+LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
-WEAK = 0.1
+WEAK_POWER = 0.1
 """A period with less than this fraction of the strongest period's power is ignored."""
 
 
@@ -26,11 +26,11 @@ def block_means(values: np.ndarray, block: int) -> np.ndarray:
 
 
 def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the spacing in s and the values, (m ≤ MOST,), of a record on equally spaced times.
+    """Return the spacing in s and the values, (m ≤ MOST_SAMPLES,), of a record on equally spaced times.
 
     Long records are averaged in blocks first; then values are interpolated linearly.
     """
-    block = -(-t.size // MOST)
+    block = -(-t.size // MOST_SAMPLES)
     t, y = block_means(t, block), block_means(y, block)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
     return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
@@ -50,7 +50,7 @@ def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size + 2)[1:-1])) ** 2
     power[:2] = 0.0
     top = int(np.argmax(power))
-    if top == 0 or power[max(top - LINE, 0) : top + LINE + 1].sum() < UNSURE * power.sum():
+    if top == 0 or power[max(top - LINE_BINS, 0) : top + LINE_BINS + 1].sum() < SURE_FRACTION * power.sum():
         return float("nan")
     return values.size / top
 
@@ -109,18 +109,18 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
     """
     spacing, coarse = on_grid(t, y)
     periods = _search_periods(coarse, spacing, most)
-    if t.size <= MOST:
+    if t.size <= MOST_SAMPLES:
         return periods
     left = float(np.var(coarse) / np.var(y))
-    if left < LOST or periods[0][1] < UNSURE or periods[0][0] < WITHIN * spacing:
+    if left < LEAST_VARIANCE or periods[0][1] < SURE_FRACTION or periods[0][0] < ALIAS_BLOCKS * spacing:
         # Block averages hide fast oscillations: search also in the samples of the piece with the largest variance.
-        ends = np.arange(MOST, t.size + 1, MOST)
-        at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
-        piece = slice(at - MOST, at)
+        ends = np.arange(MOST_SAMPLES, t.size + 1, MOST_SAMPLES)
+        at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST_SAMPLES : end])))
+        piece = slice(at - MOST_SAMPLES, at)
         finer, values = on_grid(t[piece], y[piece])
         near = _search_periods(values, finer, most)
         # If the period in the averages is only an alias, its fraction must be reduced by the lost variance.
-        alias = left if near[0][0] < WITHIN * spacing else 1.0
+        alias = left if near[0][0] < ALIAS_BLOCKS * spacing else 1.0
         periods = near if near[0][1] > periods[0][1] * alias else periods
     return periods
 
@@ -128,10 +128,12 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
 def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
     """Return up to `most` pairs of period (s) and fraction for equally spaced values y (n,), the strongest first."""
     top = max(y.size - 1, 4.4)
-    grid = np.geomspace(SHORTEST, top, int(28 * np.log10(top / SHORTEST)) + 3)
+    grid = np.geomspace(SHORTEST_PERIOD, top, int(28 * np.log10(top / SHORTEST_PERIOD)) + 3)
     scores, shares = np.array([explained_power(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
-    peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
+    peaks = np.flatnonzero(
+        (scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK_POWER * scores.max())
+    )
     peaks = peaks[np.argsort(-scores[peaks] * shares[peaks])]
     strongest = int(np.argmax(scores))
     peaks = [strongest, *(p for p in peaks.tolist() if p != strongest)][:most]

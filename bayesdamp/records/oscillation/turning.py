@@ -11,17 +11,17 @@ from bayesdamp.records.oscillation.noise import group_by_size
 
 PER_CYCLE = 48
 """Number of samples a cycle for the first search of turning points, which are then refined on all samples."""
-FEW = 7
-"""If fewer turning points are found, smaller ones are searched (heavy damping)."""
-LEAST = 9
+FEW_TURNS = 7
+"""If fewer turning points than this are found, the search is repeated for smaller ones (heavy damping)."""
+LEAST_SAMPLES = 9
 """A window about a turning point is widened until it has this many samples, which determine a sinusoid with changing
 amplitude, phase and midline."""
-GRID = 81
+GRID_POINTS = 81
 """Number of points on a fitted curve among which its extremum is searched."""
 
 
 @dataclass(frozen=True)
-class Turning:
+class TurningPoints:
     """Turning points: alternating maxima and minima.
 
     Attributes
@@ -38,9 +38,9 @@ class Turning:
     values: np.ndarray
     gain: np.ndarray
 
-    def cut(self, first: int, last: int) -> Turning:
+    def cut(self, first: int, last: int) -> TurningPoints:
         """Return the turning points with indices `first` to `last` − 1."""
-        return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
+        return TurningPoints(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
 def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
@@ -122,7 +122,7 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
     turns = np.flatnonzero(up[1:] != up[:-1]) + 1
     begins = moves[np.concatenate([[0], turns])]
     ends = moves[np.concatenate([turns - 1, [moves.size - 1]])]
-    # On a monotone stretch, an extremum is confirmed when these pass it.
+    # On a monotone stretch, an extremum is confirmed when `fallen` passes below it or `risen` above it.
     fallen, risen = np.minimum.reduceat(y + swing, begins), np.maximum.reduceat(y - swing, begins)
     low = high = 0
     values = y.tolist()
@@ -192,13 +192,13 @@ def refine(
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
     for wider in (1.5, 2.25, 3.0):
-        few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST
+        few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST_SAMPLES
         if wider > 2.5:  # at the ends of a record the window would become one-sided
             few &= (at - wider * half >= t[0]) & (at + wider * half <= t[-1])
         width[few] = wider * half[few]
     begins = np.searchsorted(t, at - width)
     sizes = np.searchsorted(t, at + width) - begins
-    for n, same in group_by_size(sizes, 5, GRID):
+    for n, same in group_by_size(sizes, 5, GRID_POINTS):
         rows = begins[same][:, None] + np.arange(n)
         scale = 2 * np.pi / period[same]
         x = scale[:, None] * (t[rows] - at[same][:, None])
@@ -227,7 +227,7 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
     # Find the sign change of the slope nearest to phase 0, then refine it by Newton's method.
     far = np.minimum(width, 2.0)
     edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
-    grid = np.linspace(edges[0], edges[1], GRID, axis=1)
+    grid = np.linspace(edges[0], edges[1], GRID_POINTS, axis=1)
     slope = (_basis(grid, 1) @ c[:, :, None])[:, :, 0]
     here = (slope[:, :-1] * kind[:, None] >= 0) & (slope[:, 1:] * kind[:, None] < 0)
     best = np.argmin(np.where(here, np.abs(grid[:, :-1]), np.inf), axis=1)
@@ -247,7 +247,7 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
     return extrema
 
 
-def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> Turning:
+def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> TurningPoints:
     """Return all turning points of a record.
 
     An end of the record counts as a turning point if the fitted curve has its extremum there.
@@ -267,10 +267,10 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
         scipy.ndimage.maximum_filter1d(smooth, width) - scipy.ndimage.minimum_filter1d(smooth, width)
     )
     extrema, first = zigzag(smooth, swing)
-    if len(extrema) < FEW:  # heavy damping: each half cycle is less than half of the one before
+    if len(extrema) < FEW_TURNS:  # heavy damping: each half cycle is less than half of the one before
         extrema, first = zigzag(smooth, 0.5 * swing)
     if not extrema:
-        return Turning(*np.empty((3, 0)))
+        return TurningPoints(*np.empty((3, 0)))
     spacing = (t[-1] - t[0]) / (t.size - 1)
     index = np.array(extrema)
     at, kind = grid[index], first * (-1.0) ** np.arange(index.size)
@@ -292,7 +292,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     times = points[:, 0]
     good = inside | (~none & (times >= t[0] - 0.02 * local) & (times <= t[-1] + 0.02 * local))
     points[:, 0] = np.where(none, times, np.clip(times, t[0], t[-1]))
-    return Turning(*points[good].T)
+    return TurningPoints(*points[good].T)
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:

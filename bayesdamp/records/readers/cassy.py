@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_archive
 from bayesdamp.records.files.names import seconds_written, trim_facts
-from bayesdamp.records.readers.text import LARGEST, make_column
+from bayesdamp.records.readers.text import LARGEST_TEXT, make_column
 from bayesdamp.types import Fact, InputError
 
 _ROOT = b"<cassylab"
@@ -47,8 +47,8 @@ class CassyReader(Reader):
                 data = archive.read(_MEMBER)
         else:
             data = path.read_bytes()
-        if len(data) > LARGEST:
-            raise InputError(f"is a text of more than {LARGEST >> 20} MiB; give a part of it")
+        if len(data) > LARGEST_TEXT:
+            raise InputError(f"is a text of more than {LARGEST_TEXT >> 20} MiB; give a part of it")
         if b"<!DOCTYPE" in data:
             raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
         quantities = [list(channels) for channels in ElementTree.fromstring(data).iter("channels")]

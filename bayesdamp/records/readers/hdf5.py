@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader, refuse_large
 from bayesdamp.records.files.names import trim_facts
-from bayesdamp.records.files.tree import DEEPEST, Walk, join_path, to_plain, unit_and_rate
+from bayesdamp.records.files.tree import DEEPEST_LEVEL, Walk, join_path, to_plain, unit_and_rate
 from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -51,7 +51,7 @@ class _GroupTree:
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
         """Collect the columns and facts of a group or dataset. Raises InputError for data that is not read."""
-        if depth > DEEPEST:
+        if depth > DEEPEST_LEVEL:
             return
         if isinstance(item, self.h5py.Group):
             self._add_facts(path, item)

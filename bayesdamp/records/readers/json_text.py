@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.tree import DEEPEST, Walk, join_path
+from bayesdamp.records.files.tree import DEEPEST_LEVEL, Walk, join_path
 from bayesdamp.records.readers.text import make_column, read_text
 
-LARGEST = 2**28
+LARGEST_JSON = 2**28
 """Largest size of a JSON file in bytes (conventional)."""
 
 
@@ -30,7 +30,7 @@ class JsonReader(Reader):
 
     def read(self, path: Path) -> Contents:
         """Return the lists of numbers as columns named by their paths. Raises InputError if the file is too large."""
-        text = read_text(path, LARGEST)
+        text = read_text(path, LARGEST_JSON)
         try:
             data = json.loads(text)
         except json.JSONDecodeError:
@@ -45,7 +45,7 @@ class JsonReader(Reader):
 
 def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
     """Collect the columns and facts in a JSON value; a list of samples (objects) gives a column for each key."""
-    if isinstance(item, dict) and depth < DEEPEST:
+    if isinstance(item, dict) and depth < DEEPEST_LEVEL:
         for key, below in item.items():
             _add(walk, join_path(path, key), below, depth + 1)
         return

@@ -62,7 +62,7 @@ def _refuse_large_elements(path: Path) -> None:
                 total += size
                 continue
             unpack = zlib.decompressobj()
-            while data and total <= contents.LARGEST:
+            while data and total <= contents.LARGEST_FILE:
                 total += len(unpack.decompress(data, 2**24))
                 data = unpack.unconsumed_tail
             contents.refuse_large(total)

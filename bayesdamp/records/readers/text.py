@@ -21,7 +21,7 @@ from bayesdamp.records.files.contents import Column, Contents, Reader
 from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_facts, unit_and_quantity
 from bayesdamp.types import Fact, InputError
 
-LARGEST = 2**29
+LARGEST_TEXT = 2**29
 """Largest size of a text file in bytes; split into lines it needs about ten times that memory (conventional)."""
 MOST_COLUMNS = 5000
 """Largest number of columns of a table (conventional)."""
@@ -39,11 +39,12 @@ BLANKS = " "
 """Separator that stands for any number of blanks."""
 _GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
 """Separators of names that contain blanks: wide gaps, or any blanks except those before a unit in brackets."""
-SEEN = 100
-"""Number of lines in the middle of a text from which the form of a row is determined (conventional)."""
+EXAMINED_LINES = 100
+"""Number of lines in the middle of a text from which the separator and the number of columns are determined
+(conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
 """Words that loggers write in place of a missing number."""
-LONGEST = 400
+LONGEST_CELL = 400
 """A cell with more characters is a number only if all of them are digits (conventional)."""
 _DATES = (
     re.compile(r"(?P<y>\d{4})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})"),
@@ -54,7 +55,7 @@ _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
 _TIME = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )
-DEEP = 64
+SETTINGS_LINES = 64
 """Number of lines that are searched for an oscilloscope's settings (conventional)."""
 
 
@@ -134,7 +135,7 @@ def parse_number(cell: str, decimal: str) -> float | None:
     if ":" in cell:
         stamp = parse_stamp(cell)
         return None if stamp is None else stamp[1]
-    if len(cell) > LONGEST:
+    if len(cell) > LONGEST_CELL:
         return float(cell) if cell.lstrip("+-").isdecimal() and cell[1:].isdecimal() else None
     other = "." if decimal == "," else ","
     if other in cell:
@@ -349,7 +350,7 @@ def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> 
     most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`, is not a row. Lines directly
     above that have additional cells after the table's columns are rows too.
     """
-    middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:SEEN]]
+    middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:EXAMINED_LINES]]
     begins = sum(parse_number(cells[0], decimal) is not None for cells in middle if cells)
     headed = 2 * begins > len(middle)
     good: list[bool] = []
@@ -389,7 +390,7 @@ def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | 
         The lines of the table (for Tektronix after an additional line of names) and the settings; None if the file is
         not from such an oscilloscope.
     """
-    head = [split_cells(line, ",") for line in lines[:DEEP]]
+    head = [split_cells(line, ",") for line in lines[:SETTINGS_LINES]]
     if len(head) < 3:
         return None
     if head[0][0] == "X" and head[1][0] == "Sequence" and "Start" in head[0]:
@@ -419,7 +420,7 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def read_text(path: Path, largest: int = LARGEST) -> str:
+def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
     """Return the text of a file, in UTF-8, UTF-16 or else Latin-1. Raises InputError if it is too large."""
     if path.stat().st_size > largest:
         raise InputError(
@@ -493,7 +494,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         at = np.array([i for i, _ in filled])
         rows = [row for _, row in filled]
         columns = [make_column(rows, i, layout.decimal, *labels) for i, labels in enumerate(heads)]
-        warnings += _uneven(rows, at + first + 1, layout.columns)
+        warnings += _uneven_warning(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # an empty column, from a separator at the end of each line
     facts = settings or header_facts(line for line, names in head if not names)
@@ -504,7 +505,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     return Contents(format_name, tuple(columns), facts, notes, form, first + 1, at, warnings=tuple(warnings))
 
 
-def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
+def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
     """Return a warning if rows have more or fewer cells than the table has columns; else an empty tuple.
 
     rows: cells of each row; lines: their line numbers, (n,). Additional empty cells at the end of a row are not

@@ -17,38 +17,38 @@ from bayesdamp.report.drawing import (
     FAINT,
     INK,
     INKS,
-    QUIET,
+    MUTED,
     WIDTH,
     colour,
     dash,
     fix_margins,
+    label_with_plain_numbers,
     legend_columns,
-    plain,
 )
 from bayesdamp.report.figures.posterior import outline
-from bayesdamp.report.figures.record import USED, thinned
+from bayesdamp.report.figures.record import USED, thin_line
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
-HEIGHT = 6.2
+ANSWER_HEIGHT = 6.2
 """Height of the figure of an answer, in inches."""
-FREE = "#c9b27c"
+LAW_FREE_COLOUR = "#c9b27c"
 """Colour of the band around the damping curve that is measured without a law."""
-POINTS = 1200
+MOST_POINTS = 1200
 """Largest number of points of a line in a panel: about two for each column of pixels in the PNG."""
-FEW = 6
+MOST_COLOURED = 6
 """Largest number of records in an overview that are drawn in different colours and with a legend."""
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
-MARKED = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
+MARKED_EXPONENTS = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
 """Exponents that are marked on the axis, each with its label and its damping term."""
-ENDS = (-0.12, 3.05)
+EXPONENT_ENDS = (-0.12, 3.05)
 """Ends of the exponent's axis; its prior is uniform between 0 and 3."""
-CUBIC = (3.0, "cubic", "cubic")
-"""A further mark on that axis, as in `MARKED`."""
-FIT, BAND = USED, "#D55E00"
+CUBIC_EXPONENT = (3.0, "cubic", "cubic")
+"""A further mark on that axis, as in `MARKED_EXPONENTS`."""
+FIT_COLOUR, BAND_COLOUR = USED, "#D55E00"
 """Colours of the fit, and of the ends of the decay and the scatter of the readings, in the figure of an envelope."""
-PLACES = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
+PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
 """Left, bottom, width and height of the three panels in the figure of an envelope, as fractions of the figure."""
 
 
@@ -68,7 +68,7 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     recorded
         Unit of the recorded quantity, if it differs from `unit`.
     """
-    figure, has_fit = Figure(figsize=(WIDTH, HEIGHT)), "fit" in arrays
+    figure, has_fit = Figure(figsize=(WIDTH, ANSWER_HEIGHT)), "fit" in arrays
     axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
     draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded)
     legend = axes["B"].get_legend()
@@ -97,10 +97,10 @@ def draw_answer(
     assert ratio is not None
     assert energy is not None
     t, has_fit = arrays["t"], "fit" in arrays
-    whole.plot(*thinned(t, arrays["record"], POINTS), color=FAINT, lw=1.8, label="record")
+    whole.plot(*thin_line(t, arrays["record"], MOST_POINTS), color=FAINT, lw=1.8, label="record")
     if has_fit:
         whole.plot(
-            *thinned(t, arrays["fit"], POINTS),
+            *thin_line(t, arrays["fit"], MOST_POINTS),
             color=colour(damping),
             lw=0.6,
             label=f"fit of {words.model(damping)}",
@@ -111,8 +111,8 @@ def draw_answer(
     if rest is not None and not has_fit:
         rest.set_axis_off()
     elif rest is not None:
-        rest.plot(*thinned(t, arrays["residual"], POINTS), color=INK, lw=0.5)
-        rest.axhline(0.0, color=QUIET, lw=0.6)
+        rest.plot(*thin_line(t, arrays["residual"], MOST_POINTS), color=INK, lw=0.5)
+        rest.axhline(0.0, color=MUTED, lw=0.6)
         rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
     _ratios(ratio, arrays, unit)
     # Energy lost in a cycle: by each damping term, or in total as measured without a law.
@@ -129,7 +129,7 @@ def draw_answer(
     title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
     energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
     energy.set(xscale="log", yscale="log" if lost else "linear")
-    plain(energy.xaxis)
+    label_with_plain_numbers(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
     energy.legend(loc="best")
 
@@ -141,12 +141,14 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     if law_free:
         names = ("free/amplitude", "free/ratio", "free/ratio_low", "free/ratio_high")
     at, value, low, high = (arrays[n] for n in names)
-    ax.fill_between(at, 100 * low, 100 * high, color=QUIET, alpha=0.35, lw=0, label="95 % interval")
+    ax.fill_between(at, 100 * low, 100 * high, color=MUTED, alpha=0.35, lw=0, label="95 % interval")
     ax.plot(at, 100 * value, color=INK, lw=1.8, label="this record" + ", without a law" * law_free)
     top = 100 * float(np.max(high, initial=0.0, where=np.isfinite(high)))
     if "free/amplitude" in arrays and not law_free:
         free, low, high = (arrays[f"free/{n}"] for n in ("amplitude", "ratio_low", "ratio_high"))
-        ax.fill_between(free, 100 * low, 100 * high, color=FREE, alpha=0.45, lw=0, label="without a law")
+        ax.fill_between(
+            free, 100 * low, 100 * high, color=LAW_FREE_COLOUR, alpha=0.45, lw=0, label="without a law"
+        )
     a, laws = arrays["amplitude"], [name for name in sorted(arrays) if name.startswith("law/")]
     for name in laws:
         terms = name.removeprefix("law/")
@@ -156,7 +158,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
     ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="%", xscale="log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
-    plain(ax.xaxis)
+    label_with_plain_numbers(ax.xaxis)
     ax.set_xlim(a.min(), a.max())
     # The legend is below the axes, because up to ten entries would hide the curves.
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), fontsize=6.5, ncols=2, borderaxespad=0.1)
@@ -174,15 +176,15 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
-    few = len(curves) <= FEW
+    few = len(curves) <= MOST_COLOURED
     for (name, (at, ratio, low, high)), ink in zip(
-        curves.items(), cycle(INKS if few else (QUIET,)), strict=False
+        curves.items(), cycle(INKS if few else (MUTED,)), strict=False
     ):
         ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)
         ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
     tops = [np.nanmax(curve[1]) for curve in curves.values()]
     ax.set(xscale="log", xlabel=f"amplitude / {unit}", ylabel="damping ratio / %")
-    plain(ax.xaxis)
+    label_with_plain_numbers(ax.xaxis)
     ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
     if few:
         columns = legend_columns(list(curves), WIDTH, 3)
@@ -215,7 +217,7 @@ def draw_exponent(
     draws: np.ndarray | None,
     interval: tuple[float, float, float],
     title: str = "",
-    marked: Sequence[tuple[float, str, str]] = MARKED,
+    marked: Sequence[tuple[float, str, str]] = MARKED_EXPONENTS,
 ) -> None:
     """Draw the posterior of the exponent on the given axes, as `exponent` does; without draws only its interval.
 
@@ -229,12 +231,12 @@ def draw_exponent(
     if draws is not None:
         grid, height = outline(draws)
         inside = (grid >= 0.0) & (grid <= 3.0)
-        ax.fill_between(grid[inside], 0.0, height[inside], color=QUIET, alpha=0.35, lw=0)
+        ax.fill_between(grid[inside], 0.0, height[inside], color=MUTED, alpha=0.35, lw=0)
         ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
     at = 0.4 if draws is None else -0.13
     ax.plot([low, high], [at, at], color=INK, lw=2.4)
     ax.plot([value], [at], "o", color=INK, ms=5)
-    ax.set(xlim=ENDS, ylim=(-0.3, 1.12), yticks=[])
+    ax.set(xlim=EXPONENT_ENDS, ylim=(-0.3, 1.12), yticks=[])
     ax.spines["left"].set_visible(False)
     ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")
     ax.set_title(title, loc="left", pad=16)
@@ -258,7 +260,7 @@ def draw_envelope(
         Unit of the levels.
     """
     whole, rest, below = axes
-    whole.plot(*thinned(arrays["t"], arrays["level"], POINTS), color=QUIET, lw=0.7)
+    whole.plot(*thin_line(arrays["t"], arrays["level"], MOST_POINTS), color=MUTED, lw=0.7)
     whole.set_xlabel("time / s", color=INK)
     whole.set_ylabel(f"level / {unit}", color=INK)
     title = f"{verdict.record}: {named(verdict.damping)}" if verdict.damping else verdict.record
@@ -268,22 +270,27 @@ def draw_envelope(
         below.set_axis_off()
     else:
         e, cubic = verdict.exponent, any(share.term == "cubic" for share in verdict.energy)
-        draw_exponent(below, None, (e.value, e.low, e.high), marked=(*MARKED, CUBIC) if cubic else MARKED)
+        draw_exponent(
+            below,
+            None,
+            (e.value, e.low, e.high),
+            marked=(*MARKED_EXPONENTS, CUBIC_EXPONENT) if cubic else MARKED_EXPONENTS,
+        )
         below.tick_params(labelsize=8)
     if "curve/t" not in arrays or verdict.window is None:
         rest.set_axis_off()
         return
     names = ("t", "level", "fit", "fit_sd", "scatter")
     t, level, fit, sd, scatter = (arrays[f"curve/{name}"] for name in names)
-    whole.fill_between(t, fit - 2 * sd, fit + 2 * sd, color=FIT, alpha=0.3, lw=0)
-    whole.plot(t, fit, color=FIT, lw=1.4)
+    whole.fill_between(t, fit - 2 * sd, fit + 2 * sd, color=FIT_COLOUR, alpha=0.3, lw=0)
+    whole.plot(t, fit, color=FIT_COLOUR, lw=1.4)
     for at in (verdict.window.start, verdict.window.stop):
-        whole.axvline(at, color=BAND, lw=0.8)
+        whole.axvline(at, color=BAND_COLOUR, lw=0.8)
     if np.isfinite(verdict.window.floor_db):
-        whole.axhline(verdict.window.floor_db, color=QUIET, lw=0.6, ls=":")
-    rest.fill_between(t, -2 * scatter, 2 * scatter, color=BAND, alpha=0.15, lw=0)
+        whole.axhline(verdict.window.floor_db, color=MUTED, lw=0.6, ls=":")
+    rest.fill_between(t, -2 * scatter, 2 * scatter, color=BAND_COLOUR, alpha=0.15, lw=0)
     rest.plot(t, level - fit, color=INK, lw=0.8)
-    rest.axhline(0.0, color=FIT, lw=0.8)
+    rest.axhline(0.0, color=FIT_COLOUR, lw=0.8)
     rest.set_xlabel("time / s", color=INK, fontsize=8.5)
     rest.set_title("mean readings minus the fit, in dB; ± 2 sd", loc="left", fontsize=9)
     rest.tick_params(labelsize=8)
@@ -293,7 +300,7 @@ def picture(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> by
     """Draw an envelope as `draw_envelope` does, and return the figure as PNG."""
     figure = Figure(figsize=(9.6, 4.2), dpi=90)
     canvas = FigureCanvasAgg(figure)
-    draw_envelope([figure.add_axes(place) for place in PLACES], arrays, verdict, unit)
+    draw_envelope([figure.add_axes(place) for place in PANEL_POSITIONS], arrays, verdict, unit)
     png = io.BytesIO()
     canvas.print_png(png, metadata={"Software": "bayesdamp"})
     return png.getvalue()

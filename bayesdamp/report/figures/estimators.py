@@ -13,10 +13,10 @@ from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, INKS, QUIET, WIDTH, colour
+from bayesdamp.report.drawing import FAINT, INK, INKS, MUTED, WIDTH, colour
 from bayesdamp.report.results.estimators import FACTORS, STAGES, CoefficientEstimates, ErrorSeries
 
-SINGLE = 4.3
+SINGLE_WIDTH = 4.3
 """Width of a figure with a single panel in a row, in inches."""
 MOST_IN_ROW = 4
 """Largest number of panels in a row; more would be too narrow for their labels."""
@@ -27,7 +27,7 @@ HALF_AXIS_ALONE = 0.06
 ROW, ROW_PUBLISHED = 0.31, 0.40
 """Height in inches for each method, without and with a mark of the published error."""
 _MARKS = "osD^vP*Xph<>"
-LOWEST, HIGHEST = 1e-7, 1e3
+LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
 """Limits in per cent to which `sweep` clips errors."""
 
 
@@ -73,14 +73,14 @@ def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MO
     published = any(e.published for e in estimates)
     height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85
     rows = -(-len(estimates) // abreast)
-    figure = Figure(figsize=(WIDTH if abreast > 1 else SINGLE, rows * height + 0.45))
+    figure = Figure(figsize=(WIDTH if abreast > 1 else SINGLE_WIDTH, rows * height + 0.45))
     axes = list(figure.subplots(rows, abreast, sharey=True, squeeze=False).flat)
     for spare in axes[len(estimates) :]:
         spare.set_visible(False)
     for ax, e in zip(axes, estimates):
         _panel(ax, e, methods)
     axes[0].set_yticks(range(len(methods)), [words.method(m) for m in methods])
-    shade = colour(estimates[0].model) if len({e.model for e in estimates}) == 1 else QUIET
+    shade = colour(estimates[0].model) if len({e.model for e in estimates}) == 1 else MUTED
     handles: list[Line2D | Patch] = [
         Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),
         Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label=words.stage("refined")),
@@ -121,7 +121,7 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
             ha="left" if left else "right",
             va="center",
             fontsize=7,
-            color=QUIET,
+            color=MUTED,
         )
 
     apart = 0.26 if e.published else 0.15
@@ -186,7 +186,7 @@ def force(
     ax.plot(velocity, np.asarray(law, float), color=INK, lw=1.0, ls=(0, (3, 2)), label="law")
     ax.plot(velocity, np.asarray(learnt, float), color=colour(model), lw=1.4, label="learnt")
     ax.set(xlabel=f"velocity / ({unit}/s)", ylabel=f"damping force / ({unit}/s²)")
-    ax.legend(loc="upper left", labelcolor=QUIET)
+    ax.legend(loc="upper left", labelcolor=MUTED)
     return figure
 
 
@@ -204,7 +204,7 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
             errors = along.errors.get((method, stage))
             if errors is None:
                 continue
-            y = np.clip(np.array(errors, float), LOWEST, HIGHEST)
+            y = np.clip(np.array(errors, float), LOWEST_ERROR, HIGHEST_ERROR)
             look = {"color": INKS[i % len(INKS)], "marker": _MARKS[i % len(_MARKS)]}
             dash = "-" if i < len(INKS) else "--"
             repeats = max(tried for _, tried in along.answers[method, stage])

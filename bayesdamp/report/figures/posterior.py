@@ -15,15 +15,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.drawing import FAINT, INK, MUTED, WIDTH, colour
 
 _BINS = 160
 """Number of grid points of a drawn density."""
-TRUE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
+TRUE_LINE_STYLE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 """Style of a line at a true value."""
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
 """Parameters that cannot be negative, besides the damping coefficients."""
-SETTLING = 0.15
+SETTLING_FRACTION = 0.15
 """Fraction of the record, from its beginning, that does not set the scale of the axis because the band is too wide."""
 
 Draws = Mapping[str, Mapping[str, np.ndarray]]
@@ -185,7 +185,7 @@ def _densities(ax: Axes, model: str, name: str, draws: Draws, reflected: bool) -
 def _mark(line: Callable[..., object], value: float | None) -> None:
     """Draw a line at a true value if it is known. `line` is `ax.axvline` or `ax.axhline`."""
     if value is not None and np.isfinite(value):
-        line(value, **TRUE)
+        line(value, **TRUE_LINE_STYLE)
 
 
 def _strokes(model: str, place: int) -> tuple[dict, str | None]:
@@ -205,11 +205,11 @@ def _samplers(model: str, draws: Draws) -> list[Artist]:
 
 def _legend(figure: Figure, handles: Sequence[Artist], truth: Mapping[str, float]) -> None:
     if any(np.isfinite(v) for v in truth.values()):
-        handles = [*handles, Line2D([], [], **TRUE, label="truth")]
+        handles = [*handles, Line2D([], [], **TRUE_LINE_STYLE, label="truth")]
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
 
 
-def running(
+def draw_running_estimates(
     model: str,
     names: Sequence[str],
     t: np.ndarray,
@@ -237,16 +237,16 @@ def running(
         low, high = np.maximum(mean - 2 * sd, 0.0), mean + 2 * sd
         ax.fill_between(t, low, high, color=colour(model), alpha=0.22, lw=0)
         ax.plot(t, mean, color=colour(model), lw=1.3)
-        ax.plot(t, first[name][0], color=QUIET, lw=0.9, ls=(0, (3, 2)))
+        ax.plot(t, first[name][0], color=MUTED, lw=0.9, ls=(0, (3, 2)))
         _mark(ax.axhline, truth.get(name))
-        late = t >= t[0] + SETTLING * (t[-1] - t[0])
+        late = t >= t[0] + SETTLING_FRACTION * (t[-1] - t[0])
         bottom, top = float(low[late].min()), float(high[late].max())
         pad = 0.1 * (top - bottom)
         ax.set(ylim=(max(bottom - pad, 0.0), top + pad), ylabel=words.axis(name, units.get(name, "")))
     figure.axes[-1].set_xlabel("time / s")
     handles: list[Artist] = [
         Patch(color=colour(model), alpha=0.35, label="estimate from the record so far, ± 2 sd"),
-        Line2D([], [], color=QUIET, lw=0.9, ls=(0, (3, 2)), label="first pass"),
+        Line2D([], [], color=MUTED, lw=0.9, ls=(0, (3, 2)), label="first pass"),
     ]
     _legend(figure, handles, truth)
     return figure
@@ -281,7 +281,7 @@ def intervals(labels: Sequence[str], panels: Sequence[Panel], colour: str) -> Fi
     places = np.arange(len(labels), dtype=float)
     for ax, panel in zip(axes, panels):
         ax.axvspan(panel.band[0], panel.band[2], color=FAINT, lw=0)
-        ax.axvline(panel.band[1], color=QUIET, lw=0.8)
+        ax.axvline(panel.band[1], color=MUTED, lw=0.8)
         lift = 0.16 if panel.others else 0.0
         for rows, shift, face in ((panel.rows, -lift, colour), (panel.others, lift, "white")):
             if rows:

@@ -16,14 +16,14 @@ from bayesdamp.report.drawing import (
     INK,
     INKS,
     LOOKS,
-    QUIET,
+    MUTED,
     WIDTH,
-    broken,
     colour,
     fix_margins,
+    interrupt_at_gaps,
+    label_with_plain_numbers,
     legend_columns,
     looks,
-    plain,
 )
 from bayesdamp.types import FreeDecay
 from bayesdamp.verdict.parts import Oscillation
@@ -32,15 +32,15 @@ USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours of the free decay that is used, and of other free decays."""
 _POINTS = 2000
 """Default number of points to which a line is thinned."""
-_APART = 200
+_MOST_LAG_LINES = 200
 """Largest number of lags that are drawn as separate lines."""
 HEIGHT = 2.7
-"""Height of a panel of `motions`, in inches."""
+"""Height of a panel of `draw_motions`, in inches."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 """Number of time derivatives of the displacement in each recorded quantity."""
-LEAST = 2.0
+LEAST_AXIS_RATIO = 2.0
 """Smallest ratio of the ends of an axis of amplitudes, so that a nearly constant amplitude looks constant."""
-_MOMENTS = 200
+_AMPLITUDE_POINTS = 200
 """Number of times at which an amplitude is drawn."""
 
 
@@ -89,9 +89,9 @@ def record(
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
     grid = figure.add_gridspec(3, 1, height_ratios=heights)
     whole, best = figure.add_subplot(grid[0]), fits[0]
-    whole.plot(*thinned(t, y), color=FAINT, lw=1.6, label="record")
+    whole.plot(*thin_line(t, y), color=FAINT, lw=1.6, label="record")
     label = f"fit of {words.model(best.model)}"
-    whole.plot(*thinned(t, best.fit), color=colour(best.model), lw=0.6, label=label)
+    whole.plot(*thin_line(t, best.fit), color=colour(best.model), lw=0.6, label=label)
     whole.legend(loc="upper right", ncols=2, borderaxespad=0.1)
     _finish(whole, axis, "Record and best fit")
     whole.set(xlabel="time / s", xlim=(t[0], t[-1]))
@@ -107,19 +107,19 @@ def record(
     for i, fit in enumerate(fits):
         shade, is_last = colour(fit.model), i == len(fits) - 1
         left, right = figure.add_subplot(places[i, 0]), figure.add_subplot(places[i, 1])
-        left.plot(*thinned(t, fit.residual), color=shade, lw=0.5)
-        left.axhline(0.0, color=QUIET, lw=0.6)
+        left.plot(*thin_line(t, fit.residual), color=shade, lw=0.5)
+        left.axhline(0.0, color=MUTED, lw=0.6)
         reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
         left.set(ylim=(-reach, reach), xlim=(t[0], t[-1]))
         _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
         values, at = fit.autocorrelation, np.arange(len(fit.autocorrelation))
         if len(values):
             right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
-            if len(values) <= _APART:
+            if len(values) <= _MOST_LAG_LINES:
                 right.vlines(at, 0, values, color=shade)
             else:
                 right.fill_between(at, 0, values, color=shade, lw=0.5)
-            right.axhline(0.0, color=QUIET, lw=0.6)
+            right.axhline(0.0, color=MUTED, lw=0.6)
             right.set(xlim=(-0.5, lags - 0.5), ylim=(-1.05 if values.min() < -0.35 else -0.4, 1.08))
         else:
             right.set_axis_off()
@@ -133,7 +133,7 @@ def record(
     return figure
 
 
-def raw(
+def draw_raw_record(
     t: np.ndarray,
     y: np.ndarray,
     axis: str,
@@ -156,7 +156,7 @@ def raw(
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
-    ax.plot(*thinned(t, y), color=INK, lw=0.6)
+    ax.plot(*thin_line(t, y), color=INK, lw=0.6)
     if start is not None and stop is not None:
         ax.axvspan(start, stop, color=USED, alpha=0.10, lw=0, label="used")
     others = [d for d in decays if start is None or stop is None or d.start >= stop or d.stop <= start]
@@ -172,16 +172,16 @@ def raw(
     return figure
 
 
-def thinned(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
+def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Thin a line to about `points` points and keep its extremes. Insert a nan at each long gap of the record."""
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
-        return broken(t, y, t)
+        return interrupt_at_gaps(t, y, t)
     blocks = np.pad(y, (0, -len(t) % size), mode="edge").reshape(-1, size)
     begins = size * np.arange(len(blocks))
     places = np.unique([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)])
     places = np.union1d(places, [0, len(t) - 1])
-    return broken(t[places], y[places], t)
+    return interrupt_at_gaps(t[places], y[places], t)
 
 
 def _zoom(
@@ -189,12 +189,12 @@ def _zoom(
 ) -> None:
     inside = (t >= start) & (t <= stop)
     if inside.sum() <= 400:
-        ax.plot(t[inside], y[inside], ".", color=QUIET, ms=3, label="record")
+        ax.plot(t[inside], y[inside], ".", color=MUTED, ms=3, label="record")
     else:
-        ax.plot(*thinned(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
+        ax.plot(*thin_line(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
     for i, (fit, (shade, dashes)) in enumerate(zip(fits, looks(f.model for f in fits).values(), strict=True)):
         ax.plot(
-            *thinned(t[inside], fit.fit[inside]),
+            *thin_line(t[inside], fit.fit[inside]),
             color=shade,
             ls=dashes,
             lw=1.4 if i == 0 else 1.0,
@@ -210,7 +210,9 @@ def _finish(ax: Axes, ylabel: str, title: str) -> None:
     ax.locator_params(axis="y", nbins=5)
 
 
-def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str) -> Figure:
+def draw_motions(
+    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str
+) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
 
     Parameters
@@ -226,7 +228,7 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
     """
     figure = Figure(figsize=(WIDTH, HEIGHT))
     whole, each = figure.subplots(1, 2)
-    whole.plot(*thinned(t, y), color=FAINT, lw=0.7)
+    whole.plot(*thin_line(t, y), color=FAINT, lw=0.7)
     damped = np.isfinite(modes[0].damping_ratio)
     if damped:
         whole.set_title("The record, and the amplitude of each oscillation in it")
@@ -238,7 +240,7 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
         each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** ORDERS[quantity], color=INKS[0])
         whole.set_title("The record")
         each.set_title("Its amplitude in each period")
-    at, middle = np.linspace(t[0], t[-1], _MOMENTS), float(np.median(y))
+    at, middle = np.linspace(t[0], t[-1], _AMPLITUDE_POINTS), float(np.median(y))
     for mode, (ink, dash) in zip(modes, LOOKS, strict=False):
         if not np.isfinite(mode.damping_ratio):
             continue
@@ -253,9 +255,9 @@ def motions(t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity
         each.legend(loc="best", labelcolor=INK)
     each.set_yscale("log")
     low, high = each.get_ylim()
-    if high < LEAST * low:
-        each.set_ylim(low / LEAST**0.5, high * LEAST**0.5)
-    plain(each.yaxis, decades=high > 5 * low)
+    if high < LEAST_AXIS_RATIO * low:
+        each.set_ylim(low / LEAST_AXIS_RATIO**0.5, high * LEAST_AXIS_RATIO**0.5)
+    label_with_plain_numbers(each.yaxis, decades=high > 5 * low)
     each.set_ylabel(f"amplitude / {modes[0].unit}")
     whole.set_ylabel(axis)
     for ax in (whole, each):

@@ -23,7 +23,7 @@ from bayesdamp.report.results.run import (
     damping_of,
     models_by_rank,
     probability_by_width,
-    ranking,
+    rank_models,
     rows_of,
     truth,
 )
@@ -36,9 +36,9 @@ from bayesdamp.verdict.types import Verdict
 
 WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom changes by chance between parts of a record."""
-ANSWERS = "smc"
+ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
-SILENT = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
+UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
 """Outcomes that are not listed as failed checks: other sections of the report give their reasons."""
 
 
@@ -54,29 +54,30 @@ class Check:
 
 
 def sampling_sentence(comparison: Agreement) -> str:
-    """Return the introduction to a verdict from MCMC sampling, which compares it with the first verdict."""
+    """Return the introduction to a verdict from sequential Monte Carlo, which compares it with the first verdict."""
     if comparison.confirms:
-        return "MCMC sampling confirms this result. The report shows the result from sampling:"
+        return "Sampling (sequential Monte Carlo) confirms this result. The report shows the result from sampling:"
     if comparison.same:
-        return f"MCMC sampling changes the damping ratio by {comparison.moved:.1f} standard deviations:"
-    return "MCMC sampling corrects this result:"
+        moved = f"{comparison.moved:.1f} standard deviations"
+        return f"Sampling (sequential Monte Carlo) changes the damping ratio by {moved}:"
+    return "Sampling (sequential Monte Carlo) corrects this result:"
 
 
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
-    """Compare the answer from MCMC sampling with that from linear approximations; empty if nothing was sampled."""
+    """Compare the answer from sequential Monte Carlo with that from linear approximations; empty without sampling."""
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
         return []
     comparison = agreement(first.verdict, last.verdict)
-    text = f"This result is from MCMC sampling; linear approximations alone gave: {first.verdict.sentence}"
+    text = f"This result is from sequential Monte Carlo; linear approximations alone gave: {first.verdict.sentence}"
     if comparison.confirms:
         text = (
-            "MCMC sampling gives this result and confirms that of linear approximations: the damping ratios differ "
-            f"by at most {max(comparison.moved, 0.1):.1f} standard deviations."
+            "Sequential Monte Carlo gives this result and confirms that of linear approximations: the damping ratios "
+            f"differ by at most {max(comparison.moved, 0.1):.1f} standard deviations."
         )
     elif comparison.same:
         text = (
-            "This result is from MCMC sampling; the damping ratios from linear approximations differ by up to "
+            "This result is from sequential Monte Carlo; the damping ratios from linear approximations differ by up to "
             f"{comparison.moved:.1f} standard deviations."
         )
     return [Check(text)]
@@ -115,10 +116,10 @@ class RecordChecks:
 
     def all(self) -> list[Check]:
         """Return all checks, the failed ones first. There are none for an envelope."""
-        v, evidence = self.verdict, ranking(self.run, self.signal, self.repeat)
+        v, evidence = self.verdict, rank_models(self.run, self.signal, self.repeat)
         if v is not None and v.quantity == "envelope":
             return []
-        has_tables = bool(self._samplers()) or (evidence is not None and evidence.method != ANSWERS)
+        has_tables = bool(self._samplers()) or (evidence is not None and evidence.method != ANSWER_SAMPLER)
         if v is not None and v.law_free:
             text = (
                 "No damping law describes this record. Chains and evidence assume a law, so they are not compared with "
@@ -178,7 +179,7 @@ class RecordChecks:
             columns["trajectory fits"] = lambda name: (
                 f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
             )
-        if self.run.simulated(self.signal):
+        if self.run.is_simulated(self.signal):
             columns["truth"] = lambda name: fmt.as_entered(truth(self.run, self.signal, name))
         return Table.of(
             self.coefficient_names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping"
@@ -192,7 +193,7 @@ class RecordChecks:
         """Return the rows of posteriors.csv for `model`, by sampler, without samplers that have no draws."""
         by_sampler: dict[str, list[Row]] = {}
         for row in self._rows(self.run.posteriors):
-            if math.isfinite(row["mean"]) and row["sampler"] != ANSWERS:
+            if math.isfinite(row["mean"]) and row["sampler"] != ANSWER_SAMPLER:
                 by_sampler.setdefault(row["sampler"], []).append(row)
         return by_sampler
 
@@ -205,7 +206,7 @@ class RecordChecks:
         """Yield a check of each sampler's convergence."""
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
-            if status_of(outcome) not in SILENT:
+            if status_of(outcome) not in UNLISTED_OUTCOMES:
                 yield Check(f"{_name(sampler)}: {outcome.rstrip('.')}.", fails=True)
         for sampler, rows in self._samplers().items():
             if any(r["outcome"] != OK for r in rows):
@@ -280,20 +281,20 @@ class RecordChecks:
             low, middle, high = (np.interp(at, grid, row) for row in arrays["curve/equivalent_ratio"])
             return [(float(m), float(a), float(b)) for a, m, b in zip(low, middle, high, strict=True)]
 
-        averaged = run.cell("averaged", signal, repeat)
+        averaged = run.task_result("averaged", signal, repeat)
         if averaged is not None and averaged.outcome == OK and averaged.arrays["amplitudes"].size > 1:
             return "nuts", of_curve(averaged.arrays), True
         rows = rows_of(run.posteriors, signal=signal, restoring=v.restoring, outcome=OK)
-        rows = [r for r in rows if _same_sum([damping_of(r)], v.damping) and r["sampler"] != ANSWERS]
+        rows = [r for r in rows if _same_sum([damping_of(r)], v.damping) and r["sampler"] != ANSWER_SAMPLER]
         for model, sampler in dict.fromkeys((r["model"], r["sampler"]) for r in rows):
-            cell = run.cell("posterior", signal, repeat, model, sampler)
-            content = PosteriorContent.maybe(cell)
-            if cell is None or content is None:
+            task_result = run.task_result("posterior", signal, repeat, model, sampler)
+            content = PosteriorContent.maybe(task_result)
+            if task_result is None or content is None:
                 continue
             if len(content.ratios) == len(v.damping_ratio):
                 return sampler, [(r.value, r.low, r.high) for r in content.ratios], False
-            if cell.arrays.get("amplitudes", np.empty(0)).size > 1:
-                return sampler, of_curve(cell.arrays), False
+            if task_result.arrays.get("amplitudes", np.empty(0)).size > 1:
+                return sampler, of_curve(task_result.arrays), False
         return None
 
     def _coefficients(self) -> Iterator[Check]:
@@ -336,19 +337,19 @@ class RecordChecks:
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Compare the probabilities from the study's evidence with those of the answer."""
-        if ranked is None or ranked.method == ANSWERS:
+        if ranked is None or ranked.method == ANSWER_SAMPLER:
             return
         run, signal, repeat, v = self.run, self.signal, self.repeat, self.verdict
         # Evidence values that failed or are unreliable.
         for row in rows_of(run.evidence, signal=signal, repeat=repeat):
             counts = ranked.method != "combined" or row["method"] == "combined"
-            if counts and status_of(row["outcome"]) not in SILENT:
+            if counts and status_of(row["outcome"]) not in UNLISTED_OUTCOMES:
                 which = f"{words.model(row['model'])} ({words.method(row['method'])})"
                 yield Check(f"The evidence of {which}: {row['outcome'].rstrip('.')}.", fails=True)
         if len({damping_of(row) for row in ranked.rows}) < 2:
             yield Check("No other damping model was compared.")
             return
-        methods = dict.fromkeys([ranked.method, *(m for m in ranked.shares if m != ANSWERS)])
+        methods = dict.fromkeys([ranked.method, *(m for m in ranked.shares if m != ANSWER_SAMPLER)])
         shares = {m: ranked.shares[m] for m in methods if len(ranked.shares[m]) == len(ranked.dampings)}
         # The probability of the answer's damping by each method. The answer's own probability is rescaled to the
         # dampings that the study compares.
@@ -385,7 +386,7 @@ class RecordChecks:
                 f"probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
             )
             yield Check(text, fails=True)
-        rankings = [r for r in (ranking(run, signal, each) for each in run.repeats(signal)) if r]
+        rankings = [r for r in (rank_models(run, signal, each) for each in run.repeats(signal)) if r]
         if len(rankings) > 1:
             firsts = [next(iter(r.dampings.items())) for r in rankings]
             wins = Counter(damping for damping, _ in firsts)
@@ -403,7 +404,7 @@ class RecordChecks:
         for row in [] if self.run.under_law else self._rows(self.run.fits)[:1]:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
             fitting = fitting_of(verdict)
-            if verdict and status_of(verdict) not in SILENT:
+            if verdict and status_of(verdict) not in UNLISTED_OUTCOMES:
                 text = f"Residuals: {name}{'' if fitting else ':'} {verdict}."
                 yield Check(text, fails=fitting is FitStatus.DOES_NOT_FIT and not self.exact_only)
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:

@@ -39,7 +39,7 @@ FACTORS = {
     "length": "periods",
 }
 """Factors that a series of signals may vary, with the labels of their axes."""
-LEAST = 3
+LEAST_VALUES = 3
 """Smallest number of values of a factor in a series, and smallest number of repeats for an interval."""
 CONFIDENCE = 0.95
 """Probability of the intervals of errors (conventional)."""
@@ -268,7 +268,7 @@ class ErrorSeries:
     each: dict[tuple[str, str], list[dict[int, float]]]
 
 
-def series(run: RunFolder) -> list[ErrorSeries]:
+def error_series(run: RunFolder) -> list[ErrorSeries]:
     """Return all series of signals in the run that differ in one factor only and have at least three values of it.
 
     The other factors have their most common values among the signals of the same damping.
@@ -286,14 +286,14 @@ def series(run: RunFolder) -> list[ErrorSeries]:
             own[signal] = [float(f"{x:.2g}") for x in factors]  # in the order of FACTORS
     runs = []
     for model, own in designs.items():
-        if len(own) < LEAST:
+        if len(own) < LEAST_VALUES:
             continue
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
         # A series along a factor has the most common values of the two other factors.
         for i, factor in enumerate(FACTORS):
             rest = base[:i] + base[i + 1 :]
             along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}
-            if len(set(along.values())) >= LEAST:
+            if len(set(along.values())) >= LEAST_VALUES:
                 signals = sorted(along, key=lambda s: along[s])
                 runs.append(_series(run, model, factor, signals, [along[s] for s in signals]))
     return runs
@@ -338,14 +338,14 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
     )
 
 
-def interval(errors: Mapping[int, float]) -> tuple[float, float]:
+def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
     """Return the 95 % interval of the root mean square of errors by repeat; nan for fewer than three repeats.
 
     It is the jackknife interval of the log of the mean square, with Student's t (Tukey 1958). This is approximate; the
     errors need a finite fourth moment.
     """
     squares = np.array([e * e for e in errors.values()])
-    if squares.size < LEAST or not squares.any():
+    if squares.size < LEAST_VALUES or not squares.any():
         return (math.nan, math.nan)
     centre, half = float(np.log(squares.mean())), _half_width(np.log(_leave_out(squares)))
     return (float(np.exp((centre - half) / 2)), float(np.exp((centre + half) / 2)))
@@ -358,7 +358,7 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
     used the same records, so the common part of their errors cancels.
     """
     common = sorted(set(own) & set(other))
-    if len(common) < LEAST:
+    if len(common) < LEAST_VALUES:
         return False
     a, b = (np.array([errors[i] ** 2 for i in common]) for errors in (own, other))
     if not b.any():

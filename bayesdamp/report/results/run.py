@@ -19,7 +19,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store import TABLES, Store, TaskResult, read_table
-from bayesdamp.store.contents import AnswerContent, EnvelopeContent, ModeContent, WeighedCandidate
+from bayesdamp.store.contents import AnswerContent, ComparedCandidate, EnvelopeContent, ModeContent
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 """A row of a table of the run, by column; or a part of run.json."""
-_TRUSTED = ("combined", "nested", "bridge", "importance", "laplace")
+_METHODS_BY_TRUST = ("combined", "nested", "bridge", "importance", "laplace")
 """Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 """Coefficients of the three classical damping terms."""
 ANCHOR = "answer-"
 """Prefix of the anchor of a record's answer in the page; the name of the record follows."""
-KEPT = 100
+MOST_RESULTS = 100
 """Results that stay in memory at once: sections visit one record after the other, and a run may have thousands."""
 CURVE = ("amplitude", "ratio", "low", "high")
 """Arrays of an answer that are its damping curve."""
@@ -53,7 +53,7 @@ class RecordAnswer:
 
     signal: str
     verdict: Verdict
-    candidates: tuple[WeighedCandidate, ...]
+    candidates: tuple[ComparedCandidate, ...]
     arrays: Mapping[str, np.ndarray]
     envelope: EnvelopeContent | None = None
 
@@ -113,12 +113,12 @@ class RunFolder:
             raise InputError(f"{path}: this file is damaged; run the study again") from None
 
     @classmethod
-    def of_cells(cls, info: Row, cells: Sequence[TaskResult]) -> Self:
+    def of_results(cls, info: Row, task_results: Sequence[TaskResult]) -> Self:
         """Return a run without a folder, from run information and results in memory."""
         run = cls.__new__(cls)
         run.info, run.answered, run.verdicts, run._figures = info, {}, [], None
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
-        run._read = {cell.name: cell for cell in cells}
+        run._read = {task_result.name: task_result for task_result in task_results}
         run._places = {name: TaskName.of(name) for name in run._read}
         return run
 
@@ -143,8 +143,8 @@ class RunFolder:
     def signals(self) -> list[str]:
         """Names of the signals, in the study's order."""
         rows = (row["signal"] for row in self._rows)
-        cells = (place.record for place in self._places.values() if place.kind == "signal")
-        return list(dict.fromkeys([*(self.info.get("signals") or {}), *rows, *cells]))
+        task_results = (place.record for place in self._places.values() if place.kind == "signal")
+        return list(dict.fromkeys([*(self.info.get("signals") or {}), *rows, *task_results]))
 
     @cached_property
     def models(self) -> list[str]:
@@ -176,7 +176,7 @@ class RunFolder:
         """Return how a signal's record was read."""
         return Provenance.of(self.about(signal))
 
-    def simulated(self, signal: str) -> bool:
+    def is_simulated(self, signal: str) -> bool:
         """Return whether the program simulated the signal, so that the truth is known."""
         return bool(self.about(signal).get("simulated"))
 
@@ -192,7 +192,7 @@ class RunFolder:
 
     @cached_property
     def _repeats(self) -> dict[str, set[int]]:
-        """The numbers of repeats that have rows or cells, by signal."""
+        """The numbers of repeats that have rows or task_results, by signal."""
         pairs = [(row["signal"], row["repeat"]) for row in self._rows]
         pairs += [(place.record, place.repeat) for place in self._places.values()]
         repeats: dict[str, set[int]] = {}
@@ -201,7 +201,7 @@ class RunFolder:
                 repeats.setdefault(signal, set()).add(repeat)
         return repeats
 
-    def cell(self, *parts: object) -> TaskResult | None:
+    def task_result(self, *parts: object) -> TaskResult | None:
         """Return a stored result by the parts of its name; None if there is none that can be read."""
         name = "/".join(map(str, parts))
         if name not in self._places:
@@ -211,16 +211,16 @@ class RunFolder:
             self._read[name] = self._store.find(name)
         return self._read[name]
 
-    def cells(self, *parts: object) -> list[TaskResult]:
+    def task_results(self, *parts: object) -> list[TaskResult]:
         """Return all readable results whose names begin with these parts."""
         prefix = "".join(f"{part}/" for part in parts)
-        results = (self.cell(name) for name in self._places if name.startswith(prefix))
-        return [cell for cell in results if cell is not None]
+        results = (self.task_result(name) for name in self._places if name.startswith(prefix))
+        return [task_result for task_result in results if task_result is not None]
 
 
 def _make_room(results: dict[Any, Any]) -> None:
-    """Remove the results that were read first, so that fewer than `KEPT` are left."""
-    while len(results) >= KEPT:
+    """Remove the results that were read first, so that fewer than `MOST_RESULTS` are left."""
+    while len(results) >= MOST_RESULTS:
         del results[next(iter(results))]
 
 
@@ -258,7 +258,7 @@ def damping_of(row: Row) -> str:
     return candidate_parts(row["model"])[0]
 
 
-def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
+def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
     """Rank the models by the evidence method with values for most of them; None if no evidence was computed.
 
     If several methods have values for equally many models, use the first of: combined evidence, nested sampling, bridge
@@ -272,7 +272,7 @@ def ranking(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
         return None
 
     def trust(name: str) -> tuple[int, int, str]:
-        place = _TRUSTED.index(name) if name in _TRUSTED else len(_TRUSTED)
+        place = _METHODS_BY_TRUST.index(name) if name in _METHODS_BY_TRUST else len(_METHODS_BY_TRUST)
         return -len(by_method[name]), place, name
 
     chosen = min(by_method, key=trust)
@@ -311,11 +311,11 @@ def probability_by_width(
     changes: dict[str, np.ndarray] = {}
     factors = np.empty(0)
     for row in ranked.rows:
-        cell = run.cell("sensitivity", signal, repeat, row["model"], "widths")
-        if cell is not None and cell.outcome == OK and cell.arrays:
-            factors, logs = cell.arrays["factors"], cell.arrays["log_evidence"]
+        task_result = run.task_result("sensitivity", signal, repeat, row["model"], "widths")
+        if task_result is not None and task_result.outcome == OK and task_result.arrays:
+            factors, logs = task_result.arrays["factors"], task_result.arrays["log_evidence"]
             change = logs - logs[np.argmin(np.abs(np.log(factors)))]
-            changes[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
+            changes[row["model"]] = np.where(task_result.arrays["trusted"], change, np.nan)
         elif status_of(row["outcome"]) is not Status.PRUNED:
             return {}
     if not changes or len(ranked.dampings) < 2:
@@ -348,23 +348,23 @@ def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, floa
 
 def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent | None:
     """Return the stored posterior mode of a model; None if there is none."""
-    cell = run.cell("mode", signal, repeat, model)
-    return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
+    task_result = run.task_result("mode", signal, repeat, model)
+    return ModeContent.maybe(task_result) if task_result is not None and task_result.outcome == OK else None
 
 
 def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return all models of a signal: the ranked models by their probability, then the others in the study's order."""
-    ranked = ranking(run, signal, repeat)
+    ranked = rank_models(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
     models = {r["model"] for r in rows if r["signal"] == signal}
-    models |= {cell.parts.candidate for cell in run.cells("mode", signal, repeat)}
+    models |= {task_result.parts.candidate for task_result in run.task_results("mode", signal, repeat)}
     first = [row["model"] for row in ranked.rows] if ranked else []
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
 
 
 def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the models that were not pruned, in the order of `models_by_rank`."""
-    ranked = ranking(run, signal, repeat)
+    ranked = rank_models(run, signal, repeat)
     rows = ranked.rows if ranked else []
     pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
     return [model for model in models_by_rank(run, signal, repeat) if model not in pruned]
@@ -387,7 +387,7 @@ def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[R
 
 def truth(run: RunFolder, signal: str, parameter: str) -> float:
     """Return the true value of a simulated signal's parameter, nan if it is not known."""
-    if not run.simulated(signal):
+    if not run.is_simulated(signal):
         return math.nan
     for row in run.estimates:
         if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
@@ -409,26 +409,26 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 
 
 def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
-    """Return the stored answer on a record before MCMC sampling; None if it is missing or contains no damping law."""
-    cell = run.cell("answer", signal, run.repeats(signal)[0])
-    content = AnswerContent.of(cell) if cell is not None and cell.outcome == OK else None
+    """Return the stored answer on a record before sampling; None if it is missing or contains no damping law."""
+    task_result = run.task_result("answer", signal, run.repeats(signal)[0])
+    content = AnswerContent.of(task_result) if task_result is not None and task_result.outcome == OK else None
     return None if content is None or content.verdict.get("law_free") else content
 
 
 def answer_of(
     run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
 ) -> RecordAnswer | None:
-    """Return the answer on the first repeat of a record, from MCMC sampling if it was sampled; None if there is none.
+    """Return the answer on the first repeat of a record, from sampling if it was sampled; None if there is none.
 
     `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first.
     """
     if (signal, kinds) not in run.answered:
-        cells = (run.cell(kind, signal, run.repeats(signal)[0]) for kind in kinds)
-        cell, answer = next((c for c in cells if c is not None and c.outcome == OK), None), None
-        if cell is not None:
-            unit, content = run.unit(signal), AnswerContent.of(cell)
+        task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
+        task_result, answer = next((c for c in task_results if c is not None and c.outcome == OK), None), None
+        if task_result is not None:
+            unit, content = run.unit(signal), AnswerContent.of(task_result)
             verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-            arrays = picture_in_unit(cell.arrays, unit)
+            arrays = picture_in_unit(task_result.arrays, unit)
             answer = RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
         _make_room(run.answered)
         run.answered[signal, kinds] = answer
@@ -453,7 +453,7 @@ def specimens(run: RunFolder) -> list[Verdict]:
 def only_answered(run: RunFolder) -> bool:
     """Return whether a run contains answers but no fits of a study's own models."""
     answered = any(answer_of(run, signal) for signal in run.signals)
-    return answered and not any(run.cells("mode", signal) for signal in run.signals)
+    return answered and not any(run.task_results("mode", signal) for signal in run.signals)
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:

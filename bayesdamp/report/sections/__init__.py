@@ -17,8 +17,18 @@ from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, only_answered
 
 __all__ = [
-    "SECTIONS", "TEMPLATES", "Section", "SignalSection", "by_model", "by_signal", "fill", "folded", "heading",
-    "is_drawn", "paragraph", "stack",
+    "SECTIONS",
+    "TEMPLATES",
+    "Section",
+    "SignalSection",
+    "by_model",
+    "by_signal",
+    "collapsible",
+    "fill",
+    "heading",
+    "is_drawn",
+    "paragraph",
+    "stack",
 ]  # fmt: skip
 TEMPLATES = Path(__file__).parents[1] / "templates"
 ENVIRONMENT = Environment(
@@ -51,7 +61,7 @@ def fill(template: str, **values: object) -> Markup:
     return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
-def folded(summary: str, *content: object) -> Markup:
+def collapsible(summary: str, *content: object) -> Markup:
     """Return content that is hidden behind a summary line until the reader clicks on it."""
     return fill("folded.html", summary=summary, content=content)
 
@@ -169,7 +179,7 @@ def by_signal(
     for i, signal in enumerate(signals):
         body = part(run, signal)
         if i >= _OPEN:
-            body = folded(signal, body)
+            body = collapsible(signal, body)
         elif len(signals) > 1:
             body = heading(signal) + body
         parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
@@ -187,5 +197,5 @@ def by_model(models: Sequence[tuple[str, Sequence[object]]], lead: str = "", beh
         name = f"{lead}{words.model(model)}"
         name = name[:1].upper() + name[1:]
         first = Markup("<h4>{}</h4>").format(name + behind) + stack(*content)
-        parts.append(folded(name, *content) if parts else first)
+        parts.append(collapsible(name, *content) if parts else first)
     return stack(*parts)

@@ -14,7 +14,7 @@ from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.answer import exponent, overview
-from bayesdamp.report.figures.record import motions
+from bayesdamp.report.figures.record import draw_motions
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
     ANCHOR,
@@ -25,12 +25,12 @@ from bayesdamp.report.results.run import (
     curve_of,
     models_by_rank,
     overview_table,
-    ranking,
+    rank_models,
     short_names,
     specimens,
 )
-from bayesdamp.report.sections import Section, by_signal, fill, folded, heading, paragraph, stack
-from bayesdamp.store.contents import WeighedCandidate
+from bayesdamp.report.sections import Section, by_signal, collapsible, fill, heading, paragraph, stack
+from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import (
     Coefficient,
@@ -76,13 +76,16 @@ EXPONENT = (
     "The damping force as a single power of the velocity: the probability of each exponent, with the 95 % interval "
     "below. A peak on a dashed line means that damping; a peak between two lines means a sum, or none of the three."
 )
-EMBEDDED = 24
+MOST_EMBEDDED = 24
 """Largest number of envelopes whose figures are embedded in the page; with more, it links to files in `figures/`."""
-SHOWN = 0.005
+LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum that is listed."""
-FEWEST = 3
+FEWEST_RECORDS = 3
 """Smallest number of records for which the report has an overview."""
-SORTS = "One line for each record; click on a header to sort. Damping ratios are equivalent viscous damping ratios."
+TABLE_CAPTION = (
+    "One line for each record; click on a header to sort. "
+    "Damping ratios are equivalent viscous damping ratios."
+)
 
 
 class AnswerSection(Section):
@@ -115,7 +118,7 @@ class AnswerSection(Section):
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
-                numbers, embed = _numbers(v), len(run.signals) <= EMBEDDED
+                numbers, embed = _numbers(v), len(run.signals) <= MOST_EMBEDDED
                 remarks = (*([f"The decay {v.window.why}."] if v.window else []), *remarks)
                 png = answer.arrays["picture"].tobytes()
                 parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png, embed))
@@ -124,19 +127,21 @@ class AnswerSection(Section):
                 if v.damping:
                     sums, terms = (
                         fmt.listing(
-                            f"{words.model(n)} {fmt.probability(p)}" for n, p in each.items() if p >= SHOWN
+                            f"{words.model(n)} {fmt.probability(p)}"
+                            for n, p in each.items()
+                            if p >= LEAST_SHOWN
                         )
                         for each in (v.probabilities, {share.term: share.probability for share in v.energy})
                     )
                     text = f"Probability of each damping sum: {sums}. Probability of each term in any sum: {terms}."
                     parts.append(paragraph(text))
             elif v.grade is Grade.NO_FREE_DECAY:
-                cell = run.cell("signal", signal, run.repeats(signal)[0])
-                if cell is not None and "t" in cell.arrays and v.modes:
+                task_result = run.task_result("signal", signal, run.repeats(signal)[0])
+                if task_result is not None and "t" in task_result.arrays and v.modes:
                     quantity, unit = run.quantity(signal), run.unit(signal).displacement
-                    t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
+                    t, y = task_result.arrays["t"], task_result.arrays["y"] * unit.scale
                     axis = f"{unit.quantity_name(quantity)} / {unit.of(quantity)}"
-                    draw = partial(motions, t, y, v.modes, quantity, axis)
+                    draw = partial(draw_motions, t, y, v.modes, quantity, axis)
                     caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
                     parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
                 parts.append(modes_table(v.modes, v.motion))
@@ -157,15 +162,18 @@ class AnswerSection(Section):
 def _why_none(run: RunFolder, signal: str) -> str:
     """Return a sentence that says why a record has no verdict."""
     repeat = run.repeats(signal)[0]
-    cell = run.cell("answer", signal, repeat)
-    outcomes = [str(run.about(signal).get("outcome", OK)), cell.outcome if cell is not None else OK]
+    task_result = run.task_result("answer", signal, repeat)
+    outcomes = [
+        str(run.about(signal).get("outcome", OK)),
+        task_result.outcome if task_result is not None else OK,
+    ]
     why = reason_of(next((o for o in outcomes if o != OK), "")).rstrip(".")
     models = models_by_rank(run, signal, repeat)
     if not models:
         return f"Nothing was computed for this signal{': ' * bool(why)}{why}."
     if len(models) == 1 and not why:
         return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
-    if not why and not ranking(run, signal, repeat):
+    if not why and not rank_models(run, signal, repeat):
         why = "no evidence was computed"
     return f"No verdict on the damping: {why}." if why else "No verdict on the damping was computed."
 
@@ -230,7 +238,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     rows = [r for r in answer.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
     top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
-    compared: dict[str, Callable[[WeighedCandidate], str]] = {
+    compared: dict[str, Callable[[ComparedCandidate], str]] = {
         "damping": lambda r: words.model(r.damping),
         "restoring law": lambda r: words.law(r.restoring),
         "log Bayes factor": lambda r: fmt.fixed_decimals(log[id(r)] - top, 1),
@@ -239,7 +247,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     }
     caption = "Log Bayes factors relative to the best model, in nats"
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
-    return [*parts, folded("All damping models that were compared", table)]
+    return [*parts, collapsible("All damping models that were compared", table)]
 
 
 class OverviewSection(Section):
@@ -251,7 +259,7 @@ class OverviewSection(Section):
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether at least three records have an answer, or several records are of one specimen."""
-        several = len(answers(run)) >= FEWEST or bool(specimens(run))
+        several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run))
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
@@ -273,7 +281,7 @@ class OverviewSection(Section):
             )
             draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
             parts.append(run.drawings.add("overview", caption, draw))
-        return stack(*parts, replace(overview_table(records), caption=SORTS))
+        return stack(*parts, replace(overview_table(records), caption=TABLE_CAPTION))
 
 
 PLUGINS = (AnswerSection(), OverviewSection())

@@ -14,12 +14,12 @@ from matplotlib.lines import Line2D
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, LOOKS, QUIET, WIDTH
+from bayesdamp.report.drawing import FAINT, INK, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
-from bayesdamp.report.sections import Section, folded, heading, paragraph, stack
+from bayesdamp.report.sections import Section, collapsible, heading, paragraph, stack
 from bayesdamp.types import OK
 
-FEWEST = 15
+LISTED_P_VALUES = 15
 """Number of the smallest p values that are listed."""
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
@@ -112,10 +112,12 @@ class CalibratedSection(Section):
             "p (Holm)": number("p_holm"),
             "verdict": lambda r: r["verdict"],
         }
-        least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:FEWEST]
+        least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:LISTED_P_VALUES]
         left = (0, 1, 2, 3, 10)
         table = Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
-        parts.append(folded(f"The {FEWEST} smallest p values; calibration.csv contains all", table))
+        parts.append(
+            collapsible(f"The {LISTED_P_VALUES} smallest p values; calibration.csv contains all", table)
+        )
         return stack(*parts)
 
 
@@ -182,7 +184,7 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
             band = None if i else result["bands"].get(str(n))
             if band:
                 upper.axhspan(band["bin_low"], band["bin_high"], color=FAINT, lw=0)
-                upper.axhline(n / bins.size, color=QUIET, lw=0.6)
+                upper.axhline(n / bins.size, color=MUTED, lw=0.6)
                 low, high = (np.r_[0.0, np.asarray(band[k], float) / n, 1.0] - at for k in ("low", "high"))
                 lower.fill_between(at, low, high, color=FAINT, lw=0)
             upper.stairs(bins, np.linspace(0, 1, bins.size + 1), color=ink, ls=dash, lw=1.0)

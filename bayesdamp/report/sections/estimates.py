@@ -22,10 +22,10 @@ from bayesdamp.report.results.estimators import (
     EstimatorComparison,
     category_of,
     compare_estimators,
+    error_interval,
+    error_series,
     estimates_of,
-    interval,
     posterior_of,
-    series,
     sort_by_category,
     true_models,
 )
@@ -42,7 +42,7 @@ from bayesdamp.report.sections import (
     Section,
     SignalSection,
     by_model,
-    folded,
+    collapsible,
     heading,
     is_drawn,
     paragraph,
@@ -101,18 +101,20 @@ class EstimatesSection(SignalSection):
                     "value": lambda r: fmt.with_error(r["value"], r["stderr"]),
                     "unit": lambda r: words.unit(r["unit"]),
                 }
-                content.append(folded("The other parameters", Table.of(others, columns, (0, 1, 2, 4))))
+                content.append(collapsible("The other parameters", Table.of(others, columns, (0, 1, 2, 4))))
             curves = {
-                f"{words.method(cell.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
-                for cell in (run.cells("estimate", signal, repeats[0], model) if is_drawn(run, place) else ())
-                for name, curve in cell.arrays.items()
+                f"{words.method(task_result.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
+                for task_result in (
+                    run.task_results("estimate", signal, repeats[0], model) if is_drawn(run, place) else ()
+                )
+                for name, curve in task_result.arrays.items()
                 if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
             }
             if curves:
                 caption = f"{signal}, {words.model(model)}: progress of the iterative methods."
                 draw = partial(traces, curves)
                 figure = run.drawings.add(f"traces-{signal}-{model}", caption, draw)
-                content.append(folded("How the iterative methods converged", figure))
+                content.append(collapsible("How the iterative methods converged", figure))
             content += _further_results(run, signal, model) if model == best else []
             models.append((model, content))
         return by_model(models, "Under ")
@@ -227,10 +229,10 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     """Return what some methods compute besides the coefficients: terms, expressions, eigenvalues, forces, settings."""
     by_method: dict[str, Details] = {}
-    for cell in run.cells("estimate", signal, run.repeats(signal)[0], model):
-        for stage in EstimateContent.of(cell).stages:
+    for task_result in run.task_results("estimate", signal, run.repeats(signal)[0], model):
+        for stage in EstimateContent.of(task_result).stages:
             if stage.details:
-                by_method[cell.parts.method] = stage.details
+                by_method[task_result.parts.method] = stage.details
     parts: list[object] = []
     damping = []
     for method, d in by_method.items():
@@ -254,7 +256,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
                 for i, (length, error, text) in enumerate(front)
             ]
             table = Table(["length", "relative error", "expression"], lines, (2,))
-            parts.append(folded(f"The Pareto front of {words.method(method)}", table))
+            parts.append(collapsible(f"The Pareto front of {words.method(method)}", table))
         name, by = f"{method}-{signal}-{model}", words.method(method)
         if {"generator_eigenvalues_re", "generator_eigenvalues_im"} <= set(details):
             real, imaginary = details["generator_eigenvalues_re"], details["generator_eigenvalues_im"]
@@ -273,7 +275,9 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             and (isinstance(value, (str, int, float)) or (isinstance(value, list) and len(value) <= 3))
         ]
         if rest:
-            parts.append(folded(f"Settings that {words.method(method)} used", Table(["", ""], rest, (0, 1))))
+            parts.append(
+                collapsible(f"Settings that {words.method(method)} used", Table(["", ""], rest, (0, 1)))
+            )
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
 
 
@@ -319,7 +323,7 @@ class ComparisonSection(Section):
         if own:
             worst = max(own, key=lambda key: own[key])
             size = f"{fmt.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})"
-            sentences.append(f"The largest error of the own estimates is {size}.")
+            sentences.append(f"Before the trajectory fit, the largest error is {size}.")
         columns: dict[str, Callable[[str], str]] = {
             "method": words.method,
             "own estimate": lambda m: fmt.duration(comparison.seconds.get((m, "initial"))),
@@ -402,19 +406,20 @@ class SweepsSection(Section):
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the run has a series of at least three signals."""
-        return len(run.signals) >= 3 and bool(series(run))
+        return len(run.signals) >= 3 and bool(error_series(run))
 
     def render(self, run: RunFolder) -> str:
         """Return a figure and tables of the errors along each series."""
         parts: list[object] = []
-        for along in series(run):
+        for along in error_series(run):
             model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
             counts = sorted({tried for pairs in along.answers.values() for _, tried in pairs if tried})
-            repeats = fmt.listing(map(str, counts), "or") if counts else "no"
+            over = f" over {fmt.listing(map(str, counts), 'or')} repeats," if counts else ""
+            others = fmt.listing([factor for factor in FACTORS if factor != along.factor])
             caption = (
-                f"{model}: root mean square error over {repeats} repeats; the other two factors are constant. An error "
-                "below the Cramér–Rao bound means that the method is biased, or that it uses information from outside "
-                "the record."
+                f"{model}: rms relative error of the damping coefficients, in %,{over} against the {along.factor}; "
+                f"{others} are constant. An error below the Cramér–Rao bound means that the "
+                "method is biased, or that it uses information from outside the record."
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
@@ -422,7 +427,7 @@ class SweepsSection(Section):
             parts += [
                 heading(f"{model}, {along.factor}"),
                 figure,
-                folded("The numbers of this figure", *tables),
+                collapsible("The numbers of this figure", *tables),
             ]
         return stack(*parts)
 
@@ -438,7 +443,7 @@ def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
         cells = []
         each, answers = along.each[method, stage], along.answers[method, stage]
         for error, own, (answered, tried) in zip(errors, each, answers):
-            low, high = interval(own)
+            low, high = error_interval(own)
             limits = f" ({fmt.number(low, 2)} to {fmt.number(high, 2)})" if math.isfinite(low) else ""
             some = f", {answered} of {tried}" if answered < tried and math.isfinite(error) else ""
             cells.append(fmt.number(error, 2) + limits + some)

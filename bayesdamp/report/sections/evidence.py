@@ -20,10 +20,10 @@ from bayesdamp.report.results.run import (
     models_by_rank,
     only_answered,
     probabilities_by_odds,
-    ranking,
+    rank_models,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, by_signal, folded, paragraph, stack
+from bayesdamp.report.sections import SignalSection, by_signal, collapsible, paragraph, stack
 from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.types import OK
@@ -51,14 +51,14 @@ COMPARED = (
 OTHER_FORMS = (
     f"All other forms of damping together are {OTHER_FORMS_ODDS:g} times as probable as one single term."
 )
-SHARED = (
+COMMON_SCALE = (
     "The damping terms of a model have half-normal priors on their equivalent damping ratios. Their common scale is "
     f"unknown, with a log-uniform prior between {LEAST_SCALE:g} and {MOST_SCALE:g}, so the evidence does not depend on "
     "how small the damping is."
 )
-WIDER = (
+WIDE_PRIOR = (
     "A parameter has the same prior in every model that contains it. If you specify a prior that is wider by a factor, "
-    "the log evidence of the models with this coefficient decreases by about the logarithm of the factor."
+    "the log evidence of the models with this parameter decreases by about the logarithm of the factor."
 )
 
 
@@ -101,9 +101,9 @@ class EvidenceSection(SignalSection):
             caption = "Evidence by Laplace's approximation, for models whose mode was found before they were pruned."
             pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
             count = f"{len(why)} model{'s' * (len(why) > 1)}"
-            parts.append(folded(f"{count} pruned by Laplace's evidence, and why", pruned))
+            parts.append(collapsible(f"{count} pruned by Laplace's evidence, and why", pruned))
         if len(repeats) > 1:
-            parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+            parts.append(collapsible(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
         return stack(*parts)
 
 
@@ -114,7 +114,7 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     for repeat in repeats:
         rows = rows_of(run.evidence, signal=signal, repeat=repeat)
         pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
-        ranked = ranking(run, signal, repeat)
+        ranked = rank_models(run, signal, repeat)
         order = [r["model"] for r in ranked.rows] if ranked else []
         best += [(repeat, model) for model in order[:1]]
         rows.sort(key=lambda r: order.index(r["model"]) if r["model"] in order else len(order))
@@ -151,11 +151,11 @@ class SensitivitySection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the evidence was also computed under other assumptions."""
-        return any(cell.outcome == OK for cell in run.cells("sensitivity", signal))
+        return any(task_result.outcome == OK for task_result in run.task_results("sensitivity", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return Bayes factors for other prior widths, parts of the record, noise models and prior odds."""
-        models, ranked = models_by_rank(run, signal, 0), ranking(run, signal, 0)
+        models, ranked = models_by_rank(run, signal, 0), rank_models(run, signal, 0)
         parts: list[object] = [
             _widths(run, signal, models),
             _parts_and_noises(run, signal, models),
@@ -178,36 +178,38 @@ class SensitivitySection(SignalSection):
 
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
     """Return the stored results of one kind of sensitivity task, for the models that have one."""
-    cells = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
-    return {m: c for m, c in cells.items() if c is not None and c.outcome == OK}
+    task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
+    return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
 
 
 def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
     """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models."""
-    cells = _cells(run, signal, models, "widths")
-    if len(cells) < 2:
+    task_results = _cells(run, signal, models, "widths")
+    if len(task_results) < 2:
         return None
-    if not any(WidthsContent.of(cell).varied for cell in cells.values()):
+    if not any(WidthsContent.of(task_result).varied for task_result in task_results.values()):
         return paragraph(_NO_WIDTH)
-    best = next(iter(cells))
-    reference = cells[best].arrays["log_evidence"]
+    best = next(iter(task_results))
+    reference = task_results[best].arrays["log_evidence"]
 
     def factor(model: str, i: int) -> str:
-        arrays = cells[model].arrays
+        arrays = task_results[model].arrays
         doubt = "" if arrays["trusted"][i] else " ?"
         return fmt.nats(float(arrays["log_evidence"][i] - reference[i])) + doubt
 
     columns: dict[str, Callable[[str], str]] = {"model": words.model}
-    for i, width in enumerate(cells[best].arrays["factors"]):
+    for i, width in enumerate(task_results[best].arrays["factors"]):
         columns[f"× {fmt.number(float(width), 2)}"] = lambda model, i=i: factor(model, i)
-    effective = [c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in cells.values()]
+    effective = [
+        c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in task_results.values()
+    ]
     caption = (
         f"Log Bayes factor (nats) relative to {words.model(best)} if the scales of all specified damping priors are "
         "multiplied by the factor in the column's header. The importance draws are reweighted, with an effective "
         f"sample size of at least {fmt.number(float(min(effective)), 2)}; if that is too small, new draws are made. "
         "?: the diagnostics are poor."
     )
-    return Table.of(cells, columns, caption=caption)
+    return Table.of(task_results, columns, caption=caption)
 
 
 def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
@@ -246,7 +248,9 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
 
 def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
     """Return a table of the evidence from the first half of the record, and of how well it predicts the second half."""
-    halves = {m: HalfContent.of(cell) for m, cell in _cells(run, signal, models, "half").items()}
+    halves = {
+        m: HalfContent.of(task_result) for m, task_result in _cells(run, signal, models, "half").items()
+    }
     if not halves:
         return None
     whole = {r["model"]: r["log_bayes_factor"] for r in ranked.rows} if ranked else {}
@@ -283,10 +287,10 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
 def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
     """Return a table of Savage–Dickey density ratios of nested models; None if there are none."""
     rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
-    cells = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
+    task_results = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
     lines = []
-    for model, cell in cells.items():
-        for smaller, factor in RatiosContent.of(cell).against.items():
+    for model, task_result in task_results.items():
+        for smaller, factor in RatiosContent.of(task_result).against.items():
             first, second = (rows.get(frozenset(m.split("+"))) for m in (smaller, model))
             if first is None or second is None:
                 continue
@@ -333,7 +337,7 @@ class PriorsSection(SignalSection):
         tables = (table for signal in signals for table in run.info["priors"][signal].values())
         default = SharedHalfNormal(per_ratio=1.0).describe()
         is_shared = any(str(prior) == default for table in tables for prior in table.values())
-        sentences = [COMPARED, OTHER_FORMS * only_answered(run), SHARED * is_shared, WIDER]
+        sentences = [COMPARED, OTHER_FORMS * only_answered(run), COMMON_SCALE * is_shared, WIDE_PRIOR]
         return stack(
             paragraph(" ".join(filter(None, sentences))), by_signal(run, self.part, signals), assumed
         )

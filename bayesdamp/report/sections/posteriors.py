@@ -12,9 +12,9 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.figures.posterior import marginals, pairs, running
+from bayesdamp.report.figures.posterior import draw_running_estimates, marginals, pairs
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
-from bayesdamp.report.sections import SignalSection, by_model, folded, is_drawn, stack
+from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, stack
 from bayesdamp.store.contents import ModeContent, PosteriorContent, SearchContent
 from bayesdamp.types import OK, ChainStart, Seed
 
@@ -26,9 +26,9 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
 }
 """Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
-SHOWN = 4
+VISIBLE_MODELS = 4
 """Number of models whose starting points are visible without unfolding them."""
-ALIKE = 0.1
+MAX_CHAIN_SHIFT = 0.1
 """Largest difference of a chain's mean from the mean of all chains that is not marked, in posterior sds (conventional).
 It only marks rows of a table; convergence is judged by R̂."""
 
@@ -43,7 +43,9 @@ class PosteriorsSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether posteriors were sampled on a signal."""
-        return any(r["signal"] == signal for r in run.posteriors) or bool(run.cells("posterior", signal))
+        return any(r["signal"] == signal for r in run.posteriors) or bool(
+            run.task_results("posterior", signal)
+        )
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model."""
@@ -70,7 +72,7 @@ class PosteriorsSection(SignalSection):
             if content and len(repeats) > 1:
                 rows, names = rows_of(run.posteriors, signal=signal, model=model), coefficients(run, model)
                 table = Table.of([r for r in rows if r["parameter"] in names], columns, (1, 2, 3, 6, 7))
-                content.append(folded(f"All {len(repeats)} repeats", table))
+                content.append(collapsible(f"All {len(repeats)} repeats", table))
             models += [(model, content)] if content else []
         return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
 
@@ -82,13 +84,15 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     """
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
-    for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.parts.method != "nuts"):
-        array = cell.arrays.get("draws")
-        content = PosteriorContent.of(cell)
+    for task_result in sorted(
+        run.task_results("posterior", signal, repeat, model), key=lambda c: c.parts.method != "nuts"
+    ):
+        array = task_result.arrays.get("draws")
+        content = PosteriorContent.of(task_result)
         names = content.posterior.names
         if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
             continue
-        draws[cell.parts.method] = {name: array[:, :, i] for i, name in enumerate(names)}
+        draws[task_result.parts.method] = {name: array[:, :, i] for i, name in enumerate(names)}
         units = {**content.units, **units}
     if not draws:
         return []
@@ -141,12 +145,12 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         sampled.sort(key=lambda r: order.index(r["parameter"]))
         parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
-    for cell in run.cells("posterior", signal, repeat, model):
-        without = PosteriorContent.of(cell).without
+    for task_result in run.task_results("posterior", signal, repeat, model):
+        without = PosteriorContent.of(task_result).without
         if without:
             names = fmt.listing(words.symbol(n).text for n in without)
             why = f"they do not exist for {max(without.values())} draws (no stable equilibrium, or the motion escapes)"
-            sentences.add((cell.parts.method, f"{names} not shown: {why}"))
+            sentences.add((task_result.parts.method, f"{names} not shown: {why}"))
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
     return parts
@@ -165,24 +169,26 @@ class RunningSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether a Kalman filter ran on the record."""
-        return any("running/t" in cell.arrays for cell in run.cells("posterior", signal))
+        return any("running/t" in task_result.arrays for task_result in run.task_results("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return figures of the coefficients against time, with their bands."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
-            for cell in run.cells("posterior", signal, repeat, model) if is_drawn(run, place) else ():
-                if "running/t" not in cell.arrays:
+            for task_result in (
+                run.task_results("posterior", signal, repeat, model) if is_drawn(run, place) else ()
+            ):
+                if "running/t" not in task_result.arrays:
                     continue
-                content = PosteriorContent.of(cell)
+                content = PosteriorContent.of(task_result)
                 listed = content.posterior.running
                 names = [n for n in coefficients(run, model) if n in listed]
                 last, first = (
                     {
                         n: (
-                            cell.arrays[f"running/{label}/mean"][:, i],
-                            cell.arrays[f"running/{label}/sd"][:, i],
+                            task_result.arrays[f"running/{label}/mean"][:, i],
+                            task_result.arrays[f"running/{label}/sd"][:, i],
                         )
                         for i, n in enumerate(listed)
                         if n in names
@@ -191,12 +197,19 @@ class RunningSection(SignalSection):
                 )
                 true = {n: truth(run, signal, n) for n in names}
                 draw = partial(
-                    running, model, names, cell.arrays["running/t"], last, first, content.units, true
+                    draw_running_estimates,
+                    model,
+                    names,
+                    task_result.arrays["running/t"],
+                    last,
+                    first,
+                    content.units,
+                    true,
                 )
-                by = words.method(cell.parts.method)
+                by = words.method(task_result.parts.method)
                 caption = f"{signal}, {words.model(model)}: running estimate of the damping by {by}."
                 figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
-                parts.append(folded(words.model(model), figure) if parts else figure)
+                parts.append(collapsible(words.model(model), figure) if parts else figure)
         return stack(*parts)
 
 
@@ -214,7 +227,7 @@ class SeedsSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether modes were searched for."""
-        return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.cells("mode", signal))
+        return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.task_results("mode", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return tables of the searches and chains of each model, the most probable models first."""
@@ -222,7 +235,7 @@ class SeedsSection(SignalSection):
         parts: list[Markup] = []
 
         def kind(s: tuple[int, ChainStart]) -> str:
-            return "alert" if s[1].shift > ALIKE else ""
+            return "alert" if s[1].shift > MAX_CHAIN_SHIFT else ""
 
         columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
             "chain": lambda s: str(s[0]),
@@ -242,14 +255,14 @@ class SeedsSection(SignalSection):
                 name[:1].upper() + name[1:], " ".join(_sentences(mode))
             )
             tables = [_searches(mode)]
-            for cell in run.cells("posterior", signal, repeat, model):
-                starts = PosteriorContent.of(cell).posterior.starts
+            for task_result in run.task_results("posterior", signal, repeat, model):
+                starts = PosteriorContent.of(task_result).posterior.starts
                 if starts:
-                    caption = f"Chains of {words.method(cell.parts.method)}"
+                    caption = f"Chains of {words.method(task_result.parts.method)}"
                     tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
-            parts.append(stack(summary, folded(f"Starting points and chains of {name}", *tables)))
-        more = parts[SHOWN:]
-        return stack(*parts[:SHOWN], folded(f"{len(more)} more models", *more) if more else "")
+            parts.append(stack(summary, collapsible(f"Starting points and chains of {name}", *tables)))
+        more = parts[VISIBLE_MODELS:]
+        return stack(*parts[:VISIBLE_MODELS], collapsible(f"{len(more)} more models", *more) if more else "")
 
 
 def _sentences(mode: ModeContent) -> list[str]:

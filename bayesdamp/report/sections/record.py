@@ -12,7 +12,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.figures.record import ModelFit, raw, record
+from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
 from bayesdamp.report.results.run import (
     Row,
     RunFolder,
@@ -24,7 +24,7 @@ from bayesdamp.report.results.run import (
     only_answered,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, fill, folded, is_drawn, paragraph, stack
+from bayesdamp.report.sections import SignalSection, collapsible, fill, is_drawn, paragraph, stack
 from bayesdamp.store.contents import NoiseEvidence, RecordContent
 from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
 
@@ -50,7 +50,11 @@ class RecordSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return notes on the record, and figures of the record and of the most probable fits."""
         repeats = run.repeats(signal)
-        cell, about, own = run.cell("signal", signal, repeats[0]), run.about(signal), run.provenance(signal)
+        task_result, about, own = (
+            run.task_result("signal", signal, repeats[0]),
+            run.about(signal),
+            run.provenance(signal),
+        )
         notes = list(own.sentences)
         if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
             notes.append(str(about["epsilon_note"]))
@@ -58,18 +62,18 @@ class RecordSection(SignalSection):
             notes.append(f"The answer uses the noise model {words.method(about['noise'])}; see below.")
         if about.get("outcome", OK) != OK:
             notes.append(str(about["outcome"]))
-        if cell is None or "t" not in cell.arrays:
-            why = cell.outcome if cell else NOT_STORED
+        if task_result is None or "t" not in task_result.arrays:
+            why = task_result.outcome if task_result else NOT_STORED
             return fill("record.html", notes=notes, figures=[], missing=[why], repeats=len(repeats))
-        content = RecordContent.of(cell)
+        content = RecordContent.of(task_result)
         unit, quantity = run.unit(signal), run.quantity(signal)
         factor, name = unit.scale, unit.of(quantity)
         ratio = f"({name})" if "/" in name else name
         axis = f"{unit.quantity_name(quantity)} / {ratio}"
-        t, y = cell.arrays["t"], cell.arrays["y"] * factor
+        t, y = task_result.arrays["t"], task_result.arrays["y"] * factor
         fits, missing, figures = [], [], []
         for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
-            mode = run.cell("mode", signal, repeats[0], model)
+            mode = run.task_result("mode", signal, repeats[0], model)
             if not is_drawn(run, place) or (mode is None and only_answered(run)):
                 continue
             if mode is None:
@@ -82,11 +86,11 @@ class RecordSection(SignalSection):
                 autocorrelation = np.asarray(mode.arrays.get("autocorrelation", []), float)
                 fit, residual = (mode.arrays[array] * factor for array in ("fit", "residual"))
                 fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
-        raw_t, raw_y = (cell.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
-        if len(raw_t) > 1 and not np.array_equal(raw_y, cell.arrays["y"]):
+        raw_t, raw_y = (task_result.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
+        if len(raw_t) > 1 and not np.array_equal(raw_y, task_result.arrays["y"]):
             origin = Provenance.of(content.provenance)
             window = next(((o.start, o.stop) for o in (own, origin) if o.stop is not None), (None, None))
-            draw = partial(raw, raw_t, raw_y * factor, axis, *window, origin.decays)
+            draw = partial(draw_raw_record, raw_t, raw_y * factor, axis, *window, origin.decays)
             figures.append(run.drawings.add(f"raw-{signal}", f"{signal}: the record as it was read.", draw))
         if fits:
             caption = (
@@ -99,7 +103,7 @@ class RecordSection(SignalSection):
             draw = partial(record, t, y, fits, axis, ratio, period)
             figures.append(run.drawings.add(f"record-{signal}", caption, draw))
         elif not figures:
-            draw = partial(raw, t, y, axis)
+            draw = partial(draw_raw_record, t, y, axis)
             figures.append(run.drawings.add(f"record-{signal}", f"{signal}: the record as used.", draw))
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
 
@@ -178,7 +182,7 @@ class FitQualitySection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether models were fitted."""
-        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.cells("mode", signal))
+        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
         return fitted and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
@@ -188,7 +192,7 @@ class FitQualitySection(SignalSection):
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
         parts.append(_table(run, signal, repeats[:1]))
         if len(repeats) > 1:
-            parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+            parts.append(collapsible(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
         for place, model in enumerate(ranked):
             mode = mode_of(run, signal, repeats[0], model) if is_drawn(run, place) else None
             windows = [w for w in mode.windows if w.values] if mode else []
@@ -207,7 +211,7 @@ class FitQualitySection(SignalSection):
                 "than their standard deviations, the model is incomplete and the posterior is too narrow."
             )
             table = Table.of(windows, of_part, caption=caption)
-            parts.append(folded(f"Parts of the record: {words.model(model)}", table) if place else table)
+            parts.append(collapsible(f"Parts of the record: {words.model(model)}", table) if place else table)
         mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
         if mode is not None and mode.rivals:
             columns: dict[str, Callable[[AddedForm], str]] = {
@@ -218,7 +222,9 @@ class FitQualitySection(SignalSection):
                 ),
             }
             table = Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
-            parts.append(folded(f"Other forms of damping in addition to {words.model(ranked[0])}", table))
+            parts.append(
+                collapsible(f"Other forms of damping in addition to {words.model(ranked[0])}", table)
+            )
         return stack(*parts)
 
 

@@ -20,9 +20,9 @@ from bayesdamp.store.contents import JointContent, PopulationContent
 from bayesdamp.types import OK
 from bayesdamp.verdict.thresholds import CAP
 
-WORTH = 0.01
+LEAST_NAMED = 0.01
 """Smallest probability for which a form of damping outside the study's own models is named."""
-HOW = (
+JOINT_FIT = (
     "The records share one damping model with one set of coefficients for the specimen. In each record a common factor "
     "multiplies all coefficients; its spread from record to record is inferred. Each record has its own initial "
     "conditions, parameters of the restoring law, equilibrium (an encoder may have an offset) and noise."
@@ -50,15 +50,15 @@ class SpecimensSection(Section):
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether a specimen has several records, or there are several specimens."""
-        return bool(run.cells("joint") or run.cells("population"))
+        return bool(run.task_results("joint") or run.task_results("population"))
 
     def render(self, run: RunFolder) -> str:
         """Return each joint fit, compared with the fits of its single records, and the population."""
         parts: list[object] = []
-        for cell in run.cells("joint"):
-            parts += [] if parts else [paragraph(HOW)]
-            joint, name = JointContent.maybe(cell), cell.parts.record
-            parts += [heading(f"Repeats of {name}"), paragraph(joint_sentence(run, cell))]
+        for task_result in run.task_results("joint"):
+            parts += [] if parts else [paragraph(JOINT_FIT)]
+            joint, name = JointContent.maybe(task_result), task_result.parts.record
+            parts += [heading(f"Repeats of {name}"), paragraph(joint_sentence(run, task_result))]
             if joint is not None:
                 parts += [paragraph(LAWS[joint.deviation]), _candidates(joint)]
             if joint is None or not joint.alone:
@@ -78,16 +78,16 @@ class SpecimensSection(Section):
             )
             draw = partial(intervals, list(joint.alone), panels, colour(best))
             parts.append(run.drawings.add(f"joint-{name}", caption, draw))
-        for cell in run.cells("population"):
-            parts += [heading("All specimens"), *_population(run, cell)]
+        for task_result in run.task_results("population"):
+            parts += [heading("All specimens"), *_population(run, task_result)]
         return stack(*parts)
 
 
-def joint_sentence(run: RunFolder, cell: TaskResult) -> str:
+def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
     """Return sentences on how much the records of a specimen differ, and whether one damping fits all of them."""
-    joint = JointContent.maybe(cell)
+    joint = JointContent.maybe(task_result)
     if joint is None:
-        return f"No joint fit: {cell.outcome}."
+        return f"No joint fit: {task_result.outcome}."
     agree = "are compatible with one damping"
     if joint.differ:
         agree = "differ in the size of their damping, so each has its own"
@@ -107,16 +107,16 @@ def joint_sentence(run: RunFolder, cell: TaskResult) -> str:
         if joint.deviation == "none" and fitting_of(row["verdict"]) is FitStatus.DOES_NOT_FIT
     ]
     sentences += [f"{words.model(joint.best)} does not fit {fmt.listing(misfits)}"] if misfits else []
-    others = [f"{words.model(n)} {_capped(q)}" for n, q in joint.others.items() if q >= WORTH]
+    others = [f"{words.model(n)} {_capped_text(q)}" for n, q in joint.others.items() if q >= LEAST_NAMED]
     sentences += [f"Other forms that were considered: {fmt.listing(others)}"] if others else []
     return f"{'. '.join(sentences)}."
 
 
-def population_sentence(cell: TaskResult) -> str:
+def population_sentence(task_result: TaskResult) -> str:
     """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning."""
-    content = PopulationContent.maybe(cell)
+    content = PopulationContent.maybe(task_result)
     if content is None:
-        return f"All specimens: {cell.outcome}."
+        return f"All specimens: {task_result.outcome}."
 
     def size(quantiles: Mapping[str, float], name: str) -> str:
         interval = fmt.interval(quantiles["q2.5"], quantiles["q97.5"])
@@ -127,11 +127,11 @@ def population_sentence(cell: TaskResult) -> str:
         for n, p in content.populations.items()
     )
     text = f"{len(content.specimens)} specimens, all with {words.model(content.best)} damping"
-    warning = f"; {cell.outcome}" if cell.outcome != OK else ""
+    warning = f"; {task_result.outcome}" if task_result.outcome != OK else ""
     return f"{text}, {ASSUMED[content.deviation]}: {sizes}{warning}."
 
 
-def _capped(probability: float) -> str:
+def _capped_text(probability: float) -> str:
     """Return a probability as text, capped like the probabilities of the answers."""
     return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
 
@@ -161,7 +161,7 @@ def _candidates(joint: JointContent) -> Table:
 
     columns: dict[str, Callable[[str], str]] = {
         "damping model": words.model,
-        "probability": lambda model: _capped(rows[model].probability),
+        "probability": lambda model: _capped_text(rows[model].probability),
         "log Bayes factor": factor,
     }
     for name in dict.fromkeys(n for model in ranked for n in rows[model].summary):
@@ -174,10 +174,10 @@ def _candidates(joint: JointContent) -> Table:
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
 
-def _population(run: RunFolder, cell: TaskResult) -> list[object]:
+def _population(run: RunFolder, task_result: TaskResult) -> list[object]:
     """Return sentences, a table and a figure on the population of the specimens."""
-    parts: list[object] = [paragraph(population_sentence(cell))]
-    content = PopulationContent.maybe(cell)
+    parts: list[object] = [paragraph(population_sentence(task_result))]
+    content = PopulationContent.maybe(task_result)
     if content is None:
         return parts
     scales = fmt.listing(

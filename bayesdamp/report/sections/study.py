@@ -12,7 +12,7 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
-from bayesdamp.report.sections import Section, fill, folded, stack
+from bayesdamp.report.sections import Section, collapsible, fill, stack
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
@@ -60,13 +60,15 @@ class AskedSection(Section):
                 elif names is not None:
                     sentences.append(f"{what}: switched off.")
         elif any(a.candidates for a in answers(run)):
-            sampled = any(run.cells("sampled", signal) for signal in run.signals)
+            sampled = any(run.task_results("sampled", signal) for signal in run.signals)
             more = "; the most probable ones were also sampled" if sampled else ""
             sentences.append(f"The models were compared by linear approximations about each best fit{more}.")
         if run.info.get("seed") is not None:
             sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
-        details = folded("All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text)))
+        details = collapsible(
+            "All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text))
+        )
         return fill("asked.html", sentences=sentences, table=_signals(run), details=details)
 
 
@@ -107,12 +109,15 @@ def _signals(run: RunFolder) -> Table | str:
 
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of samples that are used, and their duration."""
-        answer, cell = answer_of(run, signal), run.cell("signal", signal, run.repeats(signal)[0])
+        answer, task_result = (
+            answer_of(run, signal),
+            run.task_result("signal", signal, run.repeats(signal)[0]),
+        )
         if answer is not None and answer.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
             count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
-        elif cell is not None and "t" in cell.arrays:
-            t = cell.arrays["t"]
+        elif task_result is not None and "t" in task_result.arrays:
+            t = task_result.arrays["t"]
             count, duration = len(t), float(t[-1] - t[0])
         else:
             return fmt.NONE, fmt.NONE
@@ -121,7 +126,7 @@ def _signals(run: RunFolder) -> Table | str:
     used = {signal: samples(signal) for signal in run.signals}
     columns: dict[str, Callable[[str], str]] = {
         "signal": str,
-        "origin": lambda s: "simulated" if run.simulated(s) else "measured",
+        "origin": lambda s: "simulated" if run.is_simulated(s) else "measured",
         "recorded": lambda s: (
             f"{run.unit(s).quantity_name(run.quantity(s))} in {run.unit(s).of(run.quantity(s))}"
         ),
@@ -154,12 +159,12 @@ class ProvenanceSection(Section):
             parts.append(Table(["input", "SHA-256"], inputs, text))
         if versions:
             table = Table(["package", "version"], versions, text)
-            parts.append(folded(f"Versions of {len(versions)} packages", table))
+            parts.append(collapsible(f"Versions of {len(versions)} packages", table))
         tasks: dict[str, list[str]] = {}
-        for cell in run.cells():
+        for task_result in run.task_results():
             # The section on the evidence shows pruned tasks.
-            if cell.outcome != OK and status_of(cell.outcome) is not Status.PRUNED:
-                tasks.setdefault(cell.outcome, []).append(cell.name)
+            if task_result.outcome != OK and status_of(task_result.outcome) is not Status.PRUNED:
+                tasks.setdefault(task_result.outcome, []).append(task_result.name)
         if tasks:
             count = sum(map(len, tasks.values()))
             lines = [
@@ -183,7 +188,7 @@ class ProvenanceSection(Section):
             parts.append(Table.of(kinds, of_kind, caption="Time, summed over workers"))
             longest = sorted(known, key=lambda name: -known[name])[:20]
             times = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
-            parts.append(folded(f"The {len(longest)} longest tasks", times))
+            parts.append(collapsible(f"The {len(longest)} longest tasks", times))
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
         if rows:

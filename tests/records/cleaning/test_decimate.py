@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.cleaning.clean import MOST_SAMPLES, PASS, clean, decimate, filter_and_decimate
+from bayesdamp.records.cleaning.clean import MOST_SAMPLES, PASS_BAND, clean, decimate, filter_and_decimate
 from bayesdamp.records.record import RawRecord
 
 RATE = 44100.0
@@ -22,7 +22,7 @@ def test_the_passband_and_what_would_fold_down(factor: int) -> None:
     """exp(iωn) passes a filter of real taps as H(ω) exp(iωn), with H real and near 1 where no phase shifts. The
     negative control: beyond the new Nyquist frequency nothing passes."""
     n = np.arange(40 * factor * 20)
-    for share in (0.01, 0.4, PASS):
+    for share in (0.01, 0.4, PASS_BAND):
         omega = share * np.pi / factor
         cosine, first = filter_and_decimate(np.cos(omega * n), factor)
         sine, _ = filter_and_decimate(np.sin(omega * n), factor)
@@ -48,15 +48,16 @@ def test_a_decay_is_the_same_decay_with_fewer_samples() -> None:
 
 
 def test_white_noise_is_what_is_left_in_the_band() -> None:
-    """White noise of variance σ² keeps σ² times the share of the band: between PASS and 1 of the new Nyquist one."""
+    """White noise of variance σ² keeps σ² times the share of the band: between PASS_BAND and 1 of the new Nyquist
+    one."""
     noise = np.random.default_rng(3).normal(0, 1e-3, N)
     raw = decimate(RawRecord(None, decay(T) + noise, RATE))
     assert raw.t is not None
     left = raw.y - decay(raw.t)
     factor = raw.provenance.more["decimation"]
     # ± 4 standard errors of a variance of correlated samples; false alarms below 1e-3.
-    slack = 4 * np.sqrt(2 / left.size / PASS)
-    assert PASS / factor * (1 - slack) < np.var(left) / 1e-6 < 1 / factor * (1 + slack)
+    slack = 4 * np.sqrt(2 / left.size / PASS_BAND)
+    assert PASS_BAND / factor * (1 - slack) < np.var(left) / 1e-6 < 1 / factor * (1 + slack)
 
 
 def test_the_files_own_times_are_kept() -> None:

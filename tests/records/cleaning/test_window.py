@@ -149,6 +149,6 @@ def test_other_strikes_are_counted_and_what_hums_in_the_noise_is_not(monkeypatch
         (said,) = (note for note in found.notes if "not used" in note)
         assert said.startswith(told)
         assert said.count(" to ") == min(strikes - 1, 3)
-    monkeypatch.setattr(window_module, "OTHER", 0.0)
+    monkeypatch.setattr(window_module, "OTHER_INFORMATION", 0.0)
     record = struck(7)
     assert len(free_decay(*record, coarse_periods(*record), 0.0, True, True, "x").decays) > 7

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.records.cleaning.clean import recording_step
-from bayesdamp.records.oscillation.anomalies import CLIPPED, RISES, anomalies, is_clipped
+from bayesdamp.records.oscillation.anomalies import CLIPPED, RISES_AGAIN, find_anomalies, is_clipped
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Signal
 
@@ -23,7 +23,7 @@ def decay(seed: int, noise: float) -> np.ndarray:
 
 def seen(y: np.ndarray, t: np.ndarray = T) -> tuple[str, ...]:
     signal = Signal(t, y, step=recording_step(y))
-    return anomalies(signal, features(signal))
+    return find_anomalies(signal, features(signal))
 
 
 def test_a_cut_off_peak_is_seen() -> None:
@@ -33,9 +33,9 @@ def test_a_cut_off_peak_is_seen() -> None:
 
 def test_an_amplitude_that_rises_is_seen() -> None:
     beats = np.cos(0.06 * T) * decay(1, 0.0) + 0.002 * np.random.default_rng(1).standard_normal(T.size)
-    assert RISES in seen(beats)
+    assert RISES_AGAIN in seen(beats)
     driven = decay(1, 0.01) + 0.05 * np.cos(1.08 * T)
-    assert RISES in seen(driven)
+    assert RISES_AGAIN in seen(driven)
 
 
 def test_a_decay_has_neither_under_bad_conditions() -> None:

@@ -94,7 +94,7 @@ def test_frequency_and_damping_are_known_no_better_than_the_noise_allows(
 
     The damping is viscous, so that the phase is that of the damped frequency without any allowance.
     """
-    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.SLOWER", 0.0)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.FREQUENCY_ERROR", 0.0)
     t, zeta = np.linspace(0.0, 20.0, 4000), 0.05
     omega = np.sqrt(K - zeta**2)
     motion = 0.3 * np.exp(-zeta * t) * (np.cos(omega * t) + zeta / omega * np.sin(omega * t))
@@ -172,7 +172,7 @@ def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pyte
         records.append(viscous_and_coulomb(0.01, rng.uniform(5, 11), rng.uniform(0.2, 0.5), noise, rng))
     largest = chi2.ppf(0.9995, 20) / 20
     assert np.all(squares(records) < largest)
-    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.999)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.PROBABILITY_NO_WALK", 0.999)
     assert np.all(squares(records) > largest)
 
 
@@ -185,7 +185,7 @@ def test_a_straight_line_is_not_believed_too_firmly(monkeypatch: pytest.MonkeyPa
     assert np.all(squares(records) < 2.5**2)
     walks = np.concatenate([[0.0], np.geomspace(1e-3, 1e8, 12)])
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.WALKS", walks)
-    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.STEADY", 0.5)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.PROBABILITY_NO_WALK", 0.5)
     assert squares(records).max() > 3**2
 
 
@@ -205,5 +205,5 @@ def test_the_frequency_under_strong_friction_is_no_surer_than_its_phase_allows(
         return float(np.max(np.abs(curve.frequency - omega) / curve.frequency_sd))
 
     assert score() < 1.96
-    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.SLOWER", 0.0)
+    monkeypatch.setattr("bayesdamp.records.oscillation.law_free.FREQUENCY_ERROR", 0.0)
     assert score() > 3

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bayesdamp.records.opening import contents, load_isolated
+from bayesdamp.records.opening import load_isolated, read_contents
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
@@ -50,8 +50,8 @@ def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole.tdms", tmp_path / "cut.tdms"
     tdms(whole)
     cut.write_bytes(whole.read_bytes()[:-800])
-    assert contents(whole).warnings == ()
-    (note,) = contents(cut).warnings
+    assert read_contents(whole).warnings == ()
+    (note,) = read_contents(cut).warnings
     assert re.search(r"^the file is cut off .* \d+ samples of a channel are missing", note)
 
 
@@ -110,7 +110,7 @@ def test_a_uff_is_never_a_plain_table(tmp_path: Path) -> None:
     renamed = tmp_path / "a.csv"
     for whole in (text.replace("\n", "\r\n"), f"\n\n{text}"):
         renamed.write_bytes(whole.encode())
-        assert contents(renamed).format == "UFF 58"
+        assert read_contents(renamed).format == "UFF 58"
         np.testing.assert_allclose(read_record(renamed).y, Y, atol=1e-9)
     renamed.write_text(text[: len(text) // 2], encoding="utf-8")
     with pytest.raises(InputError, match=r"universal file|cut off"):
@@ -121,7 +121,7 @@ def test_a_column_that_begins_like_a_uff_is_still_a_table(tmp_path: Path) -> Non
     """The negative control: -1 above 58 without the six columns of a data set's mark."""
     lines = ["-1", "58", *(f"{y:.6f}" for y in Y)]
     (tmp_path / "a.txt").write_text("\n".join(lines), encoding="utf-8")
-    assert contents(tmp_path / "a.txt").format == "text"
+    assert read_contents(tmp_path / "a.txt").format == "text"
 
 
 def test_a_missing_library_is_asked_for_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,8 +200,8 @@ def test_an_lvm_file_may_leave_out_what_it_does_not_need(tmp_path: Path) -> None
 
 def test_contents_pass_from_one_process_to_another(tmp_path: Path) -> None:
     excel(tmp_path / "a.xlsx")
-    there = load_isolated(contents, tmp_path / "a.xlsx", isolate=False)
-    here = contents(tmp_path / "a.xlsx")
+    there = load_isolated(read_contents, tmp_path / "a.xlsx", isolate=False)
+    here = read_contents(tmp_path / "a.xlsx")
     assert [c.name for c in there.columns] == [c.name for c in here.columns]
     for a, b in zip(there.columns, here.columns, strict=True):
         np.testing.assert_array_equal(a.values, b.values)
