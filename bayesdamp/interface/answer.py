@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
-from bayesdamp.inference.deviation.specimen import DampingRun, OtherForm, RunComparison, damping_run
+from bayesdamp.inference.deviation.specimen import OtherForm, RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
@@ -95,7 +95,7 @@ class Answer:
             if "log" in own:
                 likelihood = DampingLikelihood(own["log"] - top, own["slope"], own["information"])
                 coefficients = own["coefficients"].astype(bool)
-                runs[row.damping, row.restoring] = DampingRun(
+                runs[row.damping, row.restoring] = RatioLikelihood(
                     row.parameters, coefficients, own["mode"], likelihood, own["per_unit"], own["growth"]
                 )
         comparison = RunComparison(
@@ -413,7 +413,7 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
     top = max(r.log_evidence for r in compared)
     for r in compared:
         needed = r in comparison.results or r.log_evidence > top - JOINABLE
-        run = damping_run(r, amplitudes) if needed else None
+        run = ratio_likelihood(r, amplitudes) if needed else None
         if run is None:
             continue
         own = {n: getattr(run, n) for n in ("coefficients", "mode", "per_unit", "growth")}

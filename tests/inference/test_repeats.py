@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood, Repeats, join_runs
-from bayesdamp.inference.deviation.specimen import damping_run
+from bayesdamp.inference.deviation.specimen import ratio_likelihood
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.priors import HalfNormal, Normal, Prior, SharedHalfNormal
@@ -112,7 +112,7 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
             Signal(t, y), damping=["viscous"], restoring=["linear"], known=known, reference=Reference(0.3, omega),
             approximate=False,
         )  # fmt: skip
-        runs.append(damping_run(comparison.results[0], np.array([0.2, 0.1])))
+        runs.append(ratio_likelihood(comparison.results[0], np.array([0.2, 0.1])))
         logs.append(np.array([norm.logpdf(y, viscous(t, z, omega, 0.3), noise).sum() for z in x]))
     # Of one half-normal ratio whose scale is log-uniform; in its logarithm.
     prior = erf(x / omega / 1e-8 / 2**0.5) - erf(x / omega / 0.3 / 2**0.5)

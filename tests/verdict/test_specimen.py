@@ -10,9 +10,9 @@ import pytest
 
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.specimen import (
-    DampingRun,
     Model,
     OtherForm,
+    RatioLikelihood,
     RunComparison,
     compare_runs,
 )
@@ -30,7 +30,7 @@ REFERENCE = Reference(1.0, 1.0)
 V, Q, C = ("viscous", "linear"), ("quadratic", "linear"), ("coulomb", "linear")
 
 
-def damping_run(damping: str, ratio: float, sd: float, log: float | np.ndarray = 0.0) -> DampingRun:
+def ratio_likelihood(damping: str, ratio: float, sd: float, log: float | np.ndarray = 0.0) -> RatioLikelihood:
     """A run whose damping ratio is known to ± sd, the same at all amplitudes, exp(log) high; at a ratio alike for all
     terms, as their priors are, so that the coefficient's own evidence cancels between them."""
     ((name, prior),) = damping_priors([damping], REFERENCE).items()
@@ -38,7 +38,7 @@ def damping_run(damping: str, ratio: float, sd: float, log: float | np.ndarray =
     scale = prior.per_ratio
     likelihood = run_of([name], [ratio * scale], np.array([[(sd * scale) ** 2]]), log)
     per_unit = np.full((AMPLITUDE.size, 1), 1 / scale)
-    return DampingRun(**vars(likelihood), per_unit=per_unit, growth=np.zeros((AMPLITUDE.size, 1)))
+    return RatioLikelihood(**vars(likelihood), per_unit=per_unit, growth=np.zeros((AMPLITUDE.size, 1)))
 
 
 def weighed_run(
@@ -53,7 +53,7 @@ def weighed_run(
     return RunComparison(
         {m: float(np.max(v)) for m, v in logs.items()},
         others,
-        {m: damping_run(m[0], ratio, sd, v) for m, v in every.items()},
+        {m: ratio_likelihood(m[0], ratio, sd, v) for m, v in every.items()},
         REFERENCE,
         AMPLITUDE[::-1],
     )

@@ -234,7 +234,7 @@ def search_near(
         new = nonnegative(root, target, parameters.positive)
         squares = model.rest + float(np.sum((root @ new - target) ** 2))
         if squares < least:
-            best, least = parameters.retracted(solver.restoring, z, new), squares
+            best, least = parameters.retract(solver.restoring, z, new), squares
     if best is None:
         return None
     return fit(solver, parameters, active, data.y, best, noise=data.noise, windows=False)
@@ -339,7 +339,7 @@ def linearise_at_mode(
             if near and at.distance(mode, used) < SETTLED:
                 return at, used
             u = at.u + share * (mode - at.u)
-            u[:d] = fit.parameters.retracted(solver.restoring, at.z, u[:d])
+            u[:d] = fit.parameters.retract(solver.restoring, at.z, u[:d])
             trial = linearise(solver, data, fit, u)
             if trial is not None and trial.squares <= at.squares * (1 + 1e-6):
                 new, first = trial, max(i - 1, 0)

@@ -37,7 +37,7 @@ from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bound_other_forms
 from bayesdamp.inference.deviation.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
-from bayesdamp.inference.deviation.tempered import Sampled
+from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, sum_probabilities
@@ -347,7 +347,7 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 
 
 def posterior_of(
-    comparison: ModelComparison, result: CandidateResult, sampled: Sampled
+    comparison: ModelComparison, result: CandidateResult, sampled: TemperedDraws
 ) -> tuple[dict[str, object], np.ndarray]:
     """Summarise the sampled draws of a candidate.
 

@@ -178,7 +178,7 @@ def _search(
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
             if damping >= MOST_DAMPING or promised < NOTHING * close * cost:
                 return fit_at(z, motion, jacobian)
-            new = parameters.retracted(solver.restoring, z, new)
+            new = parameters.retract(solver.restoring, z, new)
             trial = solve(new)
             residual = y if trial is None else y - trial.y
             after = float(residual @ residual) + variance * float(new @ new)

@@ -222,7 +222,7 @@ class LinearModel:
         """Return the sums of squares of draws u, (n, K): (n,)."""
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
-    def mapped(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
+    def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
         """Return the model in w where the old coordinates are u + matrix (w − u), (K,) and (K, K)."""
         target = self.target - self.root @ (u - matrix @ u)
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
@@ -248,7 +248,7 @@ class DampingLikelihood:
     slope: np.ndarray
     information: np.ndarray
 
-    def mapped(self, offset: np.ndarray, matrix: np.ndarray) -> DampingLikelihood:
+    def transform(self, offset: np.ndarray, matrix: np.ndarray) -> DampingLikelihood:
         """Return the likelihood of y for x = offset + matrix y; offset (k,), matrix (k, k)."""
         pull = self.slope - self.information @ offset
         log = self.log + self.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, self.information, offset)
@@ -336,7 +336,9 @@ class LinearPosterior:
         u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
         return u, np.repeat(places, numbers[places])
 
-    def moved(self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:
+    def crank_nicolson_step(
+        self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
+    ) -> np.ndarray:
         """Return draws u, (n, K), of combinations at places (n,) after one Crank–Nicolson step of a size up to 1."""
         means, factors = self.means[places], self.factors[places]
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))

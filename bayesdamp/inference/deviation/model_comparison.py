@@ -40,7 +40,7 @@ from bayesdamp.inference.deviation.sample_noise import (
     inflation,
     predictable_nats,
 )
-from bayesdamp.inference.deviation.tempered import Sampled
+from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import TERMS
@@ -94,7 +94,7 @@ class CandidateResult:
     linearisation, approximate_posterior : optional
         The linearisation about the mode with deviations, and its linear posterior; None where laws are assumed to be
         exact, or no motion with deviations stays close to the record.
-    sampled : Sampled, optional
+    sampled : TemperedDraws, optional
         MCMC draws with the exact motions in place of the linear model.
     """
 
@@ -107,7 +107,7 @@ class CandidateResult:
     exact_posterior: LinearPosterior
     linearisation: Linearisation | None = None
     approximate_posterior: LinearPosterior | None = None
-    sampled: Sampled | None = None
+    sampled: TemperedDraws | None = None
 
     @property
     def posterior(self) -> LinearPosterior:

@@ -181,7 +181,7 @@ class StraightParameters(Parameters):
     def _law_scores(self, values: np.ndarray) -> list[float]:
         return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
 
-    def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
+    def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return `new` unchanged: these coordinates need no correction of a step."""
         return new
 

@@ -79,7 +79,7 @@ class RecordLikelihood:
             The likelihood of the scores.
         """
         values, slopes = _linear_maps(priors, z)
-        changed = likelihood.mapped(z - values / slopes, np.diag(1.0 / slopes))
+        changed = likelihood.transform(z - values / slopes, np.diag(1.0 / slopes))
         which = np.array([n in coefficients for n in priors], bool)
         return RecordLikelihood(tuple(priors), which, values, changed)
 

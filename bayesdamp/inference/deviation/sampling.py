@@ -126,7 +126,7 @@ class LinearProposal:
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
         """Return draws after a Crank–Nicolson step, (n, K). Its stationary distribution is this proposal."""
-        return self.posterior.moved(u, combos, step, rng)
+        return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
         """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""

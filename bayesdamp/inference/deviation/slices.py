@@ -146,7 +146,7 @@ class SlicedProposal:
         """Return draws after a Crank–Nicolson step at fixed a, (n, K). Its stationary distribution is this proposal."""
         new = u.copy()
         for rows, part, off, others in self._split(u):
-            others = part.posterior.moved(others, combos[rows], step, rng)
+            others = part.posterior.crank_nicolson_step(others, combos[rows], step, rng)
             new[rows] = np.insert(others, self.place, part.middle + off, axis=1)
         return new
 
@@ -310,7 +310,7 @@ class _Search:
             if pivot <= 0:
                 return None
             matrix[s, c] = -u[s] / pivot
-            model = model.mapped(u, matrix)
+            model = model.transform(u, matrix)
         posterior = linear_posterior(model, result.grid(), result.variance, self.comparison.samples)
         # The mode of the scores that move with a, where the others and the deviations are fixed.
         square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)

@@ -29,7 +29,7 @@ Model = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class DampingRun(RecordLikelihood):
+class RatioLikelihood(RecordLikelihood):
     """The likelihood of a candidate's damping on one record, and the damping ratio as a function of its parameters.
 
     Attributes
@@ -60,15 +60,15 @@ class DampingRun(RecordLikelihood):
             ends.append(np.log(np.maximum(ratio, 1e-300)))
         return (1 - share) * ends[0] + share * ends[1]
 
-    def with_order(self, names: tuple[str, ...]) -> DampingRun:
+    def with_order(self, names: tuple[str, ...]) -> RatioLikelihood:
         """Return this likelihood with its parameters in the order of `names`."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
-        return DampingRun(names, self.coefficients[at], self.mode[at], likelihood, per_unit, growth)
+        return RatioLikelihood(names, self.coefficients[at], self.mode[at], likelihood, per_unit, growth)
 
 
-def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun | None:
+def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLikelihood | None:
     """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
 
     None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,).
@@ -102,7 +102,7 @@ def damping_run(result: CandidateResult, amplitudes: np.ndarray) -> DampingRun |
                 moved[0, i] += step
                 changed = unit_works(orbit, solver, moved, active)[0] / cycle
                 growth[row, place[name]] = float(np.log((changed @ values) / whole)) / step
-    return DampingRun(**vars(run), per_unit=per_unit, growth=growth)
+    return RatioLikelihood(**vars(run), per_unit=per_unit, growth=growth)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class RunComparison:
         Log evidence of each candidate, in nats relative to the best.
     others : tuple of OtherForm
         The rivals.
-    runs : mapping of Model to DampingRun
+    runs : mapping of Model to RatioLikelihood
         Damping likelihood of each probable candidate and rival, relative to the same best evidence.
     reference : Reference
         Amplitude and frequency with which the record's default priors scale.
@@ -139,7 +139,7 @@ class RunComparison:
 
     log_evidence: Mapping[Model, float]
     others: tuple[OtherForm, ...] = ()
-    runs: Mapping[Model, DampingRun] = field(default_factory=dict)
+    runs: Mapping[Model, RatioLikelihood] = field(default_factory=dict)
     reference: Reference = field(default_factory=lambda: Reference(1.0, 1.0))
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
@@ -147,7 +147,7 @@ class RunComparison:
         """Return the log evidence of the best sum under a restoring law; `NO_EVIDENCE` where there is none."""
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
-    def run_of(self, damping: str, restoring: str) -> DampingRun | None:
+    def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
         """Return the likelihood of a damping under a restoring law; None if this record has no such candidate.
 
         A rival is evaluated under one law only; under another law, the same distance to the best sum is assumed.
@@ -185,7 +185,7 @@ class SpecimenComparison:
         Posterior probability of each damping and law.
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law.
-    runs : mapping of Model to tuple of DampingRun
+    runs : mapping of Model to tuple of RatioLikelihood
         The likelihood of each record, with coefficients converted to the specimen's reference.
     reference : Reference
         Amplitude and frequency with which the specimen's default priors scale.
@@ -195,7 +195,7 @@ class SpecimenComparison:
     log_evidence: Mapping[Model, float]
     probability: Mapping[Model, float]
     repeats: Mapping[Model, Repeats]
-    runs: Mapping[Model, tuple[DampingRun, ...]]
+    runs: Mapping[Model, tuple[RatioLikelihood, ...]]
     reference: Reference
 
     def spread(self) -> dict[str, float]:
@@ -272,7 +272,7 @@ def compare_runs(
 
     logs: dict[Model, float] = {}
     repeats: dict[Model, Repeats] = {}
-    runs: dict[Model, tuple[DampingRun, ...]] = {}
+    runs: dict[Model, tuple[RatioLikelihood, ...]] = {}
     best = -np.inf
     for model in sorted(models, key=lambda m: (-own[m], m)):
         pairs = [(r, r.run_of(*model)) for r in records]
@@ -330,7 +330,7 @@ def _largest(run: RecordLikelihood) -> float:
     return float(np.max(x.log + gain))
 
 
-def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
+def _at_reference(run: RatioLikelihood, damping: str, own: Reference, common: Reference) -> RatioLikelihood:
     """Convert the coefficients of a record's likelihood from its own reference to the common one.
 
     The force of a term such as a power of the velocity contains a reference velocity. At another one its coefficient
@@ -366,5 +366,5 @@ def _at_reference(run: DampingRun, damping: str, own: Reference, common: Referen
     if np.array_equal(jacobian, np.eye(len(names))):
         return run
     inverse = np.linalg.inv(jacobian)
-    likelihood = run.likelihood.mapped(run.mode - inverse @ mode, inverse)
+    likelihood = run.likelihood.transform(run.mode - inverse @ mode, inverse)
     return replace(run, mode=mode, likelihood=likelihood, per_unit=per_unit, growth=growth)

@@ -45,7 +45,7 @@ LEAST_ACCEPTANCE = 0.05
 
 
 @dataclass(frozen=True)
-class Sampled:
+class TemperedDraws:
     """Draws from the posterior with exact motions.
 
     Attributes
@@ -107,7 +107,7 @@ def sample_posterior(
     *,
     draws: int = SMC_DRAWS,
     seed: int = 0,
-) -> Sampled:
+) -> TemperedDraws:
     """Draw from the posterior with exact motions, and compute its evidence.
 
     Parameters
@@ -123,7 +123,7 @@ def sample_posterior(
     u, combos = start.draws(draws, rng)
     ratios = ratio(u)
     if not np.any(np.isfinite(ratios)):
-        return Sampled(u, ratios, -np.inf, float("nan"), 0, 0.0)
+        return TemperedDraws(u, ratios, -np.inf, float("nan"), 0, 0.0)
     direct = _importance_resampled(rng, u, ratios, start, ratio)
     if direct is not None:
         return direct
@@ -150,7 +150,9 @@ def sample_posterior(
             step = float(np.clip(step * np.exp(acceptance - WANTED_ACCEPTANCE), LEAST_STEP, 1.0))
     acceptance = acceptance if beta >= 1.0 else 0.0
     log_evidence += start.log_evidence
-    return Sampled(u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance)
+    return TemperedDraws(
+        u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance
+    )
 
 
 def _importance_resampled(
@@ -159,7 +161,7 @@ def _importance_resampled(
     ratios: np.ndarray,
     start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
-) -> Sampled | None:
+) -> TemperedDraws | None:
     """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
 
     Return None if too many more are needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight.
@@ -180,7 +182,7 @@ def _importance_resampled(
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
     evidence = start.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
     rows = resample(logs, draws, rng)
-    return Sampled(u[rows], ratios[rows], evidence, error, 1, 1.0)
+    return TemperedDraws(u[rows], ratios[rows], evidence, error, 1, 1.0)
 
 
 def _next_rise(ratios: np.ndarray, most: float) -> float:

@@ -96,7 +96,7 @@ class Scores:
             float,
         )
 
-    def retracted(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
+    def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return the end of a step from scores z to `new`, (d,), that is straight in the law's natural coordinates.
 
         Both steps agree to first order. A step along a curved ridge of the posterior, which is straight in the natural
@@ -193,8 +193,8 @@ class Target(Scores):
         return np.setdiff1d(np.arange(len(self.priors)), self.moving)
 
     def follow_step(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return the end of a step from scores z, (d,), that is straight in natural coordinates (see `retracted`)."""
-        return self.retracted(self.oscillator.restoring, z, z + step)
+        """Return the end of a step from scores z, (d,), that is straight in natural coordinates (see `retract`)."""
+        return self.retract(self.oscillator.restoring, z, z + step)
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the scores of parameter values, (d,), limited to ±6. A missing value gets the centre of its prior."""

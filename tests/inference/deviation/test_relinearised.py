@@ -33,6 +33,6 @@ def test_a_law_whose_parameters_are_told_only_together_reaches_what_a_simple_one
     """Control: halved steps along the scores find none that is better."""
     plain = left_by("linear")
     assert left_by("horizontal_pendulum") == pytest.approx(plain, rel=0.02)
-    monkeypatch.setattr(Scores, "retracted", lambda self, law, z, new: new)
+    monkeypatch.setattr(Scores, "retract", lambda self, law, z, new: new)
     monkeypatch.setattr(candidates, "STEPS", ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0)))
     assert left_by("horizontal_pendulum") > 1.5 * plain
