@@ -71,9 +71,8 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
         if form in plain.terms or like not in plain.terms:
             continue
         rest = [t for t in paper if t != like]
-        if TERMS.get(
-            form
-        ).inferred:  # it replaces its term in the probable sums, and has at first the same force
+        if TERMS.get(form).inferred:
+            # It replaces its term in the probable sums, and has at first the same force.
             new, old = TERMS.get(form).parameter, TERMS.get(like).parameter
             near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
             each = {s: close[s].parameters.named(close[s].z) for s in near}
