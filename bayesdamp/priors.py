@@ -229,9 +229,8 @@ class SharedHalfNormal(_Prior):
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """Return the score of the coefficient x: its damping ratio over `SCORE_RATIO`."""
-        with np.errstate(
-            divide="ignore", invalid="ignore"
-        ):  # the coefficient of an absent term has `per_ratio` 0
+        # The coefficient of an absent term has `per_ratio` 0.
+        with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.abs(x) / (SCORE_RATIO * self.per_ratio))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:

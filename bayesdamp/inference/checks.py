@@ -164,9 +164,8 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     form = find_missing_form(
         mode, white, fitted, lambda change: _comparable(mode, r + change) - _comparable(mode, r)
     )
-    if (
-        line.chance > NAMED_PEAK_LIMIT
-    ):  # whitening has removed the peaks: name that of the residuals themselves
+    # Whitening has removed the peaks: name that of the residuals themselves.
+    if line.chance > NAMED_PEAK_LIMIT:
         line = replace(line, words=name_peak(t, r, period))
     windows, shift, count, later = _fit_windows(target, mode, seed)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))

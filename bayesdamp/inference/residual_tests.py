@@ -330,9 +330,8 @@ def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, f
     effects = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
-        with np.errstate(
-            divide="ignore", invalid="ignore"
-        ):  # the Wronskian is zero where friction has ended the motion
+        # The Wronskian is zero where friction has ended the motion.
+        with np.errstate(divide="ignore", invalid="ignore"):
             integrand = np.stack([by_angle[0], by_velocity[0]]) * force / wronskian
         steps = np.cumsum(0.5 * (integrand[:, 1:] + integrand[:, :-1]) * np.diff(grid), axis=1)
         summed = np.concatenate([np.zeros((2, 1)), steps], axis=1)

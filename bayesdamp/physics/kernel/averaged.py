@@ -125,9 +125,8 @@ class AveragedSolver(Solver):
         inner, order = self._solvers[blocks]
         p = np.array(p, float)
         p[: len(self.terms)] *= self.slowness
-        if (
-            tangents == ALL
-        ):  # without g and h, `Solver.solve` would drop the last knot, which is after the last block
+        # Without g and h, `Solver.solve` would drop the last knot, which is after the last block.
+        if tangents == ALL:
             none = np.zeros(self.knots.size)
             g, h = none if g is None else g, none if h is None else h
         # The errors of phases are multiplied by M.

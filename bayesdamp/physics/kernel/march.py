@@ -453,9 +453,8 @@ def march(
                     close(old[base + 2 + n + i], new[base + 2 + n + i], rows, taken)
             for i in range(row_size):
                 rows[0, i] = rows[4, i]
-            if (
-                whole and tangents == 2
-            ):  # after a knot, the hat function on its left ends and the next one begins
+            # After a knot, the hat function on its left ends and the next one begins.
+            if whole and tangents == 2:
                 rows[0, hats], rows[0, hats + 1] = rows[4, hats + 1], 0.0
                 rows[0, hats + 2], rows[0, hats + 3] = rows[4, hats + 3], 0.0
         # --- Accept the step and choose the length of the next.

@@ -289,10 +289,8 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
         Amplitude in the unit of y; a deviation below 1/1000 of it is not an outlier.
     """
     is_far = np.zeros(signal.t.size, bool)
-    for skipped in (
-        0.0,
-        0.5 * period,
-    ):  # two sets of windows, because an outlier at the edge of a window distorts its fit
+    # Two sets of windows, because an outlier at the edge of a window distorts its fit.
+    for skipped in (0.0, 0.5 * period):
         a = int(np.searchsorted(signal.t, skipped))
         if signal.t.size - a < 14:
             continue

@@ -130,9 +130,8 @@ def compare_estimators(run: RunFolder) -> EstimatorComparison:
         if signal not in signals or row["model"] != truths[signal] or stage not in STAGES:
             continue
         rows.setdefault((row["estimator"], signal, stage), []).append(row)
-        if math.isfinite(
-            row["seconds"]
-        ):  # the row of every parameter contains the time of the whole estimate
+        # The row of every parameter contains the time of the whole estimate.
+        if math.isfinite(row["seconds"]):
             seconds.setdefault((row["estimator"], stage, signal, row["repeat"]), row["seconds"])
     totals: dict[tuple[str, str], float] = {}
     for (method, stage, *_), time in seconds.items():
