@@ -155,10 +155,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with kill_as_interrupt():
             status = build_parser(app)(args=given, standalone_mode=False)
         sys.stdout.flush()
-    except (
-        bd.InputError,
-        bd.Refusal,
-    ) as error:  # imports these classes, and NumPy, only if there was an exception
+    except (bd.InputError, bd.Refusal) as error:
+        # These classes, and NumPy, are imported only if there was an exception.
         _trace()
         print_error(one_line(error))
         return WRONG_INPUT

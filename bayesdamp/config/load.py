@@ -178,10 +178,8 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
             what = f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
             raise StudyError(place or "", what) from None
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # such as a number that is too long, or deeply nested tables
+        except (ValueError, RecursionError) as error:
+            # Such as a number that is too long, or deeply nested tables.
             raise StudyError("", f"is not TOML that can be read ({error}); write key = value") from None
         if not tables:
             raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
