@@ -157,7 +157,7 @@ def test_models_that_were_pruned_are_no_failed_check(maker_of) -> None:
         words = Page(render(folder).read_text()).words
         assert ("The evidence of Coulomb (" in words) != believed
         # What was pruned is a line of its own table, with its reason, and has no fit.
-        assert ("1 model pruned by Laplace's evidence, and why" in words) == believed
+        assert ("Not computed further: 1 model, and why" in words) == believed
         assert ("far behind" in words) == believed
         assert ("coulomb" in models_not_pruned(RunFolder(folder), "sim", 0)) != believed
 

@@ -101,7 +101,7 @@ class EvidenceSection(SignalSection):
             caption = "Evidence by Laplace's approximation, for models whose mode was found before they were pruned."
             pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
             count = f"{len(why)} model{'s' * (len(why) > 1)}"
-            parts.append(collapsible(f"{count} pruned by Laplace's evidence, and why", pruned))
+            parts.append(collapsible(f"Not computed further: {count}, and why", pruned))
         if len(repeats) > 1:
             parts.append(collapsible(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
         return stack(*parts)

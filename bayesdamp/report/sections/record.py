@@ -173,10 +173,11 @@ class FitQualitySection(SignalSection):
     title = "Quality of the fits"
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
-        "white noise. The stability over sub-records is the change of a coefficient when only half of the record is "
-        "used, in units of the standard deviation that is expected by chance. Up to about three it can be chance; "
-        "above that, the accuracy is limited by this change and not by the width of the posterior. The predictive p is "
-        "the fraction of records, simulated from the model, that fit worse than this one."
+        "white noise. The stability over sub-records is the largest change of a damping coefficient when only half of "
+        "the record is used, in units of the standard deviation that is expected by chance. Up to about three it can "
+        "be chance; above that, the accuracy is limited by this change and not by the width of the posterior. The "
+        "predictive p is the fraction of simulated white noise that is as strongly autocorrelated as the residual, "
+        "averaged over the posterior."
     )
     nothing = "No model was fitted in this study."
 
@@ -211,7 +212,11 @@ class FitQualitySection(SignalSection):
                 "than their standard deviations, the model is incomplete and the posterior is too narrow."
             )
             table = Table.of(windows, of_part, caption=caption)
-            parts.append(collapsible(f"Parts of the record: {words.model(model)}", table) if place else table)
+            parts.append(
+                collapsible(f"Coefficients of {words.model(model)} from parts of the record", table)
+                if place
+                else table
+            )
         mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
         if mode is not None and mode.rivals:
             columns: dict[str, Callable[[AddedForm], str]] = {
