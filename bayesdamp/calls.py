@@ -27,7 +27,7 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 
 
 class CheckedMethods:
-    """Base of public classes, whose methods check their arguments."""
+    """Base of public classes: `checked_call` wraps each public method and class method of a subclass."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -21,7 +21,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits; a dash for None or NaN."""
+    """Return a number with `digits` significant digits, outside 1e-4 to 1e6 with a power of ten.
+
+    None and NaN give a dash, infinity gives ∞ or −∞.
+    """
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -35,19 +38,22 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def short(error: float) -> str:
-    """Return an error as short text: two digits; below 1e-4 one digit and an exponent."""
+    """Return an error as short text: two significant digits; below 1e-4 one digit and an exponent."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
         return number(error, 2)
     return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
 
 
 def fixed_decimals(value: float, places: int) -> str:
-    """Return a number with `places` decimals."""
+    """Return a number with `places` decimals; NaN and infinity as `number` returns them."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
 def as_entered(value: float) -> str:
-    """Return a number that a user specified, without trailing zeros."""
+    """Return a number that a user specified, with at most six significant digits and no trailing zeros.
+
+    Outside 1e-4 to 1e6 it has three significant digits and a power of ten.
+    """
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
@@ -56,7 +62,10 @@ NEGLIGIBLE_ERROR = 1e-7
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """Return value ± error with two significant digits of the error; only the value if the error is missing or tiny."""
+    """Return value ± error, both rounded to the second significant digit of the error.
+
+    Return the value alone, with more digits, if the error is missing, not positive, or below `NEGLIGIBLE_ERROR`.
+    """
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
     if error < NEGLIGIBLE_ERROR * abs(value):
@@ -83,7 +92,10 @@ def nats(value: float | None, error: float = math.nan) -> str:
 
 
 def interval(low: float | None, high: float | None) -> str:
-    """Return [low, high] with two significant digits of a quarter of the width; a dash if an end is missing."""
+    """Return [low, high], rounded to the second significant digit of a quarter of the width.
+
+    A dash if an end is missing or not finite.
+    """
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return NONE
     width = high - low
@@ -96,11 +108,11 @@ def interval(low: float | None, high: float | None) -> str:
 
 
 EQUAL_FRACTION = 1e-6
-"""Values count as equal if their relative difference is smaller."""
+"""Values of `spread` count as equal if their relative difference is at most this."""
 
 
 def spread(values: Sequence[float]) -> str:
-    """Return "smallest to largest" of values, or a single value if they agree."""
+    """Return "smallest to largest" of values, or the largest alone if they differ by at most `EQUAL_FRACTION`."""
     low, high = min(values), max(values)
     agree = high - low <= EQUAL_FRACTION * abs(high)
     return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
@@ -162,7 +174,10 @@ more than `MOST_DECIMALS` decimals."""
 
 
 def digits(value: float, width: float) -> str:
-    """Return a value with two significant digits of `width`, the uncertainty."""
+    """Return a value rounded to the second significant digit of `width`, its uncertainty.
+
+    If the width or the value is 0, return the value with three significant digits.
+    """
     if not width > 0 or value == 0:
         return f"{value:.3g}"
     places = 1 - math.floor(math.log10(width))
@@ -173,14 +188,15 @@ def digits(value: float, width: float) -> str:
 
 
 def rounded(percent: float) -> str:
-    """Return an uncertain percentage as an integer, below 10 with one significant digit."""
+    """Return a percentage as an integer, below 9.5 % with one significant digit; without the sign %."""
     return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
 
 
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash without a value.
+    """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 
-    scale: factor for the three numbers.
+    unit: text after the value. scale: factor for the three numbers. If an end is not finite, the text is the value and
+    "within no bounds".
     """
     if not math.isfinite(value):
         return NONE
@@ -289,7 +305,7 @@ class Table:
 
 
 def _look(is_text: bool, cell: str = "") -> str:
-    """Return the HTML class attribute of a cell; "" for numbers. Long text cells may wrap."""
+    """Return the HTML class attribute of a cell; "" for numbers. Text of over `LONG_CELL` characters may wrap."""
     if not is_text:
         return ""
     return ' class="t w"' if len(Markup(cell).striptags()) > LONG_CELL else ' class="t"'
@@ -313,9 +329,10 @@ def data_frame(
     Parameters
     ----------
     rows
-        Rows of values or with values by column; or columns by name.
+        Rows, each a sequence of values or a mapping from columns to values; or one mapping from columns to their
+        values.
     columns, index
-        Names of columns and rows; by default those in `rows`, and numbers.
+        Names of columns and of rows; by default the columns are those in `rows`, and the rows are numbered from 0.
     """
     import pandas as pd
 

@@ -34,7 +34,8 @@ def cache_folder() -> Path:
 def kill_as_interrupt() -> Iterator[None]:
     """Raise KeyboardInterrupt for signals that end a run (also if its terminal is closed), within this context.
 
-    Signals that are already handled or ignored, as under `nohup`, are not changed.
+    Signals that are already handled or ignored, as under `nohup`, are not changed. Outside the main thread nothing is
+    done.
     """
 
     def interrupt(*_: object) -> None:
@@ -137,7 +138,10 @@ def processes(workers: int) -> Iterator[Processes]:
 
 
 def _begin(parent: int) -> None:
-    """Prepare a process of the pool; it ends itself if its parent ends, so that a killed run leaves no processes."""
+    """Prepare a process of the pool; `parent` is the id of the process that started it.
+
+    The process ends itself if its parent ends, so that a killed run leaves no processes, and it ignores Ctrl-C.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -46,7 +46,7 @@ class FitStatus(_Beginning):
 
 
 def status_of(outcome: str) -> Status:
-    """Return the status that an outcome's text states."""
+    """Return the status that an outcome's text states; `REFUSED` if it begins with the words of no other status."""
     if outcome == Status.OK.value:
         return Status.OK
     named = (s for s in Status if s not in (Status.OK, Status.REFUSED))
@@ -54,7 +54,10 @@ def status_of(outcome: str) -> Status:
 
 
 def fitting_of(sentence: str) -> FitStatus | None:
-    """Return whether a model fits, according to the sentence on its fit; None if nothing was checked."""
+    """Return whether a model fits, according to the sentence on its fit.
+
+    None if the sentence begins with neither value of `FitStatus`, as when nothing was checked.
+    """
     return next((fitting for fitting in FitStatus if sentence.startswith(fitting.value)), None)
 
 

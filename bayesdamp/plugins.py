@@ -43,7 +43,7 @@ GROUPS = {
 """Group of entry points for each package of plug-ins."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
-"""Modules whose `lru_cache` functions may cache results under names of plug-ins."""
+"""Prefixes of modules whose `lru_cache` functions may cache results under names of plug-ins."""
 
 _EXTENDED: list[str] = []
 """Names of all plug-ins that were ever added in this process."""
@@ -138,7 +138,9 @@ class Registry(Generic[T]):
         self._sources.pop(name, None)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name. Raises InputError, with a similar valid name, if there is none."""
+        """Return the plug-in with a name, importing it if necessary; that of an installed package is then added.
+
+        Raises InputError, with a similar valid name, if there is none. """
         if name in self._added:
             return self._added[name]
         if name in self._modules:
@@ -150,7 +152,7 @@ class Registry(Generic[T]):
         raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
 
     def source(self, name: str) -> str:
-        """Return a digest of the source of a plug-in, and of the modules that it imports if it ships.
+        """Return the SHA-256 of a plug-in's source; if it ships, also of the modules that it imports, at any depth.
 
         Raises InputError for an unknown name.
         """
@@ -251,7 +253,10 @@ def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
 
 
 def _run(module: PluginModule) -> ModuleType:
-    """Run the source of a module; it is registered in `sys.modules`, so that its classes can be pickled."""
+    """Run the source of a module and return the module. Raises InputError, with the line, if it fails.
+
+    The module is registered in `sys.modules`, so that its classes can be pickled.
+    """
     name = f"bayesdamp_plugin_{module.digest[:12]}"
     loaded = ModuleType(name)
     loaded.__file__ = module.file
@@ -275,6 +280,7 @@ def _run(module: PluginModule) -> ModuleType:
 
 
 def _in_one_line(error: Exception) -> str:
+    """Return the type and the message of an exception as one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
@@ -306,6 +312,6 @@ def has_added_plugins() -> bool:
 
 
 def nearest(name: str, valid: list[str]) -> str:
-    """Return a clause for a message with the most similar valid name, else with all valid names."""
+    """Return a clause for the end of a message: the most similar valid name, or else all valid names."""
     close = get_close_matches(name, valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

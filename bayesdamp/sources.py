@@ -53,7 +53,11 @@ def package_digest() -> str:
 
 
 def import_closure(modules: Iterable[str]) -> set[str]:
-    """Return the modules and all that they import, at any depth, without `UNRELATED_MODULES` unless given."""
+    """Return the names of modules and of all package modules that they import, at any depth.
+
+    The packages that contain them are included, but not `bayesdamp` itself. Imports of `LEAF_MODULES` are not followed.
+    `UNRELATED_MODULES` are left out, unless they are given.
+    """
     waiting = list(modules)
     names = {name for name in waiting if _is_outside(name)}
     while waiting:
@@ -69,11 +73,15 @@ def import_closure(modules: Iterable[str]) -> set[str]:
 
 @cache
 def _is_outside(name: str) -> bool:
+    """Return whether a module is one of `UNRELATED_MODULES` or below one."""
     return any(name == module or name.startswith(f"{module}.") for module in UNRELATED_MODULES)
 
 
 def direct_imports(name: str) -> frozenset[str]:
-    """Return the modules of the package that a module imports directly, at its top or in functions."""
+    """Return the modules of the package that a module imports directly, at its top or in functions.
+
+    Imports under `if TYPE_CHECKING` are left out.
+    """
     if name not in _IMPORTED:
         text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
         for base, names, plain in _IMPORT.findall(text):

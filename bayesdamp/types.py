@@ -145,7 +145,7 @@ class Signal:
 
     @property
     def uniform(self) -> bool:
-        """Return whether the samples are equally spaced, within 1/1000 of the spacing."""
+        """Return whether the samples are equally spaced, within 1/1000 of the mean spacing."""
         gaps = self.t[1:] - self.t[:-1]
         return bool((abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()).all())
 
@@ -208,11 +208,9 @@ class Estimate:
     estimator, stage: names of the method and of the stage.
     values: parameter values that the method computes, by name (SI units).
     stderr: standard errors that the method computes, by parameter.
-    trace: convergence curves by name, each an array.
-    details: further results of the method (selected terms, eigenvalues, a Pareto front, a learnt force), as strings,
-    numbers and lists of these.
-    evaluations, seconds: number of evaluations, and computing time.
-    outcome: `ok`, or why the method failed.
+    trace: convergence curves by name, each an array of values by iteration. details: further results of the method
+    (selected terms, eigenvalues, a Pareto front, a learnt force), as strings, numbers and lists of these. evaluations,
+    seconds: number of evaluations, and computing time. outcome: `ok`, or why the method failed.
     """
 
     estimator: str

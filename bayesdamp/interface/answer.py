@@ -295,7 +295,9 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
 
 
 def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
-    """Measure the damping ratio and the frequency without a law, at amplitudes in rad or m.
+    """Measure the damping ratio and the frequency without a law, at amplitudes in rad or m, or the nearest ones.
+
+    The frequency is that at the last amplitude.
 
     None if the record is too short for this.
     """

@@ -116,7 +116,10 @@ class Comparison(Result):
         return self._joined(names)
 
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
-        """Return arrays of all records as the columns of a table. `names` maps columns to the names of arrays."""
+        """Return arrays of all records as the columns of a table, with further columns unit and record.
+
+        `names` maps columns to the names of arrays. Records that lack one of these arrays have no rows.
+        """
         import pandas as pd
 
         parts = []

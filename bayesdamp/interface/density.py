@@ -71,7 +71,7 @@ class Density(ResultView):
 
     @classmethod
     def at(cls, signal: types.Signal, model: Result, mode: Mode) -> Self:
-        """Return the posterior density for a mode, where the solver's step sizes are chosen."""
+        """Return the posterior density of the mode's target, with the solver's step sizes of the mode."""
         target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         units = units_of(target.names, target.oscillator.restoring, signal)
@@ -167,7 +167,7 @@ class Density(ResultView):
         return self.mode.likelihood.within(PRECISION * self.mode.tolerance)
 
     def _slopes(self, x: Vector) -> tuple[float, Vector]:
-        """Return the log likelihood and its gradient at x, (d,)."""
+        """Return the log likelihood at x, (d,), and its gradient in natural units, (d,)."""
         return self._likelihood.slopes_of(self._parameters(x))
 
     def _parameters(self, x: Vector) -> dict[str, float]:

@@ -382,7 +382,11 @@ def check_signal(signal: object, model: object) -> Signal:
 
 
 def fit_approximate(signal: Signal, model: Model) -> Single:
-    """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record."""
+    """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record.
+
+    If averaging a record of many cycles is not accurate enough, the record is fitted again without it, up to
+    `MOST_CYCLES` cycles.
+    """
     case = Case.with_noise(signal, model)
     noises = noises_of(model.noise)
     fit = partial(
@@ -440,6 +444,8 @@ def fit_exact(
 
 def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
     """Choose the noise model by its evidence, and the width of friction if it is neither known nor inferred.
+
+    If the model has only one noise model, neither is chosen: notes and starts are then empty.
 
     Returns
     -------

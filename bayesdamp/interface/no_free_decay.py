@@ -23,7 +23,10 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 @once_per_record
 def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
-    """Return the motion of a signal if it is not the free decay of one oscillator; None if it may be one."""
+    """Return the motion of a signal that is not a free decay of one oscillator; None if it may be one.
+
+    Also None if it has no period. `harmonics` is as in `no_free_decay`.
+    """
     try:
         period = features(signal).period
     except Refusal:

@@ -49,7 +49,10 @@ class RatioAgreement:
 
 
 def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[RatioAgreement]:
-    """Compare each damping ratio of a verdict with another (value, low, high)."""
+    """Return the agreement of each damping ratio of a verdict with another, given as (value, low, high).
+
+    Both are in the order of the verdict's amplitudes; if there are fewer others, the remaining ratios are left out.
+    """
     comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
         width = max(r.high - r.low, 1e-300)
@@ -75,7 +78,7 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
 
 
 def agreement(first: Verdict, second: Verdict) -> Agreement:
-    """Compare a second verdict on a record with the first."""
+    """Compare a second verdict on a record with the first; dampings are the same if they have the same terms."""
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])
     return Agreement(len(dampings) == 1, max((i.moved for i in comparisons), default=0.0))

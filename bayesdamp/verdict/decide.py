@@ -45,10 +45,11 @@ def decide(
 ) -> Verdict:
     """Decide on the verdict on one record.
 
-    A damping is named without reservation if its probability is large, if it is also the most probable one under exact
-    laws, and if no twin of its terms (a term with the same loss at every amplitude) is possible. Where the law-free
-    damping ratio contradicts the best law, the verdict gives this ratio and names no law. Where only the law-free
-    frequency contradicts the best restoring law, the verdict gives this frequency.
+    A damping is named without reservation (`decided`) if its probability is at least `thresholds.DECIDED`, if it is
+    also the most probable one under exact laws, if the grade is not `DEVIATES`, and if no twin of its terms (a term
+    with the same loss at every amplitude) is possible. Where the law-free damping ratio contradicts the best law, the
+    verdict gives this ratio and names no law. Where only the law-free frequency contradicts the best restoring law, the
+    verdict gives this frequency.
 
     Parameters
     ----------
@@ -61,7 +62,8 @@ def decide(
     quantity
         The recorded quantity, as in `Verdict`.
     measured
-        Whether the record is a measurement; probabilities are then at most `thresholds.CAP`.
+        Whether the record is a measurement; if laws may also hold approximately, probabilities are then at most
+        `thresholds.CAP`.
     approximate
         Whether laws may hold approximately.
     window
@@ -161,8 +163,9 @@ def decide(
 
 
 def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
-    """Return the terms of a sum with a twin (equal loss at every amplitude) that the record does not exclude.
+    """Return the terms of a sum with a possible twin (a term with the same loss at every amplitude).
 
+    A twin is possible if it was compared, is not in the sum, and its 95 % upper limit is at least `thresholds.TWIN`.
     Each is returned as (term, twin, upper limit of the twin's energy fraction).
     """
     own = damping.split("+")
@@ -177,13 +180,17 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Return all sums but the first, and all other forms of damping, in order of their probability."""
+    """Return all sums but the first of `sums`, and all other forms in `others`, the most probable first."""
     rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
     return tuple(sorted(rivals, key=lambda r: -r.probability))
 
 
 def grade_of(findings: Findings) -> Grade:
-    """Grade how well the laws hold, from the deviations and the unexplained residual."""
+    """Return the grade of how well the laws hold, from the deviations and the unexplained residual.
+
+    `DEVIATES` if one of them exceeds its threshold; else `EXACT` if the deviation of the damping is at most
+    `thresholds.EXACT` (97.5 % quantile); else `APPROXIMATE`.
+    """
     if (
         findings.deviation.value > thresholds.DEVIATES
         or findings.restoring_deviation.low > thresholds.RESTORING_DEVIATES
@@ -203,8 +210,8 @@ def _contradict(
 ) -> bool:
     """Return whether a law contradicts a value that is measured without a law, at an amplitude that both have.
 
-    It does if the two values differ by more than the fraction `least` of the measured one, and if the law's interval
-    does not overlap the measured interval after this is widened by the factor `WIDER`.
+    It does if, at one amplitude, the two values differ by more than the fraction `least` of the measured one, and if
+    the law's interval does not overlap the measured interval after this is widened by the factor `WIDER`.
     """
     wider = thresholds.WIDER
     return any(
@@ -225,9 +232,9 @@ def interval_of(q: Quantity, unit: str = "") -> Interval:
 
 
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
-    """Return the damping divided by its law at the worst amplitude where it surely deviates by more than `DEVIATES`.
+    """Return the damping divided by its law at the amplitude where it surely deviates most; None if nowhere.
 
-    None if there is no such amplitude.
+    It surely deviates where the 95 % interval of this ratio is above 1 + `DEVIATES` or below 1/(1 + `DEVIATES`).
     """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)

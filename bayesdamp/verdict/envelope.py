@@ -169,7 +169,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 
 
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> MeasuredNumber:
-    """Summarise draws of a number, (n,); `plain` are draws (m,) that vary by the noise of the readings alone."""
+    """Return the median of draws (n,) of a number, its 95 % interval, and the parts of its standard deviation.
+
+    `plain` are draws (m,) that vary by the noise of the readings alone; their standard deviation is `sd_noise`.
+    """
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
@@ -179,7 +182,8 @@ def _coefficients_of(
 ) -> tuple[Coefficient, ...]:
     """Return the coefficients of the most probable sum's terms, averaged over all sums that have them.
 
-    Where amplitudes have no scale, they are relative to the amplitude at the start.
+    Where amplitudes have no scale (dB), they are relative to the amplitude at the start. `draws` are with deviations
+    and the sensor's error, `plain` under exact laws without it.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
@@ -250,11 +254,12 @@ def _coefficients_with_own(
 
 
 def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
+    """Return a coefficient from its draws (n,), and draws (m,) under exact laws."""
     return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
 
 
 def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Return the remarks. twins: pairs of sums that lose the same energy at every amplitude."""
+    """Return the remarks on an envelope's verdict; `twins` are pairs of sums that its amplitudes cannot distinguish."""
     record = decay.record
     texts = list(record.notes)
     if record.frequency is None:
@@ -316,7 +321,7 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return for each damping sum that all records with a decay have: the likelihood of each record.
+    """Return, by damping sum, the likelihoods of all records, of sums that every record with a decay has.
 
     The likelihood of each record is a function of scores: the damping ratios at a common reference amplitude (the
     geometric mean of those of the records) divided by `SCORE_RATIO`. If the frequency of a record is not known, the

@@ -16,7 +16,11 @@ NAN = math.nan
 
 
 class Grade(StrEnum):
-    """How well a law of damping describes the record."""
+    """How well a law of damping describes the record, the best first; or why no law was compared.
+
+    `EXACT`, `APPROXIMATE` and `DEVIATES` are as `decide.grade_of` returns them; `NO_FREE_DECAY`: the record is not the
+    free decay of one oscillator; `NOT_WEIGHED`: no model could be fitted.
+    """
 
     EXACT = "exact"
     APPROXIMATE = "approximate"
@@ -252,7 +256,10 @@ def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
 
 
 def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Table:
-    """Return a table of the sinusoids in a record that is not a free decay of one oscillator."""
+    """Return a table of the sinusoids in a record that is not a free decay of one oscillator.
+
+    If the motion is excited, the two amplitudes are the least and the largest, otherwise the first and the last.
+    """
     first, last = ("least", "largest") if motion is MotionKind.EXCITED else ("first", "last")
     columns: dict[str, Callable[[Oscillation], str]] = {
         "frequency": lambda m: f"{m.frequency:.5g} Hz",

@@ -159,7 +159,10 @@ def specimen(
 def common_verdict(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
-    """Build the part of a specimen's verdict that is the same for motions and for envelopes.
+    """Return a specimen's verdict with the fields that are computed alike for motions and for envelopes.
+
+    It is decided by the probability and the grade alone. The grade and the deviations are the worst of the records, the
+    energy fractions and the noise medians over them.
 
     Parameters
     ----------
@@ -210,7 +213,10 @@ def common_verdict(
 def specimen_probabilities(
     comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Return the probabilities of damping sums, of restoring laws and of rivals, for all records together."""
+    """Return probabilities by damping sum, by restoring law and by rival, for all records together.
+
+    Sums and laws are in order of their probability. The probabilities by law include the rivals.
+    """
     other_forms = {form.damping for r in comparison.records for form in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
@@ -225,7 +231,7 @@ def specimen_probabilities(
 
 
 def spread_of(comparison: SpecimenComparison) -> Interval:
-    """Return the relative standard deviation of the damping between records, with its 95 % interval."""
+    """Return the relative standard deviation of the damping between records: median and 95 % interval."""
     spread = comparison.spread()
     return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
@@ -243,7 +249,7 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
 def _ratios(
     records: Sequence[RecordAnswer], comparison: SpecimenComparison, sensor: float, seed: int
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the specimen's damping ratios at three amplitudes, and those of one more record.
+    """Return the specimen's damping ratios at three falling amplitudes, and those of one more record.
 
     The amplitudes are in the range of all records, or if there is none, of the first record. The ratio by the law is
     drawn from the joint posterior; its deviation is pooled over the records. Under exact laws the sensor's error is not

@@ -64,6 +64,7 @@ def _cells(name: str, value: Any) -> dict[str, object]:
 
 
 def _ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
+    """Return the columns of up to three damping ratios: amplitude, unit, value, interval and parts of the sd."""
     cells: dict[str, object] = {}
     for i, r in enumerate(ratios[:_RATIOS], 1):
         cells |= {f"amplitude_{i}": r.amplitude, f"unit_{i}": r.unit, **_cells(f"ratio_{i}", r)}
@@ -71,6 +72,7 @@ def _ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
 
 
 def _next_ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
+    """Return the columns with the ends of the intervals of one more record's damping ratios, up to three."""
     cells: dict[str, object] = {}
     for i, r in enumerate(ratios[:_RATIOS], 1):
         cells |= {f"ratio_{i}_next_low": r.low, f"ratio_{i}_next_high": r.high}
@@ -130,7 +132,8 @@ class Verdict(CheckedMethods):
         Energy-weighted mean of the relative deviation from the damping law, and from the restoring law; for an envelope
         the root mean square over the decay.
     over_law
-        The damping divided by that of its law, at the worst amplitude where it surely deviates too much for a law.
+        The damping divided by that of its law, at the amplitude where it surely deviates most; None where it surely
+        deviates by more than `thresholds.DEVIATES` at no amplitude.
     unnamed
         Fraction of the energy that no sum of the compared terms explains.
     unexplained_pct, noise_pct
@@ -348,6 +351,7 @@ def columns() -> tuple[str, ...]:
 
 
 def _plain(value: object) -> object:
+    """Return JSON values with None in place of numbers that are not finite, at any depth."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

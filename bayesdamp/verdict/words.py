@@ -99,7 +99,10 @@ def _answer(v: Verdict) -> str:
 
 
 def _size(v: Verdict) -> str:
-    """Return the size of the damping: Q or the decay rate of an envelope, otherwise damping ratios at amplitudes."""
+    """Return the size of the damping in words: Q or the decay rate of an envelope.
+
+    Otherwise the damping ratios at the first and at the last of the amplitudes.
+    """
     if v.quality_factor is not None:
         return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"
     if v.rate is not None:
@@ -126,7 +129,10 @@ def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
 
 
 def _frequency(v: Verdict) -> str:
-    """Return the natural frequency; where it is an extrapolation, first the frequency at an amplitude of the record."""
+    """Return a clause with the natural frequency, beginning with a comma; "" for an envelope or without it.
+
+    Where it is an extrapolation, the clause gives first the frequency at an amplitude of the record.
+    """
     at = v.frequency_at
     if v.quantity == "envelope":
         return ""  # it was specified, and Q contains it
@@ -139,7 +145,10 @@ def _frequency(v: Verdict) -> str:
 
 
 def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
-    """Return whether the natural frequency is an extrapolation beyond the amplitudes of the record."""
+    """Return whether the natural frequency is extrapolated: too uncertain, or too far from that at an amplitude.
+
+    The limit is the fraction `thresholds.EXTRAPOLATED` of it, for its half interval and for the difference.
+    """
     off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
     return off > thresholds.EXTRAPOLATED * natural.value
 
@@ -185,16 +194,20 @@ def _mode(m: Oscillation) -> str:
 
 
 def _frequency_of(m: Oscillation) -> str:
-    """Return the frequency of a sinusoid, with the digits that its sd (that of the damping ratio times f) allows."""
+    """Return the frequency of a sinusoid as text, rounded by an uncertainty in Hz.
+
+    This is the width of the damping ratio's 95 % interval times the frequency, at least 1e-4 of the frequency.
+    """
     return digits(m.frequency, max((m.high - m.low) * m.frequency, 1e-4 * m.frequency))
 
 
 def _amplitude_share(share: float) -> str:
-    """Return a fraction of the amplitude as text."""
+    """Return a fraction of the first amplitude as text, such as `2 % of the amplitude`."""
     return f"{100 * share:.2g} % of the amplitude" if share < 1 else "more than the amplitude itself"
 
 
 def _capitalise(text: str) -> str:
+    """Return a text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
@@ -257,7 +270,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
 
 
 def _law_quality(v: Verdict) -> str:
-    """Return the part of the sentence on how well the law holds."""
+    """Return the clause on how well the law holds, beginning with a semicolon; "" without a deviation."""
     if v.deviation is None:
         return ""
     d = v.deviation
@@ -276,8 +289,9 @@ def _law_quality(v: Verdict) -> str:
 def power_in_words(e: Interval, damping: str = "") -> str:
     """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
 
-    A law is named only if the interval contains its exponent alone. If the verdict names another sum, `damping`, the
-    text only says that the exponent is near: friction and drag together may grow like viscous damping.
+    A law is named only if half the interval is at most `thresholds.EXPONENT_NAMED`, and the interval, widened by 0.02
+    at both ends, contains its exponent alone. If the verdict names another sum, `damping`, the text only says that the
+    exponent is near: friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
@@ -303,6 +317,7 @@ def parameter_in_words(name: str) -> str:
 
 
 def _in_words(name: str) -> str:
+    """Return a name with spaces in place of underscores."""
     return name.replace("_", " ")
 
 
