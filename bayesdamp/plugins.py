@@ -140,7 +140,8 @@ class Registry(Generic[T]):
     def get(self, name: str) -> T:
         """Return the plug-in with a name, importing it if necessary; that of an installed package is then added.
 
-        Raises InputError, with a similar valid name, if there is none. """
+        Raises InputError, with a similar valid name, if there is none.
+        """
         if name in self._added:
             return self._added[name]
         if name in self._modules:

@@ -169,7 +169,7 @@ def _reference(study: Study, system: System) -> Reference:
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
-    """Return the posterior mode of a record, and its refined estimate.
+    """Return the posterior mode of a record, and the trajectory fit of the estimator `ESTIMATOR` to it.
 
     No starting point uses the true values: they come from the record or the prior.
 

@@ -30,9 +30,8 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     -------
     Product
         The content is a `RanksContent` with the names of the k parameters, the log likelihood last. Arrays for c
-        records
-        and s samplers: truth (c, k); value and stderr of the refined estimate (c, k); ranks (c, s, k) of the truth
-        among the thinned draws, −1 without draws; below (c, s, k), the fraction of all draws below the truth.
+        records and s samplers: truth (c, k); value and stderr of the refined estimate (c, k); ranks (c, s, k) of the
+        truth among the thinned draws, −1 without draws; below (c, s, k), the fraction of all draws below the truth.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]

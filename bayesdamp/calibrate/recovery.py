@@ -87,7 +87,7 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
 
 
 def models_of(study: Study, kind: str) -> list[str]:
-    """Return the models that are drawn and compared."""
+    """Return the models that are drawn and compared: all of the study; for the kind "single" those with one term."""
     models = list(study.models.compare)
     return [m for m in models if len(parse_model(m)) == 1] if kind == "single" else models
 

@@ -190,8 +190,8 @@ def compute_series(
     """Compute the tasks of every series in waves, and return their results in order.
 
     The size of a wave follows from the fraction of usable records in the waves before it, not from the results that
-    were
-    already stored: an interrupted calibration ends with the same records. Failed tasks are repeated by the next run.
+    were already stored: an interrupted calibration ends with the same records. Failed tasks are repeated by the next
+    run.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
@@ -212,7 +212,10 @@ def count_usable(results: Sequence[TaskResult]) -> int:
 
 
 def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
-    """Return the first records of the tasks in the next wave; none if the series is complete, gave up or has failed."""
+    """Return the numbers of the first records of the tasks in the next wave.
+
+    The list is empty if the series is complete, has tried `MOST_TRIES` times the wanted records, or has a failed task.
+    """
     chunk = series.module.RECORDS_PER_TASK
     tried, good = len(results) * chunk, count_usable(results)
     if good >= series.wanted or tried >= MOST_TRIES * series.wanted or any(is_failed(r) for r in results):

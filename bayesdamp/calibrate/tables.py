@@ -39,6 +39,7 @@ Results = Mapping[str, Sequence[TaskResult]]
 
 
 def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
+    """Return an array of all results of a series, joined along its first axis (records)."""
     return np.concatenate([c.arrays[name] for c in chunks])
 
 
@@ -57,8 +58,9 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     the intervals of the refined estimates. Samplers and refined estimates are two families of tests.
 
     records: number of records. without: number without an interval. value: for "ranks" the largest difference between
-    their distribution function and the uniform one; for "coverage" the fraction of intervals that contain the truth,
-    with its 99 % limits. The verdict is "wrong" if p_holm is below `FALSE_ALARM`.
+    their distribution function and the uniform one; for "coverage" the fraction of intervals that contain the truth.
+    low, high: limits that this fraction keeps with 99 % probability if the intervals are right. The verdict is "wrong"
+    if p_holm is below `FALSE_ALARM`.
     """
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
@@ -108,6 +110,11 @@ def points(draws: int) -> int:
 
 
 def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
+    """Return the row of a test of coverage.
+
+    `inside` (n,): whether each interval of probability `level` contains the truth; `without`: number of records without
+    one.
+    """
     n, hits = inside.size, int(inside.sum())
     low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
     return {
@@ -246,7 +253,10 @@ def recovery_summary(results: Results) -> Row:
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
-    """Compare how often the most probable model is the true one with the sum of the probabilities of these models."""
+    """Return how often the most probable model is the true one, compared with its probabilities.
+
+    hit, p (n,): whether the most probable model of each record is the true one, and its probability.
+    """
     n, hits = hit.size, int(hit.sum())
     low, high = statistics.hits_band(p, 1 - FALSE_ALARM)
     share = binomtest(hits, n).proportion_ci(0.95, "exact") if n else None
@@ -265,7 +275,10 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Compare hits with probabilities in bins of the highest probability; the bands hold jointly (Bonferroni)."""
+    """Yield a row for each bin of `EDGES` with records: the fraction of hits, and its band from the probabilities.
+
+    The bands hold jointly (Bonferroni). hit and p are as in `_hits`.
+    """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)
     for k in used:

@@ -166,7 +166,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
 
 
 def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
-    """Return the record with the free decay in it, or with the reason why there is none."""
+    """Return the record with its free decay as `signal`, or with the reason why it has none as `refusal`."""
     try:
         signal = clean(
             decimate(unwrap(record.raw, record.unit, record.quantity)),
@@ -365,7 +365,7 @@ def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) 
 
 
 def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the most likely values of the options that would settle the findings on a record."""
+    """Return the most likely values, by option, that would settle the findings on a record."""
     unit, quantity, doubtful = options.interpret(raw)
     answers = {"unit": unit} if options.assumes_rad(raw, unit, quantity) else {}
     return answers | dict(doubt.answer for doubt in doubtful if doubt.answer is not None)

@@ -65,7 +65,10 @@ def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
 
 
 def read_section(model: type[Model], raw: object, key: str) -> Model:
-    """Return a table as a frozen model. Raises StudyError; the message states valid values."""
+    """Return a table as an instance of `model`, a class of tables.
+
+    Raises StudyError for an unknown, missing or wrong key; the message states valid values.
+    """
     fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
     given = check_table(raw, key)
     check_keys(given, fields, key)
@@ -84,7 +87,10 @@ def read_section(model: type[Model], raw: object, key: str) -> Model:
 
 
 def check_number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
-    """Return a raw value as a finite number. Raises StudyError if it is not valid."""
+    """Return a raw value as a finite float. Raises StudyError if it is not a number, or out of range.
+
+    positive: whether it must be above 0. minimum: smallest allowed value.
+    """
     right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
     try:
         value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan

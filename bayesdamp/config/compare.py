@@ -18,18 +18,15 @@ from bayesdamp.units import UNITS
 
 PRUNE_NATS = 20.0
 """Distance to the best log evidence (nats) from which a candidate is pruned: a relative probability of 2e-9. Pruning
-uses
-Laplace's evidence, whose error is a few nats at most if a posterior is not normal."""
+uses Laplace's evidence, whose error is a few nats at most if a posterior is not normal."""
 SAMPLED_CANDIDATES = 2
 """Number of candidates whose posterior is sampled: the two most probable ones."""
 WARMUP, DRAWS = 100, 500
 """Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
-if
-they are not, the sampler adds draws."""
+if they are not, the sampler adds draws."""
 LEAST_NOISE = 1e-3
 """Noise that is added to a record without noise, because a likelihood needs noise: a fraction of the amplitude, typical
-of
-a good encoder."""
+of a good encoder."""
 METHODS = ("laplace", "importance", "bridge")
 """Evidence methods."""
 JOINT_METHODS = ("laplace", "importance")
@@ -40,8 +37,7 @@ SPECIMEN = "specimen"
 
 RecordOptions = Mapping[str, Any]
 """A record's file and how to read it, with the keys of [[signal]] in a study (None for no value), and a label if the
-file
-has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
+file has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:

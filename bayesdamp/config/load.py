@@ -98,7 +98,10 @@ def record_question(study: Study, folder: Path) -> dict[str, Any]:
 
 
 def has_other_study(study: Study, folder: Path) -> bool:
-    """Return whether a folder contains the run of another study."""
+    """Return whether a folder contains the run of another study, or a run.json that cannot be read.
+
+    False if the folder contains no run.json.
+    """
     try:
         run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     except FileNotFoundError:

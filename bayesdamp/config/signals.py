@@ -93,6 +93,7 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
+    """Return the valid keys of [system], given the parameters of the restoring laws."""
     return ["restoring", *parameters, *START, "epsilon", *NOISE, *REFERENCE]
 
 
@@ -109,6 +110,7 @@ def _read_value(name: str, raw: object, key: str) -> object:
 
 
 def _read_number(name: str, raw: object, key: str) -> float:
+    """Return a raw value as a number that the parameter `name` may have. Raises StudyError."""
     return check_number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
 
 

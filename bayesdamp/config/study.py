@@ -335,7 +335,7 @@ class SignalSpec:
         return () if self.is_envelope else self.laws or (self.system.restoring,)
 
     def under(self, restoring: str) -> System:
-        """Return the system under a restoring law; that of `system` if the name is another."""
+        """Return the system under a restoring law; `system` if the law is none of the alternatives."""
         return next((s for s in self.alternatives if s.restoring == restoring), self.system)
 
     @property
@@ -438,12 +438,12 @@ class Study:
 
     @property
     def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen without envelopes, which have a joint fit of their own."""
+        """The signals of each specimen whose records are not envelopes, by its name."""
         return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
 
     @property
     def repeated(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen with several records."""
+        """The signals of each specimen with several records that are not envelopes, by its name."""
         return {n: specs for n, specs in self.specimens.items() if sum(s.repeats for s in specs) > 1}
 
     @property

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
-"""The default method if laws hold exactly, and two names of the linear approximation if they may hold approximately."""
+"""The default method if the fit assumes exact laws, and two names of the linear approximation, which is for fits with
+deviations."""
 FROM_DRAWS = "nuts"
 """The sampler whose draws a method can use; the draws of other samplers are thinned or weighted."""
 
@@ -75,8 +76,8 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     source
         A fit; or a posterior, whose draws are used by methods that need draws.
     method
-        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if laws hold exactly), importance,
-        nested or laplace.
+        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if the fit assumes exact laws),
+        importance, nested or laplace.
     seed
         Seed of all random numbers.
 

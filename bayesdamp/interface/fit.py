@@ -130,7 +130,8 @@ class StoredFit:
 class Fit(Result, Storable):
     """The best fit of a model to a record.
 
-    If laws hold exactly, it is the posterior mode in coordinates z in which the prior of each parameter is N(0, 1).
+    If the fit assumes exact laws, it is the posterior mode in coordinates z in which the prior of each parameter is
+    N(0, 1).
 
     If laws may hold approximately (model.deviation), values are posterior medians and sd are total standard deviations.
     Both are from an approximation that is linear about the best motion, with deviations integrated out.
@@ -235,7 +236,7 @@ class Fit(Result, Storable):
         Raises
         ------
         Refusal
-            If there is no fit, or if laws hold exactly; use `sample(fit).derived` then.
+            If there is no fit, or if the fit assumes exact laws; use `sample(fit).derived` then.
         """
         return tabulate_ratios(self, amplitudes)
 
@@ -534,7 +535,7 @@ def check_times(t: ArrayLike, quantity: str) -> Vector:
 
 
 def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Predict the motion if laws hold exactly, at times (m,) within the record, after it, or before it."""
+    """Predict the motion if the fit assumes exact laws, at times (m,) within the record, after it, or before it."""
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
     osc, best = target.oscillator, target.all_values(mode.z)

@@ -64,7 +64,7 @@ Group = tuple[dict[str, Any], dict[str, Any]]
 TEMPERED = "smc"
 """Default sampler if laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
-"""Default sampler if laws hold exactly."""
+"""Default sampler if the fit assumes exact laws."""
 DEFAULT_DRAWS = 1000
 """Default number of draws of each chain (conventional)."""
 _OF_THE_MOTION = {
@@ -215,7 +215,7 @@ class Posterior(Result, types.Posterior):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return the table of `Fit.damping_ratio` from these draws.
 
-        Raises Refusal without draws, and if laws hold exactly.
+        Raises Refusal without draws, and if the fit assumes exact laws.
         """
         self._require_draws()
         return tabulate_ratios(
@@ -363,7 +363,11 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
 
 
 def _pointwise(post: Posterior) -> dict[str, Group]:
-    """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time)."""
+    """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time).
+
+    Draws are thinned to `MOST_VALUES` values in a group. posterior_predictive is missing if the noise model cannot be
+    simulated.
+    """
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
     numbers = np.arange(0, count, max(1, -(-chains * count * n // MOST_VALUES)))
@@ -392,7 +396,7 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
 
 
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return log likelihoods and simulated records of m draws, (m, n) each, if laws hold exactly.
+    """Return log likelihoods and simulated records of m draws, (m, n) each, if the fit assumes exact laws.
 
     `numbers` are the indices of the draws of each chain. There are no simulated records (None) if the noise model
     cannot be simulated.
@@ -451,8 +455,8 @@ def sample(
     fit
         The fit.
     sampler
-        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if laws hold exactly), emcee, kalman,
-        laplace or variational.
+        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws), emcee,
+        kalman, laplace or variational.
     chains, warmup
         Number of chains, and number of draws that each chain discards at its beginning. The chains of emcee are
         walkers; it may use more than requested.

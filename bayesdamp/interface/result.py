@@ -100,7 +100,10 @@ def load(path: str | Path) -> Any:
 
 
 def _read(path: str | Path, cls: type[Any] | None) -> Any:
-    """Load a result from a file. If `cls` is given, the result must be of this class."""
+    """Load a result from a file. If `cls` is given, the result must be of this class.
+
+    Raises InputError if the file is missing, damaged, or contains something else.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a file that save() wrote")

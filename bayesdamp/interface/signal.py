@@ -125,7 +125,10 @@ class Signal(Result, types.Signal):
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
-        """Convert a signal of another class to one that can be plotted, printed and saved."""
+        """Convert a signal to one that can be plotted, printed and saved; one of this class is returned as it is.
+
+        `more`: further fields, such as whole_t and whole_y.
+        """
         if isinstance(signal, cls):
             return signal
         names = ("t", "y", "quantity", "unit", "name", "step", "provenance")

@@ -57,6 +57,7 @@ def stated_priors(study: Study) -> dict[str, Prior]:
 
 
 def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
+    """Return the damping terms of all sums that the study compares on a signal."""
     return tuple(dict.fromkeys(t for model in study.dampings(spec) for t in parse_model(model)))
 
 
@@ -85,7 +86,10 @@ def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: 
 
 
 def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWER) -> Product:
-    """Compute the answer on a record. Raises Refusal if no candidate can be compared."""
+    """Compute the answer on a record. If no candidate can be fitted, its outcome is the verdict's sentence.
+
+    Raises Refusal if the record shows no oscillation or has no noise, or if a damping term has no kernel.
+    """
     result = store.read(f"signal/{spec.name}/{repeat}")
     if result.outcome != OK:
         raise Refusal(following(result.name, result.outcome))

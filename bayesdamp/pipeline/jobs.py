@@ -105,7 +105,10 @@ class CandidateSelection:
         return tuple(dict.fromkeys([*self.choose_for_sampling(), *near]))
 
     def _log_evidences(self) -> dict[str, float]:
-        """Return the log evidence of the candidates that are still in the comparison, the best first."""
+        """Return the log evidence of the candidates that were not pruned, the best first.
+
+        It is that of the first method of the study with a finite value, Laplace's last; −∞ if none has one.
+        """
         order = [m for m in self.study.evidence.methods if m != "laplace"] + ["laplace"]
         log_evidences = {}
         for name, why in self.outcomes_after_laplace().items():
@@ -115,13 +118,16 @@ class CandidateSelection:
         return dict(sorted(log_evidences.items(), key=lambda item: -item[1]))
 
     def _find(self, name: str, method: str) -> TaskResult | None:
+        """Return the stored evidence of a candidate by a method; None if there is none."""
         return self.store.find(f"evidence/{self.spec.name}/{self.repeat}/{name}/{method}")
 
     def _outcome(self, name: str, method: str) -> str:
+        """Return the outcome of a candidate's evidence by a method; OK if it is not stored."""
         result = self._find(name, method)
         return OK if result is None else result.outcome
 
     def _log_evidence(self, name: str, method: str) -> float:
+        """Return a candidate's log evidence by a method; nan if there is none."""
         content = EvidenceContent.maybe(self._find(name, method))
         return content.evidence.log_evidence if content and content.evidence else math.nan
 

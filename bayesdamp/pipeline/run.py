@@ -1,11 +1,10 @@
 """Run a study on one or several processes, and resume an interrupted run.
 
 A task is one computation whose result is stored under a name, such as `mode/bench/0/viscous`
-(`store.results.TaskName`), with a
-key: the hash of everything that the result depends on. A task whose result is stored under the same key is not
-computed again. A job is a list of tasks that one process computes one after another, such as all tasks of one damping
-model on one record. A stage is a list of jobs that do not depend on each other; a run goes through its stages in
-order (`jobs.stages`).
+(`store.results.TaskName`), with a key: the hash of everything that the result depends on. A task whose result is stored
+under the same key is not computed again. A job is a list of tasks that one process computes one after another, such as
+all tasks of one damping model on one record. A stage is a list of jobs that do not depend on each other; a run goes
+through its stages in order (`jobs.stages`).
 """
 
 from __future__ import annotations

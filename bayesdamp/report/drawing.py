@@ -72,7 +72,10 @@ DPI = 150
 
 
 def colour(model: str) -> str:
-    """Return the colour of a model. It depends on the damping sum only."""
+    """Return the colour of a model; for sums of the three classical terms it depends on the damping sum only.
+
+    For any other sum it is one of `_OTHERS`, chosen by the whole name of the model.
+    """
     return _look(model)[0]
 
 
@@ -82,6 +85,7 @@ def dash(model: str) -> str:
 
 
 def _look(model: str) -> tuple[str, str]:
+    """Return the colour and the line style of a model, which are chosen as `colour` says."""
     known = _MODELS.get(frozenset(candidate_parts(model)[0].split("+")))
     return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")
 
@@ -177,7 +181,9 @@ class Drawings:
         self.names: list[str] = []
 
     def add(self, name: str, caption: str, draw: Callable[[], Figure]) -> Markup:
-        """Draw a figure in the common style, save it as SVG and PNG, and return the HTML that shows it.
+        """Draw a figure in the common style, and return the HTML that shows it.
+
+        If there is a folder, the figure is also saved there as SVG and PNG.
 
         Parameters
         ----------

@@ -194,8 +194,7 @@ class AverageContent(Content):
     """The damping against amplitude, averaged over models (`averaged/NAME/0`).
 
     probabilities: of the models, from the evidence by `method`. covered: total probability of the models in the
-    average.
-    weighed: models without a sampled posterior, for which weighted importance draws are used.
+    average. weighed: models without a sampled posterior, for which weighted importance draws are used.
     """
 
     probabilities: Mapping[str, float]
@@ -425,10 +424,9 @@ class JointContent(Content):
     density of their priors (`CANDIDATE/NAME/log_prior`) and of the spread (`CANDIDATE/spread`).
 
     records: labels. members: signal and repeat of each record. reference: amplitude and frequency with which priors
-    scale.
-    deviation: "law" if the answers on all records allow deviations, else "none". best: the most probable candidate.
-    others: probabilities of forms of damping that the study does not compare. spread: standard deviation of the
-    logarithm of the damping between records, over all models. no_spread: log Bayes factor of equal damping in all
+    scale. deviation: "law" if the answers on all records allow deviations, else "none". best: the most probable
+    candidate. others: probabilities of forms of damping that the study does not compare. spread: standard deviation of
+    the logarithm of the damping between records, over all models. no_spread: log Bayes factor of equal damping in all
     records against an inferred spread, for the best candidate; NaN if it has no summary. alone: results of each record
     alone, for the best candidate.
     """
@@ -459,10 +457,9 @@ class JointContent(Content):
 class PopulationContent(Content):
     """The population of specimens (`population/specimens`), for the candidate with the largest total evidence.
 
-    best: this candidate. log_evidence: total log evidence of each candidate. behind: difference of the best candidate's
-    log evidence on a specimen from the largest one there (nats), by specimen. specimens: results of each specimen.
-    units,
-    populations: by coefficient. deviation: as in `JointContent`.
+    best: this candidate. log_evidence: total log evidence of each candidate. behind: largest log evidence on a specimen
+    minus that of the best candidate there (nats), by specimen. specimens: results of each specimen. units, populations:
+    by coefficient. deviation: as in `JointContent`.
     """
 
     best: str

@@ -119,7 +119,7 @@ def _entries(top: Path) -> Iterator[Path]:
 
 
 def remove_temporary(folder: Path) -> None:
-    """Remove the temporary files of a killed run, which have names that no other file has."""
+    """Remove the temporary files that a killed run left in its folder; no other files have such names."""
     files = (folder / name for name in os.listdir(folder))
     for path in (*files, *(entry for name in FOLDERS for entry in _entries(folder / name))):
         if TEMPORARY_NAME.fullmatch(path.name) and is_regular(path):
@@ -127,7 +127,10 @@ def remove_temporary(folder: Path) -> None:
 
 
 def remove_results(folder: Path) -> None:
-    """Remove the stored results of a run, but no other files in their folder."""
+    """Remove the stored results of a run, but no other files in their folder.
+
+    Do nothing if the run's folder has no mark, or if the folder of the results contains a link.
+    """
     top = folder / "cells"
     entries = list(_entries(top))
     if not _is_marked(folder) or any(path.is_symlink() for path in entries):

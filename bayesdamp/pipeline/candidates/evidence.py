@@ -54,7 +54,11 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
 
 
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
-    """Compute the evidence by one method; it is None for a referee that is not needed. Raises Refusal."""
+    """Compute the evidence by one method. Raises Refusal if there is no fit or the method cannot work on it.
+
+    The referee is skipped, and its content has no evidence, if the study calls it only for a disagreement and the other
+    methods agree.
+    """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
         others = [m for m in study.evidence.methods if m != FIRST_METHOD]
@@ -126,7 +130,7 @@ ENOUGH_COVERED = 0.99
 
 
 def has_average(study: Study, spec: SignalSpec) -> bool:
-    """Return whether the damping of a signal is averaged: several models, with posteriors and evidence."""
+    """Return whether the damping of a signal is averaged: several models, posteriors by NUTS, and evidence."""
     computes_evidence = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
     return computes_evidence and len(study.compare(spec)) > 1
 
@@ -169,11 +173,15 @@ def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> 
 
 
 def _has_curve(arrays: Mapping[str, np.ndarray]) -> bool:
+    """Return whether the arrays of a posterior contain a damping curve of two or more points."""
     return f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1
 
 
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
-    """Return the posterior probability of each model with evidence, using the prior odds of its damping."""
+    """Return the posterior probability of each model, with the prior odds of its damping.
+
+    Models without a finite log evidence are left out; the probabilities of the others add up to 1.
+    """
     logs = {
         m: e.log_evidence + math.log(odds(candidate_parts(m)[0].split("+")))
         for m, e in evidence.items()

@@ -39,7 +39,10 @@ SMALLEST_AMPLITUDE = 0.02
 
 
 def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Product:
-    """Draw with one sampler, write the draws to a file, and summarise them. Raises Refusal."""
+    """Draw with one sampler, write the draws to a file (netCDF), and summarise them.
+
+    Raises Refusal if there is no fit, or the sampler cannot work on it.
+    """
     s, signal = candidate.study.posterior, candidate.record.signal
     posterior, u = draw(candidate.fit, sampler, Settings(s.chains, s.warmup, s.draws, seed % 2**31))
     whole, law = posterior, candidate.fit.law
@@ -115,8 +118,9 @@ def _motions(candidate: StudyCandidate, inferred: Mapping[str, np.ndarray]) -> M
 def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return the curves of decrement and equivalent damping ratio over the record's range of amplitudes.
 
-    Amplitudes at which a curve is not defined are left out. u: draws with their deviations, (n, K), if the fit has
-    deviations.
+    The arrays are `amplitudes` (a,), `curve/NAME` (3, a), the quantiles at `QUANTILE_LEVELS`, and `spread/NAME` (100,
+    a), those of the damping ratio at `STORED_LEVELS`. Amplitudes at which a curve is not defined are left out. u: draws
+    with their deviations, (n, K), if the fit has deviations.
     """
     record, law = candidate.record.features, candidate.fit.law
     least = max(min(record.amplitude, record.final_amplitude), SMALLEST_AMPLITUDE * record.amplitude)

@@ -1,6 +1,7 @@
 """Compute how sensitive a candidate's evidence is: to the widths of priors, to half of the record, to the noise model.
 
-A further task gives the evidence against each model with one term less, by the Savage-Dickey ratio.
+A further task computes the log Bayes factor of each model with one term less against the candidate, by the
+Savage-Dickey ratio.
 """
 
 from __future__ import annotations
@@ -80,7 +81,10 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 
 
 def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Product:
-    """Compute one of the sensitivity tasks. Raises Refusal if the task that it starts from has no draws."""
+    """Compute one of the sensitivity tasks, `kind` of `SENSITIVITIES`.
+
+    Raises Refusal if the task that it starts from has no draws.
+    """
     source_name, compute = SENSITIVITIES[kind]
     source = candidate.store.read(source_name.format(candidate.path))
     if not source.arrays:
@@ -90,6 +94,7 @@ def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Prod
 
 
 def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
+    """Return the evidence with the specified damping priors made wider and narrower."""
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     law, (target, mode) = candidate.fit.law, candidate.fit.engine
 
@@ -103,6 +108,7 @@ def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
+    """Return the evidence of the first half of the record, and how well it predicts the second half."""
     law, (_, mode), signal = candidate.fit.law, candidate.fit.engine, candidate.record.signal
     if law is None:
         t, half = signal.t, first_half(mode)
@@ -149,7 +155,10 @@ def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 def _compute_ratios(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the evidence of each model with one term less, from the posterior density where its coefficient is 0."""
+    """Return the log Bayes factor of each model with one term less against the candidate.
+
+    It is the Savage-Dickey ratio: log posterior density minus log prior density of the term's coefficient at 0.
+    """
     del seed
     target, _ = candidate.fit.engine
     z = Draws.of(target, source.arrays["draws"]).z

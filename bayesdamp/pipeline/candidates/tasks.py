@@ -92,7 +92,10 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
 
 
 def compute(candidate: StudyCandidate, name: str) -> Product:
-    """Compute one task. Raises Refusal if the record shows no oscillation or the method is not applicable to it."""
+    """Compute the task of a candidate with this name.
+
+    Raises Refusal if the record shows no oscillation or the method is not applicable to it.
+    """
     record = candidate.record.result
     if record.outcome != OK:
         raise Refusal(following(record.name, record.outcome))

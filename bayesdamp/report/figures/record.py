@@ -173,7 +173,10 @@ def draw_raw_record(
 
 
 def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Thin a line to about `points` points and keep its extremes. Insert a nan at each long gap of the record."""
+    """Return a line (t, y) thinned to about `points` points, with its extremes and ends.
+
+    At each long gap of the record it has a point with y = nan. A line with at most `points` samples is not thinned.
+    """
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
         return interrupt_at_gaps(t, y, t)
@@ -187,6 +190,7 @@ def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.n
 def _zoom(
     ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[ModelFit], start: float, stop: float
 ) -> None:
+    """Draw the part of a record from start to stop, in s, and the fits to it."""
     inside = (t >= start) & (t <= stop)
     if inside.sum() <= 400:
         ax.plot(t[inside], y[inside], ".", color=MUTED, ms=3, label="record")
@@ -206,6 +210,7 @@ def _zoom(
 
 
 def _finish(ax: Axes, ylabel: str, title: str) -> None:
+    """Set title and label of y, and few ticks of y."""
     ax.set(title=title, ylabel=ylabel)
     ax.locator_params(axis="y", nbins=5)
 

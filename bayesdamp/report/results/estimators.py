@@ -190,9 +190,10 @@ class CoefficientEstimates:
 
 
 def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row | None:
-    """Return the row of posteriors.csv for a coefficient; None if there is none.
+    """Return a row of posteriors.csv for a coefficient, with a finite 95 % interval; None if there is none.
 
-    If the signal has no posterior, use the first other signal that was simulated with the same damping and has one.
+    If the signal has no such row, use that of the first other signal that was simulated with the same damping and the
+    same true value of the coefficient and has one.
     """
     models = true_models(run)
     others = [s for s in run.signals if s != signal and signal in models and models.get(s) == models[signal]]

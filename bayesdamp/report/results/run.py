@@ -444,7 +444,10 @@ def answers(run: RunFolder) -> list[RecordAnswer]:
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
-    """Return the verdict of every specimen that has several records."""
+    """Return the verdict of every specimen that has several records.
+
+    Amplitudes are in the unit of the records' files if all signals of the run have the same unit, else in base units.
+    """
     verdicts = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
     return [in_unit(v, next(iter(units))) for v in verdicts] if len(units) == 1 else verdicts
@@ -457,7 +460,10 @@ def only_answered(run: RunFolder) -> bool:
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Return each name without the words at its beginning that all names have in common."""
+    """Return each name without the words at its beginning that all names have in common, by full name.
+
+    A word ends with _ or -. The names stay whole if one of them would be empty.
+    """
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
     common = "".join(letters[0] for letters in alike)
     cut = max(common.rfind(mark) + 1 for mark in "_-")

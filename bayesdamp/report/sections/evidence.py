@@ -183,7 +183,10 @@ def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[st
 
 
 def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
-    """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models."""
+    """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models.
+
+    If no model has a prior whose width can be varied, return a sentence that says so.
+    """
     task_results = _cells(run, signal, models, "widths")
     if len(task_results) < 2:
         return None
@@ -213,7 +216,10 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
 
 
 def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
-    """Return a table of log Bayes factors from parts of the record, and under each noise model."""
+    """Return a table of log Bayes factors from parts of the record, and under each noise model.
+
+    None for a study with deviations, for fewer than two models with evidence under other widths, or without values.
+    """
     noises = _cells(run, signal, models, "noises")
     if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
         return None
