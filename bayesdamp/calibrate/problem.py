@@ -151,7 +151,10 @@ def make_generator(
 
 
 def _reference(study: Study, system: System) -> Reference:
-    """Return the amplitude and frequency with which default priors scale, from the settings of the study."""
+    """Return the amplitude and frequency with which default priors scale, from the settings of the study.
+
+    Raises InputError if one of them is neither stated nor follows from known parameters.
+    """
     amplitude, frequency = system.amplitude, system.frequency
     if all(name in system.known for name in LAWS.get(system.restoring).parameters):
         law = Oscillator((), system.restoring)

@@ -105,7 +105,10 @@ def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
 
 
 def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model. The prior of the noise has its median at the given noise level."""
+    """Return a generator for each model. The prior of the noise has its median at the given noise level.
+
+    Raises InputError if the study's first signal is not simulated, or states no reference amplitude or frequency.
+    """
     table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
     if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:
         raise InputError(
@@ -123,7 +126,10 @@ def _generators(study: Study, kind: str, models: list[str], noise: float, cycles
 def _evidence(
     study: Study, source: Generator, drawn: DrawnRecord, labels: tuple[object, ...]
 ) -> tuple[float, str]:
-    """Return the log evidence of one model for the record, and its outcome. Raises Refusal."""
+    """Return the log evidence (nats) of one model for a record, by importance sampling, and its outcome.
+
+    Raises Refusal if no mode is found, or the evidence is not finite.
+    """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)
     seed = int(record_rng(study.seed, *labels).integers(2**31 - 1))

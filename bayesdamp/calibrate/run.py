@@ -187,7 +187,7 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
 def compute_series(
     study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[TaskResult]]:
-    """Compute the tasks of every series in waves, and return their results in order.
+    """Compute the tasks of every series in waves, and return their results in order, by the name of the series.
 
     The size of a wave follows from the fraction of usable records in the waves before it, not from the results that
     were already stored: an interrupted calibration ends with the same records. Failed tasks are repeated by the next

@@ -63,7 +63,10 @@ def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
 
 
 def _range_inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the range of cumulative counts with two-sided tails above `tail`; least > greatest if it is empty."""
+    """Return least and greatest cumulative counts, (bins − 1,) each, with two-sided tails above `tail`.
+
+    n: number of ranks. If no count has such a tail, least > greatest.
+    """
     good = _tails(np.arange(n + 1)[:, None], n, np.arange(1, bins) / bins) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
     return np.where(good.any(axis=0), least, n + 1), greatest
@@ -108,7 +111,10 @@ def hits_distribution(p: np.ndarray) -> np.ndarray:
 
 
 def hits_p(hits: int, p: np.ndarray) -> float:
-    """Return the two-sided p value of a number of hits among independent events with probabilities p (n,)."""
+    """Return the two-sided p value of a number of hits among independent events with probabilities p (n,).
+
+    nan if there are no events.
+    """
     if not p.size:
         return float("nan")
     mass = hits_distribution(p)

@@ -68,7 +68,7 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """Errors of estimators at several noise levels."""
+        """The errors of the estimators along the noise level: a series for each damping in each run of `noise`."""
         return [s for folder in self.noise for s in error_series(RunFolder(folder)) if s.factor == "noise"]
 
 

@@ -129,10 +129,12 @@ class SingleFile:
             raise self._refused(error) from None
 
     def _taken(self) -> InputError:
+        """Return the error for a file that exists and that the command did not write."""
         what = "already exists and was not made by bayesdamp"
         return InputError(f"{self.option} {self.path}: {what}: give another name, or remove it")
 
     def _refused(self, error: OSError) -> InputError:
+        """Return the error for a file that the operating system does not let us write."""
         what = error.strerror or str(error)
         what = what if error.errno == errno.ENOTDIR else what.lower()
         return InputError(f"{self.option} {self.path}: cannot be written: {what}; give a new file's name")

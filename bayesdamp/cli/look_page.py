@@ -18,7 +18,7 @@ from bayesdamp.report.drawing import MUTED, WIDTH, Drawings
 _INSIDE = "#0072B2"
 """Colour of the free decay."""
 _POINTS = 4000
-"""Approximate number of points of a drawn record."""
+"""A record of more samples is thinned for its figure, to at least this number of points."""
 _STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
     "table{border-collapse:collapse;display:block;overflow-x:auto}"

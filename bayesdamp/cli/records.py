@@ -92,7 +92,10 @@ class ReadingOptions:
         )
 
     def interpret(self, raw: RawRecord) -> tuple[str, str, tuple[Finding, ...]]:
-        """Return the unit and the quantity of a record, and findings on what looks wrong with it."""
+        """Return the unit and the quantity of a record, and findings on what looks wrong with it.
+
+        A unit that is not in `UNITS` has no findings.
+        """
         unit, quantity = unit_or_guess(raw, self.unit, self.quantity)
         doubtful = findings(raw, unit, quantity, self.unit is not None) if unit in UNITS else ()
         return unit, quantity, doubtful
@@ -276,7 +279,7 @@ def _choose(
 
 
 def doubt_lines(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
-    """Return lines on the findings of these kinds in all records of a file, one line for each kind."""
+    """Return a line for each of these kinds of findings: the first finding of the kind in the records of a file."""
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 

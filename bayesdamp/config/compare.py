@@ -103,8 +103,8 @@ def comparison_tables(
     restoring, damping
         Restoring laws and damping sums; all if empty.
     repeats
-        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws.
-        Otherwise each record is a specimen.
+        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws. Otherwise,
+        of several motions each is a specimen, except that records with the same `specimen` are one.
     noise, seed, deviation, sensor
         Settings of the study.
 

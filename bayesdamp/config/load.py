@@ -75,7 +75,11 @@ def shipped_folder() -> Path:
 
 
 def study_file(given: Path) -> Path:
-    """Return the path if it exists, else the package's study of this name. Raises InputError if there is none."""
+    """Return the path of a study: the given one if it exists, else that of the package's study of this name.
+
+    A path with a folder or a suffix is returned as it is if there is no such study. Raises InputError for another
+    unknown name.
+    """
     if given.exists() or len(given.parts) != 1 or given.suffix not in ("", ".toml"):
         return given
     names = sorted(path.stem for path in shipped_folder().glob("*.toml"))

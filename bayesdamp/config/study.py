@@ -20,7 +20,7 @@ NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 
 
 def _tuple_of(value: object) -> object:
-    """Convert a list to a tuple."""
+    """Convert a list to a tuple; return any other value as it is."""
     return tuple(value) if isinstance(value, list) else value
 
 

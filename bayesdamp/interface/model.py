@@ -253,7 +253,7 @@ Model.__init__ = checked_call(Model.__init__, "Model")
 
 @dataclass(frozen=True)
 class Case:
-    """A record and a model whose laws hold exactly.
+    """A record and a model, with what the priors need. `target` and `mode` assume exact laws.
 
     Attributes
     ----------

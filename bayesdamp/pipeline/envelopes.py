@@ -47,6 +47,7 @@ def _read(source: Recording, changed: int) -> EnvelopeRecord:
 
 
 def _sums(study: Study, spec: SignalSpec) -> Sums:
+    """Return the damping sums that are compared on a signal, each as the names of its terms."""
     return tuple(parse_model(name) for name in study.dampings(spec))
 
 
@@ -79,7 +80,7 @@ def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
 
 
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:
-    """Compute the answer on an envelope."""
+    """Return the answer on an envelope, with its arrays; the decay is searched unless the study states its window."""
     assert isinstance(spec.source, Recording)
     record, window = read_recording(spec.source, spec.name)
     result = answer_envelope(record, window, _sums(study, spec), study.seed, bool(spec.specimen))

@@ -50,6 +50,7 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
 
 
 def _with_count(number: int, what: str) -> str:
+    """Return a number and a noun, which is in the plural unless the number is 1."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 

@@ -104,7 +104,11 @@ def signal_key(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str
 
 
 def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
-    """Return the cleaned record and its features. Raises InputError if a measured record shows no oscillation."""
+    """Return the cleaned record with its features, and its samples as arrays.
+
+    If a measured record shows too little of an oscillation, raise InputError; for a simulated one the outcome is the
+    reason.
+    """
     source, name, arrays = spec.source, f"signal/{spec.name}/{repeat}", {}
     if isinstance(source, Simulation):
         rng = np.random.default_rng(task_seed(study, name))

@@ -240,6 +240,7 @@ def _run_jobs(
     pool: Executor | None,
     advance: Callable[[list[str]], None],
 ) -> None:
+    """Run the jobs of a stage, in this process without a pool; `advance` gets the task names of each job that ended."""
     if pool is None:
         for job in jobs:
             advance(_run_job(study, store.folder, job))

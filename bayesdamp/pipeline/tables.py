@@ -140,12 +140,14 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, R
 
 
 def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
+    """Return the columns that name a candidate on a record: signal, repeat, damping sum and restoring law."""
     damping, law = candidate_parts(name)
     law = law or spec.restoring[0]
     return {"signal": spec.name, "repeat": repeat, "model": damping, "restoring": law}
 
 
 def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
+    """Return the unit of a parameter under a restoring law, for the base unit of the signal."""
     return parameter_unit(name, restoring, UNITS[spec.source.unit].base, spec.source.quantity)
 
 
@@ -182,6 +184,7 @@ def _deviation(study: Study, spec: SignalSpec) -> str:
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of estimates.csv, which has a row without a parameter for a stage without values."""
     for spec, path, head, _ in _candidates(study, store):
         for method in study.estimators.use:
             result = store.find(f"estimate/{path}/{method}", arrays=False)
@@ -208,6 +211,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of posteriors.csv: of each sampler of the study, then of the sampled answer (`SMC`)."""
     for spec, path, head, smc in _candidates(study, store):
         for sampler in study.posterior.samplers:
             result = store.find(f"posterior/{path}/{sampler}", arrays=False)
@@ -227,6 +231,7 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of evidence.csv: of each method of the study, then of the sampled answer (`SMC`)."""
     for spec, repeat in study.records:
         models = study.compare(spec)
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
@@ -256,6 +261,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: float) -> Row:
+    """Return the columns of an evidence; `best` is the largest log evidence by the same method on the record."""
     return {
         "deviation": deviation,
         "log_evidence": evidence.log_evidence,
@@ -268,6 +274,7 @@ def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: 
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of fits.csv, for candidates with a mode or a posterior in the sampled answer."""
     for spec, path, head, smc in _candidates(study, store):
         result = store.find(f"mode/{path}", arrays=False)
         if result is None and smc is None:
@@ -295,6 +302,7 @@ def _specimen_model(own: Specimen, candidate: str) -> Row:
 
 
 def _specimens(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of specimens.csv: of joint fits and of their single records, and of specimens with one record."""
     population = PopulationContent.maybe(store.find("population/specimens"))
     for label, specs in study.specimens.items():
         own = Specimen(study, label, specs, store)
@@ -319,6 +327,7 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _parameter_rows(head: Row, row: JointEvidence) -> Iterator[Row]:
+    """Yield a row for each parameter with a summary; one row without a parameter if there is none."""
     common = {**head, "outcome": row.outcome}
     if row.log_evidence is not None:
         common["log_evidence"] = row.log_evidence
@@ -333,6 +342,7 @@ def _numbers(summary: Summary) -> Row:
 
 
 def _populations(study: Study, store: Store) -> Iterator[Row]:
+    """Yield the rows of population.csv: of the records of each specimen, then of the specimens."""
     for label, specs in study.specimens.items():
         result = store.find(f"joint/{label}")
         joint = JointContent.maybe(result)

@@ -73,7 +73,10 @@ class VerdictPrinter:
 
 
 def print_verdict(verdict: Verdict, console: Console) -> None:
-    """Print a verdict: its sentence, the table of damping ratio against amplitude, and the remarks."""
+    """Print a verdict: its sentence, a table of damping ratios or decay rates, and the remarks.
+
+    Between these, print the energy sentences, the labelled numbers (`facts`) and the oscillations, if it has them.
+    """
     _print_sentence(verdict, console)
     if verdict.decay_rate:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
@@ -90,6 +93,7 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
 
 
 def _print_sentence(verdict: Verdict, console: Console) -> None:
+    """Print the record's name and the sentence of its verdict."""
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
 
 

@@ -32,7 +32,7 @@ LIKELY_EXACT = 0.5
 """The grade of an envelope is exact if the probability of an exact law is at least this."""
 POWER_LAW = log(20.0)
 """If the log Bayes factor of a single power of the amplitude against all sums is larger, an envelope's rates are those
-of the power law."""
+of the power law, unless a sum is decided or there are fewer than `FEW_READINGS` readings."""
 UNEXPLAINED = 0.05
 """The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the amplitude."""
 UNDESCRIBED = 0.5
@@ -63,11 +63,13 @@ HARDLY_FALLS = 0.7
 """If the last amplitude is more than this fraction of the first, a remark says that damping models are hard to
 distinguish."""
 FEW_READINGS = 20
-"""With fewer readings than this, the noise of an envelope is hardly known, and no power law replaces the sums."""
+"""With fewer readings than this, the noise of an envelope is hardly known: a remark says so, and no power law replaces
+the sums."""
 SHALLOW = 10.0
 """If an envelope falls by less (dB), a remark says that damping models are hard to distinguish."""
 AGREEMENT_SDS = 0.5
-"""Two computations agree if a damping ratio or coefficient changes by less than this, in its standard deviations."""
+"""Two computations agree if a damping ratio or coefficient changes by less than this many of the answer's standard
+deviations."""
 WIDTHS_AGREE = 1.25
 """Factor by which intervals of two computations may differ: with a few hundred draws, ends vary by a tenth of the
 width.

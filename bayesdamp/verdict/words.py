@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UNDETECTED_DEVIATION = 1e-3
 """If the deviation from a law (a fraction) is smaller, only its upper limit is given."""
 WHOLE_ENERGY = 0.995
-"""A term with at least this fraction of the energy dissipates "all of it" in the sentence."""
+"""A term with at least this fraction of the energy dissipates "all of it" in the sentence on the energy."""
 LEAST_BOUND = 0.1
 """Smallest upper limit in percent: a smaller one is written as this, not as 0."""
 ASYMMETRY = 1.25

@@ -36,7 +36,10 @@ noise."""
 
 
 def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
-    """Parse texts such as `a=1,b=2` to numbers by name. Raises InputError for other texts."""
+    """Parse texts such as `a=1,b=2` to numbers by name; `option` names them in errors.
+
+    Raises InputError for other texts, and for a repeated name.
+    """
     values: dict[str, float] = {}
     for part in ",".join(texts).split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))

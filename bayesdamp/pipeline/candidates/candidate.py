@@ -91,7 +91,10 @@ class StudyCandidate:
 
     @property
     def noise(self) -> str:
-        """The noise model with the largest evidence in the answer, of those that the study allows."""
+        """The noise model with the largest evidence in the answer, of those that the study allows.
+
+        If the answer compared none of these, the first one that the study allows.
+        """
         compared = self.answer.noises if self.answer else ()
         allowed = [noise for noise in compared if noise.name in self.study.noises]
         return max(allowed, key=lambda n: n.log_evidence).name if allowed else self.study.noises[0]

@@ -102,7 +102,8 @@ def evidence_by_method(
 ) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record (`bench/0`) by method and model.
 
-    With more than one method, the last entry, `combined`, has the evidence that is used for each model.
+    With more than one method besides Laplace's, the last entry, `combined`, has the evidence that is used for each
+    model.
     """
     methods = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}

@@ -118,9 +118,9 @@ def _motions(candidate: StudyCandidate, inferred: Mapping[str, np.ndarray]) -> M
 def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return the curves of decrement and equivalent damping ratio over the record's range of amplitudes.
 
-    The arrays are `amplitudes` (a,), `curve/NAME` (3, a), the quantiles at `QUANTILE_LEVELS`, and `spread/NAME` (100,
-    a), those of the damping ratio at `STORED_LEVELS`. Amplitudes at which a curve is not defined are left out. u: draws
-    with their deviations, (n, K), if the fit has deviations.
+    The arrays are `amplitudes`, (a,); `curve/NAME`, (3, a), quantiles at `QUANTILE_LEVELS`; and
+    `spread/equivalent_ratio`, (100, a), quantiles at `STORED_LEVELS`. Amplitudes at which a curve is not defined are
+    left out. u: draws with their deviations, (n, K), if the fit has deviations.
     """
     record, law = candidate.record.features, candidate.fit.law
     least = max(min(record.amplitude, record.final_amplitude), SMALLEST_AMPLITUDE * record.amplitude)

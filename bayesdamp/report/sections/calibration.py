@@ -122,6 +122,7 @@ class CalibratedSection(Section):
 
 
 def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
+    """Return the rows of a table of the run as texts by column; none if the file is missing."""
     path = run.folder / name
     if not path.is_file():
         return []

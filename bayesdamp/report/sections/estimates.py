@@ -121,7 +121,10 @@ class EstimatesSection(SignalSection):
 
 
 def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return the figure of the estimates against the posterior, and a sentence on how many are in its interval."""
+    """Return the figure of the estimates against the posterior, and a sentence on how many are in its interval.
+
+    The list is empty if there is nothing to compare an estimate with.
+    """
     estimates = [
         e for e in estimates_of(run, signal, model) if len(e.methods) > 1 or (e.methods and e.posterior)
     ]
@@ -152,7 +155,10 @@ def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
 
 
 def coverage_sentence(estimates: Sequence[CoefficientEstimates]) -> str:
-    """Return a sentence on how many estimates are in the 95 % interval of their own record's posterior."""
+    """Return a sentence on how many estimates are in the 95 % interval of their own record's posterior.
+
+    Empty if no estimate has such a posterior.
+    """
     counts = []
     for name, stage in (("own estimates", "own"), ("trajectory fits", "refined")):
         values = [
@@ -227,7 +233,10 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return what some methods compute besides the coefficients: terms, expressions, eigenvalues, forces, settings."""
+    """Return what some methods compute besides the coefficients: terms, expressions, eigenvalues, forces, settings.
+
+    The list is empty if no method stored any.
+    """
     by_method: dict[str, Details] = {}
     for task_result in run.task_results("estimate", signal, run.repeats(signal)[0], model):
         for stage in EstimateContent.of(task_result).stages:

@@ -137,6 +137,7 @@ def _capped_text(probability: float) -> str:
 
 
 def _interval(quantiles: Mapping[str, float]) -> Interval:
+    """Return the quantiles at 2.5, 50 and 97.5 %."""
     return quantiles["q2.5"], quantiles["median"], quantiles["q97.5"]
 
 
