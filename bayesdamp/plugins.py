@@ -217,7 +217,10 @@ def _forget() -> None:
 
 
 def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
-    """Run a module; return registry, name and object of each of its plug-ins. Raises InputError for invalid ones."""
+    """Run a module; return registry, name and object of each of its plug-ins.
+
+    Raises InputError if it cannot be run, or if a plug-in or its name is not valid.
+    """
     loaded = _run(module)
     plugins: list[object] = list(getattr(loaded, "PLUGINS", ()))
     plugins += [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []

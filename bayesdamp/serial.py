@@ -116,7 +116,10 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 
 
 def _member(kind: Any, value: object) -> Any:
-    """Return the member of a union that matches a value; Any for plain values, the union for pydantic models."""
+    """Return the type in a union `kind` that `value`, in JSON form, was stored from.
+
+    NoneType for None; Any for numbers and texts; the union itself if all its members are pydantic models.
+    """
     kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):
         return NoneType

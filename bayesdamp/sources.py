@@ -48,7 +48,7 @@ def code_digest(*modules: str) -> str:
 
 @cache
 def package_digest() -> str:
-    """Return the SHA-256 of the sources of the whole package."""
+    """Return the SHA-256 of the sources of all modules of the package."""
     return hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in sorted(_files())).encode()).hexdigest()
 
 

@@ -27,7 +27,8 @@ from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusa
 ESTIMATOR = "least_squares"
 """The estimator from which the search for the mode starts."""
 SECOND_ESTIMATOR = "envelope"
-"""A further estimator, used if the fit of the first one fails its checks."""
+"""A further estimator, whose estimate is another start if the trajectory fit of the first one has an outcome that is
+not `ok`."""
 SCALE_RANGE = (0.003, 0.1)
 """Range of the unknown prior scale of damping ratios, for drawing records and for their evidence. Below this range
 noise hides the damping of most records; above it many records do not oscillate."""

@@ -94,7 +94,10 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
-    """Iterate over model, sampler, parameter, and the ranks and fractions `below` (see `ranks`) of usable records."""
+    """Yield model, sampler, parameter, and the ranks and fractions `below` of usable records, (n,) each.
+
+    Records without draws are left out; `below` is as in `ranks.compute_chunk`.
+    """
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
         ranks, below = _join(chunks, "ranks"), _join(chunks, "below")

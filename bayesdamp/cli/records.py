@@ -32,7 +32,7 @@ _VALID = {
 LONGEST_SUGGESTION = 290
 """Largest number of characters of an error with a suggested command."""
 _OPTIONS = {"value": "angle", "rate": "rate"}
-"""Options with which a user can provide arguments of `read_records` that an error asks for."""
+"""By argument of `read_records` that an error may ask for: the option with which a user can provide it."""
 _PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
 """Placeholders in a suggested command for values that are not known."""
 _INTRODUCTION = "in one command (check its values): "

@@ -62,7 +62,7 @@ _FILE_KEYS = tuple(n for n in SignalTable.model_fields if n not in ("name", *_IN
 
 
 def _find_law(name: object, key: str) -> RestoringLaw:
-    """Return a restoring law by name. Raises StudyError."""
+    """Return a restoring law by name. Raises StudyError if `name` is not that of a law."""
     if not isinstance(name, str):
         raise StudyError(key, f"is {show(name)}; it must be a restoring law: {', '.join(LAWS.names())}")
     check_plugins(LAWS, [name], key)
@@ -117,9 +117,10 @@ def _read_number(name: str, raw: object, key: str) -> float:
 def _read_systems(
     base: Mapping[str, Any], own: Mapping[str, Any], laws: tuple[str, ...], key: str
 ) -> tuple[list[System], dict[str, float]]:
-    """Return the system of a signal under each of its restoring laws, its own first, and its reference numbers.
+    """Return the system of a signal under each of its restoring laws, and its numbers of `REFERENCE` by name.
 
-    The keys of the signal replace those of the study. Raises StudyError.
+    The first law is that of the signal or of `base`, the table [system]; else the first of `laws`. The keys of the
+    signal replace those of the study. Raises StudyError.
     """
     first = own.get("restoring", base.get("restoring", *laws[:1]))
     if first is None:
@@ -144,7 +145,10 @@ def _read_systems(
 
 
 def _read_simulation(raw: object, system: System, key: str) -> Simulation:
-    """Read the table `simulate`, with the known parameters of the system. Raises StudyError."""
+    """Read the table `simulate`, with the known parameters of the system.
+
+    Raises StudyError if a value is missing or wrong, or if the motion would hardly oscillate or have too many cycles.
+    """
     law = LAWS.get(system.restoring)
     given = check_table(raw, key)
     own = {n for t in damping_order() if t in given for n in TERMS.get(t).further}
@@ -220,7 +224,7 @@ def damping_order() -> list[str]:
 
 
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
-    """Check the keys of a signal that is read from a file. Raises StudyError."""
+    """Return the record of a signal that is read from a file, whose keys are checked here. Raises StudyError."""
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
     if not path.is_file():
@@ -323,7 +327,7 @@ def resolve_signal(
 
 
 def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
-    """Check a signal that is an envelope, which has no restoring law. Raises StudyError."""
+    """Return the specification of a signal that is an envelope, which has no restoring law. Raises StudyError."""
     fields = SignalTable.model_fields
     stray = next((n for n in given if n in _NOT_OF_ENVELOPES and given[n] != fields[n].default), None)
     if stray is not None:
@@ -400,7 +404,10 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
 
 
 def _applies(key: str, signal: dict[str, Any]) -> bool:
-    """Return whether a sweep's key applies to a signal."""
+    """Return whether a sweep's key applies to a signal.
+
+    `system.*` applies to every signal, `simulate.*` to simulated ones, any other key to records from files.
+    """
     head = key.partition(".")[0]
     return head == "system" or (head in signal if head == "simulate" else "file" in signal)
 

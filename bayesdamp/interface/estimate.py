@@ -55,11 +55,12 @@ class Estimate(Result):
 
     @property
     def _failures(self) -> tuple[str, ...]:
+        """A sentence for each stage that failed, with its name and its outcome."""
         return tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Values of the trajectory fit, or else of the own estimate; a possible starting point for `fit`."""
+        """Values of the trajectory fit, or else of the estimator itself; a possible starting point for `fit`."""
         return self.refined.values or self.initial.values
 
     def summary(self) -> pd.DataFrame:

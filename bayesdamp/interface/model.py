@@ -65,7 +65,7 @@ NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd
 Starts = Mapping[Seed, Mapping[str, float]]
 """Starting points of a search: parameter values by name, for each source of a starting point."""
 REGRESSION = "least_squares"
-"""The estimator that provides a starting point if a study uses no estimator."""
+"""The estimator from whose estimate searches start; in a study only if its own estimators gave no values."""
 FROM_FEATURES = Seed("frequency and decay")
 """The starting point from the record's turning points. It is needed because a regression on derivatives fails if noise
 dominates the derivatives, as in a record of the acceleration."""

@@ -35,7 +35,9 @@ def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
 
 
 def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
-    """Return the verdict on a signal that is not the free decay of one oscillator; None if it is one.
+    """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be one.
+
+    It may be one if no other motion is found, or if its size is below `thresholds.OTHER_MOTION`.
 
     Parameters
     ----------

@@ -426,7 +426,10 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
 def _along(
     post: Posterior, variables: dict[str, Any], coords: Mapping[str, np.ndarray] = MappingProxyType({})
 ) -> Group:
-    """Return variables with the coordinate time: that of the record, or of the data that were fitted."""
+    """Return variables and coordinates with the coordinate time added: that of the record.
+
+    If the fit has deviations, the times are those of the data that were fitted.
+    """
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
     times = ("time", t, {"units": "s", "definition": "time from the first sample"})

@@ -36,7 +36,7 @@ KINDS = (
 
 
 class ResultView(CheckedMethods, ABC):
-    """Base class of values that print as a short table, also in a notebook.
+    """Base class of values that print as a short table (`_table`), also in a notebook.
 
     Its methods reject misspelt keywords with a one-line error.
     """

@@ -22,7 +22,10 @@ CACHED_ENVELOPES = 2000
 
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, EnvelopeWindow | None]:
-    """Read an envelope, name it, and return it with the window that the study states, if any. Raises InputError."""
+    """Read an envelope and return it, named `name`, with the window that the study states; None without one.
+
+    Raises InputError if the file cannot be read, or the stated window contains no decay.
+    """
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
     try:
@@ -52,7 +55,10 @@ def _sums(study: Study, spec: SignalSpec) -> Sums:
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:
-    """Read an envelope and check that its damping sums can be compared on it. Raises InputError."""
+    """Check that an envelope can be read and that its damping sums can be compared on it.
+
+    Raises InputError if not.
+    """
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)
     sums, _ = distinguishable_sums(_sums(study, spec))

@@ -43,7 +43,10 @@ _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
 
 def read_thinned(source: Recording) -> RawRecord:
-    """Read a measured record, and decimate it if it has far more samples than needed. Raises InputError."""
+    """Read a measured record, and decimate it if it has far more samples than needed.
+
+    Raises InputError if it cannot be read, or if the file leaves open how to read it.
+    """
     raw = read_record(
         source.path,
         time=source.time,

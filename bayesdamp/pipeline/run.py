@@ -145,7 +145,10 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file and resolve its system, so that errors appear before anything is written. Raises InputError."""
+    """Read every file and resolve its system, so that errors appear before anything is written.
+
+    Raises InputError for the first file or system that is wrong.
+    """
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):

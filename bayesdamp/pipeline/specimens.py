@@ -139,7 +139,7 @@ class Specimen:
 
 
 def summarise_draws(draws: Repeats) -> dict[str, Summary]:
-    """Return the summary of each damping parameter of a specimen from its draws."""
+    """Return the summary of each damping parameter of a specimen, by name, from draws of equal weight."""
     weights = np.full(len(draws.draws), 1.0 / len(draws.draws))
     return {n: summarise(draws.draws[:, i], weights) for i, n in enumerate(draws.names)}
 

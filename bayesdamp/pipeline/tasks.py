@@ -50,7 +50,7 @@ are not imported but looked up by name: their source is added to the key separat
 
 @dataclass(frozen=True)
 class Product:
-    """The result of a computation. seconds: its duration; by default the duration of the whole task."""
+    """The result of a computation. seconds: its duration; None for the duration of the whole task."""
 
     content: Content | None = None
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)

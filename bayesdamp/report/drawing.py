@@ -91,9 +91,9 @@ def _look(model: str) -> tuple[str, str]:
 
 
 def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Return the colour and line style of each model in one figure.
+    """Return the colour and line style of each model in one figure, by model.
 
-    Models with the same damping sum and different restoring laws have the same hue; each is paler than the one before.
+    Of models with the same damping sum, each further one is paler than the one before.
     """
     styles: dict[str, tuple[str, str]] = {}
     before: Counter[frozenset[str]] = Counter()

@@ -250,7 +250,10 @@ class NoisesContent(Content):
 
 @dataclass(frozen=True)
 class RatiosContent(Content):
-    """Bayes factors against one term less (`sensitivity/.../savage_dickey`), by the name of the smaller model."""
+    """Log Bayes factors of models with one term less against the candidate (`sensitivity/.../savage_dickey`).
+
+    against: by the name of the smaller model.
+    """
 
     against: Mapping[str, NestedRatio]
 

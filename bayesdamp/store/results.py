@@ -110,7 +110,10 @@ def is_regular(path: Path) -> bool:
 
 
 def _entries(top: Path) -> Iterator[Path]:
-    """Iterate over a folder and everything below it, without following links."""
+    """Iterate over a folder, or a link to one, and everything below it. Links below it are not followed.
+
+    Nothing if there is no such folder.
+    """
     if not top.is_symlink() and not top.is_dir():
         return
     yield top

@@ -69,7 +69,7 @@ class EnvelopeAnswer:
     """The answer on an envelope: verdict, curve and likelihoods.
 
     curve: the decay with its fit; None where nothing decays. likelihoods: likelihood of the rates by damping sum, for a
-    joint fit of several records; only of sums whose terms have no own parameters.
+    joint fit of several records; only of sums whose terms have no parameters besides their coefficients.
     """
 
     verdict: Verdict
@@ -210,10 +210,10 @@ def _coefficients_with_own(
     omega: float | None,
     unit: str,
 ) -> list[Coefficient]:
-    """Return the coefficient and the own parameters of a term that is not a power of the amplitude.
+    """Return the coefficient and all further parameters of a term that is not a power of the amplitude.
 
     omega: frequency in rad/s. Where it is None, return the term's rate at the start in place of the coefficient, and
-    only own parameters without a time in their unit.
+    only further parameters without a time in their unit.
     """
     best = ranking.best
     term = best.each[best.terms.index(name)]

@@ -55,7 +55,7 @@ class FrequencyAt(IntervalAt):
 
 
 class OverLaw(IntervalAt):
-    """The damping divided by that of its law, at an amplitude."""
+    """The damping divided by that of its law without deviations, at an amplitude."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def kernels() -> CheckResult:
 
 
 def machine() -> CheckResult:
-    """Check the cores and the memory (GiB) that this process may use."""
+    """Check whether the machine has at least `LEAST_MEMORY`, and state its cores and memory (GiB)."""
     count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY

@@ -125,5 +125,9 @@ class StudyCandidate:
 
     @property
     def has_many_rivals(self) -> bool:
-        """Whether there are so many candidates (the study prunes) that each search has only one start."""
+        """Whether the study prunes candidates, because there are many.
+
+        Each search for a mode then has no starts from the prior, and stops at the first mode that stays in phase with
+        the record.
+        """
         return self.study.models.prune is not None

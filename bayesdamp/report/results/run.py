@@ -202,7 +202,10 @@ class RunFolder:
         return repeats
 
     def task_result(self, *parts: object) -> TaskResult | None:
-        """Return a stored result by the parts of its name; None if there is none that can be read."""
+        """Return the stored result whose name consists of these parts, joined by /.
+
+        None if there is none that can be read.
+        """
         name = "/".join(map(str, parts))
         if name not in self._places:
             return None
@@ -397,7 +400,10 @@ def truth(run: RunFolder, signal: str, parameter: str) -> float:
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:
-    """Return the name of each damping term's coefficient, for the classical terms and those described in run.json."""
+    """Return the name of each damping term's coefficient, by term.
+
+    These are the classical terms, and those described in run.json.
+    """
     added = run.info.get("damping") or {}
     return {**_SHIPPED, **{term: about["parameter"] for term, about in added.items()}}
 
@@ -454,7 +460,7 @@ def specimens(run: RunFolder) -> list[Verdict]:
 
 
 def only_answered(run: RunFolder) -> bool:
-    """Return whether a run contains answers but no fits of a study's own models."""
+    """Return whether a run contains answers but no task `mode`, the fit of one of a study's own models."""
     answered = any(answer_of(run, signal) for signal in run.signals)
     return answered and not any(run.task_results("mode", signal) for signal in run.signals)
 

@@ -258,7 +258,10 @@ class OverviewSection(Section):
     title = "All records"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether at least three records have an answer, or several records are of one specimen."""
+        """Return whether at least three records have an answer, or several records are of one specimen.
+
+        A study with published errors has no such section.
+        """
         several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run))
         return several and not run.study.get("published")
 

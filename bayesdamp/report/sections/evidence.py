@@ -177,7 +177,7 @@ class SensitivitySection(SignalSection):
 
 
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
-    """Return the stored results of one kind of sensitivity task, for the models that have one."""
+    """Return the stored results of one kind of sensitivity task by model, for models with an outcome `ok`."""
     task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
 
