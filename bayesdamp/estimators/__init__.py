@@ -130,7 +130,10 @@ def run(
 
 
 def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
-    """Compute an estimate, check that it is finite, and add name, stage and seconds; a Refusal is its outcome."""
+    """Call `compute` and return its estimate with name, stage and duration in s.
+
+    If `compute` raises Refusal, or a value is not finite, the estimate has no values, and its outcome is the reason.
+    """
     start = time.perf_counter()
     try:
         estimate = compute()

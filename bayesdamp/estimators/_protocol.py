@@ -53,9 +53,10 @@ class Estimator(ABC, Generic[OptionsType]):
     name: str
     options: type[OptionsType]
     by_position: str = ""
-    """The reason, as a clause, why it cannot estimate a force that depends on the position; empty if it can."""
+    """The reason, as a clause, why the method cannot estimate a force that depends on the position; "" if it can."""
     with_parameters: str = ""
-    """The reason why it cannot estimate a term that has parameters besides its coefficient; empty if it can."""
+    """The reason, as a clause, why the method cannot estimate a term that has parameters besides its coefficient; "" if it
+can."""
 
     def __init_subclass__(cls) -> None:
         """Set the name of an estimator of this package to the name of its file."""
@@ -73,6 +74,11 @@ class Estimator(ABC, Generic[OptionsType]):
         self, signal: Signal, problem: Problem, options: OptionsType, rng: np.random.Generator
     ) -> Estimate:
         """Estimate the unknown parameters from the record.
+
+        Returns
+        -------
+        Estimate
+            Values by parameter name; `run` adds the estimator's name, the stage and the duration.
 
         Raises
         ------
@@ -94,5 +100,5 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
 
 
 def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
-    """Return a row for each estimator: its name, and for each term the reason why it cannot estimate it, or None."""
+    """Return a row for each estimator: its name, and for each term the reason why it cannot estimate the term, or None."""
     return [(e.name, [reason_not_applicable(e, (term,)) for term in terms]) for e in estimators]

@@ -13,8 +13,7 @@ from bayesdamp.types import Problem
 
 SINGULAR = 1e-8
 """Combinations of parameters whose singular value is below this fraction of the largest are not determined by the
-record
-(measured: rounding gives 1e-9 for such a combination; a pendulum without known parameters has 1e-5)."""
+record (measured: rounding gives 1e-9 for such a combination; a pendulum without known parameters has 1e-5)."""
 
 
 def cramer_rao(

@@ -46,7 +46,8 @@ class Step(NamedTuple):
     """One trial step.
 
     x: start point, (d,). move: displacement after the bounds are applied, (d,). at: expansion at the start point. gain:
-    increase of the function. expected: increase to first order, ignoring the bounds. damping: λ of the step.
+    increase of the function; −inf if it is not finite at the end point. expected: increase to first order (gradient
+    times the step before the bounds are applied). damping: λ of the step.
     """
 
     x: np.ndarray
@@ -62,7 +63,8 @@ class Maximum:
     """Result of a maximisation.
 
     x: end point, (d,); value: function value there, −inf if it is not finite; information: minus the Hessian there,
-    (d, d); evaluations: number of function evaluations; converged: whether the convergence criterion ended the search.
+    (d, d), the identity if the value is −inf; evaluations: number of function evaluations; converged: whether the
+    convergence criterion ended the search (not the step limit, and not λ above `MAX_LAMBDA`).
     """
 
     x: np.ndarray
@@ -73,7 +75,7 @@ class Maximum:
 
 
 def straight_on(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the end point of a straight step from x."""
+    """Return x + step, (d,): the default `Retract`, which follows no curve."""
     return x + step
 
 
@@ -90,7 +92,8 @@ def levenberg_marquardt(
 ) -> Maximum:
     """Return a local maximum of a function over x ≥ floor, elementwise.
 
-    A step is rejected if it decreases the function, or ends where the value or the information is not finite.
+    A step is rejected if it decreases the function, or ends where the value or the information is not finite. The
+    search also ends if λ exceeds `MAX_LAMBDA`.
 
     Parameters
     ----------
@@ -101,11 +104,11 @@ def levenberg_marquardt(
     floor
         Lower bounds, (d,); −inf for an unbounded coordinate.
     has_converged
-        Convergence criterion: function that returns True if the search ends with this trial step.
+        Convergence criterion, called after each trial step, also a rejected one: it returns True if the search ends.
     limit
-        Largest number of steps.
+        Largest number of trial steps, rejected ones included.
     longest
-        Largest allowed component of a step.
+        Largest allowed absolute component of a step; a longer step is scaled down.
     schedule
         Factors by which λ changes.
     retract

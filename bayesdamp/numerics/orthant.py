@@ -14,7 +14,8 @@ import scipy  # loads its modules when they are used
 GAUSS_POINTS = 24
 """Number of Gauss–Legendre nodes for each coordinate (conventional)."""
 MIN_PROBABILITY = 1e-280
-"""If the probability of values above zero is smaller, quantiles are computed from its logarithm (conventional)."""
+"""If the probability of a value ≥ 0 is smaller than this, the quantiles of a normal that is truncated to ≥ 0 are
+computed from the logarithm of the probability (conventional)."""
 MAX_NESTED, LATTICE_POINTS = 3, 256
 """Up to this many coordinates nested Gauss rules are used; for more, a lattice of this many points (conventional)."""
 SURE_SDS = 7.0
@@ -74,7 +75,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return `log_probability` for many coordinates, for which nested rules would need too many nodes.
+    """Return `log_probability`, (c,), for many coordinates, for which nested rules would need too many nodes.
 
     It is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the product of the coordinates'
     conditional probabilities (Geweke, Hajivassiliou and Keane).
@@ -126,11 +127,11 @@ def draw(
     mean
         Mean of each normal, (c, d); for a single normal also (d,).
     factor
-        Matrices whose product with their transpose is the covariance, (c, d, d); for a single normal also (d, d).
+        Matrices F, (c, d, d), with the covariances F Fᵀ; for a single normal also (d, d).
     places
         Indices of the coordinates that must not be negative.
     count
-        Number of draws from each normal, (c,).
+        Number of draws from each normal, (c,); for a single normal also an integer.
 
     Returns
     -------
@@ -165,7 +166,10 @@ def draw(
 def _truncated_draws(
     rng: np.random.Generator, mean: np.ndarray, lower: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """Draw from normals with means (c, k) and Cholesky factors `lower` (c, k, k), under all coordinates ≥ 0."""
+    """Return draws, (sum of counts, k), from normals under the condition that all coordinates are ≥ 0.
+
+    mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each, (c,).
+    """
     # Four proposals for each draw, then resampling by weight.
     tries = np.repeat(np.arange(counts.size), 4 * counts)
     z, log_weight = np.zeros((tries.size, mean.shape[1])), np.zeros(tries.size)
@@ -194,7 +198,7 @@ class ReflectedT:
     centre : ndarray, shape (d,)
         Centre before the reflection.
     factor : ndarray, shape (d, d)
-        Cholesky factor of the scale matrix.
+        Lower Cholesky factor of the scale matrix.
     reflected : ndarray of bool, shape (d,)
         Which coordinates are reflected.
     """
@@ -213,14 +217,17 @@ class ReflectedT:
         self._signs[:, index] = list(product((1.0, -1.0), repeat=index.size))
 
     def draw(self, rng: np.random.Generator | np.random.RandomState, n: int) -> np.ndarray:
-        """Return independent draws, (n, d)."""
+        """Return n independent draws, (n, d), after the reflection."""
         normal = rng.standard_normal((n, self.factor.shape[0]))
         scale = np.sqrt(T_DEGREES / rng.chisquare(T_DEGREES, n))[:, None]
         z = self.centre + (normal * scale) @ self.factor.T
         return np.where(self.reflected, np.abs(z), z)
 
     def log_density(self, y: np.ndarray) -> np.ndarray:
-        """Return the log density at points y, (n, d): of the sum over all mirror images of y."""
+        """Return the log density, (n,), at points y, (n, d), whose reflected coordinates are ≥ 0.
+
+        It is the log of the sum of the t densities at all mirror images of y.
+        """
         d = self.factor.shape[0]
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
         white = np.linalg.solve(self.factor, images.T)
@@ -229,6 +236,9 @@ class ReflectedT:
 
 
 def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
-    """Return the `ReflectedT` whose t distribution has the mean and covariance of the draws y, (n, d)."""
+    """Return the `ReflectedT` that has, before the reflection, the mean and covariance of draws y, (n, d).
+
+    reflected: which coordinates are reflected, (d,).
+    """
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (T_DEGREES - 2) / T_DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

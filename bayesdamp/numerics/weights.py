@@ -36,14 +36,17 @@ def effective_size(log_weights: np.ndarray) -> float:
 
 
 def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return indices, (count,), of draws with equal weights, by systematic resampling (Kitagawa, JCGS 5, 1996)."""
+    """Return indices, (count,), of draws chosen in proportion to their weights; these draws then have equal weights.
+
+    The method is systematic resampling (Kitagawa, JCGS 5, 1996). log_weights: (n,).
+    """
     cumulative = np.cumsum(normalise(log_weights))
     at = (rng.uniform() + np.arange(count)) / count
     return np.minimum(np.searchsorted(cumulative, at * cumulative[-1], side="right"), log_weights.size - 1)
 
 
 def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return quantiles, at `levels` in [0, 1], of draws x, (n,), with weights that sum to 1, (n,)."""
+    """Return the interpolated quantiles, at `levels` in [0, 1], of draws x, (n,), with weights that sum to 1, (n,)."""
     order = np.argsort(x)
     cumulative = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(np.asarray(levels, float), cumulative, x[order])
@@ -60,7 +63,8 @@ def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
 def pareto_k(log_weights: np.ndarray) -> float:
     """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights, (n,).
 
-    It is −∞ if all weights are equal, so that there is no tail, and ∞ if all but a few weights are zero.
+    It is −∞ if the largest weights are all equal, or if there are fewer than 25 weights (the tail is then too short for
+    a fit). It is ∞ if fewer than `MIN_WEIGHTS` weights are not negligible, or if the fit fails.
     """
     if np.sum(log_weights > np.max(log_weights) - NEGLIGIBLE_NATS) < MIN_WEIGHTS:
         return np.inf
@@ -77,7 +81,9 @@ def pareto_k(log_weights: np.ndarray) -> float:
 
 
 def _fit_shape(above: np.ndarray) -> float:
-    """Return the shape k of a generalised Pareto distribution, from its exceedances in rising order, (n,).
+    """Return the shape k of a generalised Pareto distribution, fitted to values above a threshold.
+
+    above: the values minus the threshold, in rising order, (n,).
 
     The scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight; a weak prior
     (`PRIOR_SHAPE`) is then added.

@@ -93,7 +93,10 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
-    """Return x = ln(A/A_ref) at times t under dA/dt ∝ -A^p; exp(log_rate) is the decay rate in 1/s at A_ref."""
+    """Return x = ln(A/A_ref) at times t, (n,), from x0 at t = 0, under dA/dt ∝ -A^p; `LOG_AT_REST` after it stops.
+
+    log_rate: ln of the decay rate -dx/dt (1/s) at A_ref. power: exponent p.
+    """
     # With q = p - 1: x(t) = x0 - ln(1 + q r t)/q, where r is the decay rate at x0.
     q = power - 1.0
     speed = np.exp(log_rate + q * x0)
@@ -106,9 +109,9 @@ def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.n
 
 
 def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the derivatives, (n, 3), of the x of `power_decay` at times t.
+    """Return the derivatives, (n, 3), of x = ln(A/A_ref) at times t (s from the start) under dA/dt ∝ -A^exponent.
 
-    They are by the parameters p = (x at the start, ln of the decay rate there, exponent).
+    Column i is the derivative by p[i], with p = (x at the start, ln of the decay rate in 1/s at the start, exponent).
     """
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
     left = np.maximum(1.0 + q * passed, 1e-12)  # reaches 0 when the oscillation comes to rest
@@ -165,7 +168,10 @@ class DecayLaw(ABC):
         return rates @ self.shapes(x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x at times t by the rates, (n, terms), by differences with this step (1/s)."""
+        """Return the derivatives of x at times t by the rates, (n, terms), by difference quotients with `step` (1/s).
+
+        x: the values at t; not used here, but by subclasses.
+        """
         columns = []
         for i in range(len(rates)):
             up, down = rates.copy(), rates.copy()
@@ -192,7 +198,10 @@ class ClosedForm(DecayLaw):
 
 @dataclass(frozen=True)
 class PowerLaw(DecayLaw):
-    """The decay law dA/dt ∝ -A^p. Its two parameters are ln of the decay rate (1/s) at A_ref, and the exponent p."""
+    """The decay law dA/dt ∝ -A^p.
+
+    Its methods take as `rates` the two parameters: ln of the decay rate (1/s) at A_ref, and the exponent p.
+    """
 
     terms: tuple[str, ...] = ("log_rate", "exponent")
 
@@ -209,7 +218,10 @@ class PowerLaw(DecayLaw):
         return np.exp(rates[0] + (rates[1] - 1.0) * x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x by ln of the rate at A_ref and by the exponent, (n, 2)."""
+        """Return the derivatives of x by ln of the rate at A_ref and by the exponent, (n, 2).
+
+        They are exact; x and step are not used.
+        """
         # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
         own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
         return np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
@@ -233,14 +245,17 @@ class TabulatedLaw(DecayLaw):
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return x at the ends of the panels, decreasing, the shapes there, and those at two Gauss points a panel."""
+        """Return x at the panel ends, (q,), decreasing; the shapes there, (terms, q), and at Gauss points, (terms, g).
+
+        q = LAW_PANELS + 1; g = 2 LAW_PANELS, two Gauss points in each panel.
+        """
         x = np.linspace(self.high, self.low, LAW_PANELS + 1)
         middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
         inside = (middle[:, None] + half * _GAUSS).ravel()
         return x, self.shapes(x), self.shapes(inside)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t: the quadrature t(x) = ∫ dx/rate is inverted by cubic Hermite interpolation."""
+        """Return x at times t (s from the start), (n,): the integral t(x) = ∫ dx/rate is inverted by interpolation."""
         x, ends, inside = self._nodes
         speed = np.maximum(rates @ ends, MIN_RATE)
         slow = 1.0 / np.maximum(rates @ inside, MIN_RATE)
@@ -269,7 +284,10 @@ class TabulatedLaw(DecayLaw):
         return result
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x by the rates, (n, terms), by quadrature."""
+        """Return the derivatives of x by the rates, (n, terms), by quadrature.
+
+        If all rates are about 0, use at least `step`.
+        """
         # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt.
         if rates.sum() < step:  # f = 0 has no such integral; use a small rate
             rates = np.maximum(rates, step)
@@ -289,12 +307,12 @@ class TabulatedLaw(DecayLaw):
 
 
 def _between(fall: float, speed: float, power: float) -> float:
-    """Return the time in which x falls by `fall`, if the rate is a power of A and is `speed` at the end."""
+    """Return the time (s) in which x falls by `fall`, if its decay rate is ∝ A^power and ends at `speed` (1/s)."""
     return float(fall / speed if abs(power) < 1e-9 else -np.expm1(-power * fall) / (power * speed))
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return the cubic Hermite interpolation, at points `at`, of values y with slopes at increasing x."""
+    """Return the cubic Hermite interpolation, at points `at`, of values y with derivatives `slope` at increasing x."""
     i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]
     u = (at - x[i]) / h
@@ -306,7 +324,7 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class AmplitudeSolver:
-    """Solve decays of x = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
+    """Compute decays x(t) = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
 
     The parameters are the rates in 1/s at the reference amplitude, in the order of the law's terms, then x at the
     start.
@@ -326,6 +344,8 @@ class AmplitudeSolver:
     white
         Matrix (n, n) that whitens the noise of the readings; decays and derivatives are multiplied by it. None for
         white noise.
+    restoring
+        Part of the interface of `Solver`; not used here.
     """
 
     law: DecayLaw
@@ -350,11 +370,14 @@ class AmplitudeSolver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion:
-        """Return the decay for parameters p, (d + 1,), with derivatives by p and, for `ALL`, by the deviation g.
+        """Return the decay for parameters p, (terms + 1,), with derivatives by p and, for `ALL`, by g at the knots.
 
-        All rates are multiplied by 1 + g(t), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To first order,
-        ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and `tolerance` have no
-        effect.
+        The values of the `Motion` are x at the readings and its derivatives (none for `NONE`), both multiplied by
+        `white`; its states are x and dx/dt.
+
+        All rates are multiplied by 1 + g(t) (g: model deviation), so that x(t) = X(t + ∫g dt) with the decay X for g =
+        0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and
+        `tolerance` have no effect.
         """
         rates, start = p[:-1], float(p[-1])
         x = self.law.decay(self.t, start, rates)
@@ -374,7 +397,10 @@ class AmplitudeSolver:
 
 
 def linear_basis(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the basis of linear interpolation between `count` equidistant knots on [0, 1], at s: (n, count)."""
+    """Return the functions of linear interpolation between `count` equidistant knots on [0, 1], at s, (n,): (n, count).
+
+    Function k is 1 at knot k and 0 at all other knots. Values s outside of [0, 1] are replaced by the nearer end.
+    """
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
 
@@ -394,7 +420,7 @@ def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
 class Scale:
     """Amplitude at the start, in the length unit of the terms, and frequency in rad/s.
 
-    An unknown one is 1; the terms are then in units of it.
+    If one of them is unknown or not needed, it is 1, and the terms are in units of it.
     """
 
     amplitude: float = 1.0
@@ -469,7 +495,10 @@ def log_loss(
 def rates_per_unit(
     term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale
 ) -> np.ndarray:
-    """Return decay rates -dA/dt/A (1/s) per unit of the coefficient, (n,), at x = ln(A/A_start), (n,)."""
+    """Return decay rates -dA/dt/A (1/s) per unit of the coefficient, (n,), at x = ln(A/A_start), (n,).
+
+    further: values of the term's further parameters, by name; missing reference scales follow from `scale`.
+    """
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
     amplitudes = a * np.exp(x)
@@ -502,7 +531,11 @@ def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
 
 
 def are_proportional(a: DampingTerm, b: DampingTerm) -> bool:
-    """Return whether the losses of two terms are proportional, so that an envelope cannot distinguish them."""
+    """Return whether the losses of two terms are proportional, so that an envelope cannot distinguish them.
+
+    A term that has inferred parameters, or that depends on amplitude or frequency, counts as proportional only to
+    itself.
+    """
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b
     x = np.array([-6.0, -4.0, -2.0, -1.0, 0.0])

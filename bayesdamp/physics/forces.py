@@ -98,13 +98,13 @@ def slope_of(
 
 
 def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
-    """Return the force as a function of position only, from a law's kernel and its parameter values `law`, (r,)."""
+    """Return the force as a function of positions only, from a law's kernel and parameter values `law`, (r,)."""
     values, on_array = tuple(law.tolist()), on_arrays(kernel)
     return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
-    """Return the two grid points that enclose the stable equilibrium nearest to `near`; None if there is none.
+    """Return the lower and upper grid point around the stable equilibrium nearest to `near`; None if the grid has none.
 
     near, reach, points: centre, half width and number of points of the grid.
     """
@@ -119,7 +119,10 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
 
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
-    """Return the stable equilibrium nearest to `near` within the distance `reach` (rad or m); None if there is none."""
+    """Return the stable equilibrium nearest to `near` within the distance `reach` (rad or m); None if there is none.
+
+    points: number of points of the search grid.
+    """
     ends = bracket(force, near, reach, points)
     if ends is None:
         return None
@@ -127,13 +130,17 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:
-    """Return √F′ (rad/s) from the force at two positions around an equilibrium; 0 if the equilibrium is unstable."""
+    """Return √F′ (rad/s), with the mean slope F′ of the force from position `low` to `high`; 0 if F′ < 0."""
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
 
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
-    """Return the equilibrium that Newton's method reaches from `near`; None if a slope on the way is not positive."""
+    """Return the equilibrium that Newton's method reaches from `near`.
+
+    Return None if a slope on the way is not positive, or if it has not converged after `MAX_STEPS`. force_and_slope:
+    returns the force at a position, and its derivative.
+    """
     x = near
     for _ in range(MAX_STEPS):
         force, slope = force_and_slope(x)
@@ -147,7 +154,10 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the equilibria after a fixed number of Newton steps from `near`; convergence is not checked."""
+    """Return the positions, of the shape of `near`, after a fixed number of Newton steps towards force = 0.
+
+    Convergence is not checked.
+    """
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):
         for _ in range(steps):

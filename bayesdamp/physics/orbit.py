@@ -45,7 +45,7 @@ class Cycle:
 
 
 def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray:
-    """Return the equilibria nearest to `near` (rad), found by Newton's method; parameters and `near` broadcast."""
+    """Return the equilibria that Newton's method reaches from `near` (rad or m); parameters and `near` broadcast."""
     shape = np.broadcast_shapes(*(np.shape(p[n]) for n in osc.law.parameters), np.shape(near))
     return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON_STEPS)
 

@@ -64,7 +64,7 @@ class Oscillator:
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' parameters other than their coefficients."""
+        """Return the names of the terms' inferred parameters (unlike `DampingTerm.further`, without `given`)."""
         return tuple(p.name for term in self.terms for p in term.inferred)
 
     @property
@@ -96,7 +96,7 @@ class Oscillator:
         return total
 
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
-        """Return the force of each term per unit of its coefficient; θ and θ̇ have the same shape."""
+        """Return the force of each term per unit of its coefficient, a list of arrays; θ and θ̇ have the same shape."""
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 1.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
@@ -116,7 +116,7 @@ class Oscillator:
         )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
-        """Return ω_n = √F′_rest at the equilibrium, rad/s."""
+        """Return ω_n = √F′_rest at the equilibrium nearest to `near`, rad/s. Raises ValueError if there is none."""
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
 
@@ -150,7 +150,7 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the amplitude and frequency with which prior widths scale.
 
     Each is the value stated for the system; else it follows from the known parameters, if they determine it; else it is
-    that of the record.
+    that of the record, rounded to two digits. features: features of the record.
 
     Raises
     ------

@@ -16,7 +16,7 @@ _STATE = {
 
 
 def parameter_symbol(name: str) -> Symbol | None:
-    """Return the symbol of a parameter of a damping term, a restoring law or the start; None if it has no symbol."""
+    """Return the symbol of a parameter of a term or law, of epsilon, theta0 or omega0; None if it has none."""
     known = dict(_STATE)
     for law in map(LAWS.get, LAWS.present()):
         known |= {n: s for n, s in law.symbols.items() if n in law.parameters}
@@ -27,12 +27,15 @@ def parameter_symbol(name: str) -> Symbol | None:
 
 
 def own_words(term: str) -> str:
-    """Return how a sentence names a user's own damping term; "" for terms that ship and unregistered names."""
+    """Return the words by which a sentence names a user's own damping term; "" for shipped terms and unknown names."""
     return words_of(term) if term in TERMS.added() else ""
 
 
 def meaning_of(parameter: str) -> str:
-    """Return a description of a parameter that has no symbol, such as "coefficient of drag damping"."""
+    """Return a description of a parameter of a user's own damping term, such as "coefficient of eddy damping".
+
+    For any other parameter return "parameter".
+    """
     for term in map(TERMS.get, TERMS.added()):
         if parameter == term.parameter:
             return f"coefficient of {words_of(term.name)} damping"

@@ -101,7 +101,7 @@ class Trajectories:
         """Return the samples, (n,), and their derivatives by the named parameters, (k, n).
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
-        central difference.
+        central difference (0 at epsilon = 0). All are NaN if the trajectory escapes or there is no equilibrium.
         """
         motion = self._solve(p, _epsilon(p), PARAMETERS)
         if motion is None:
@@ -122,11 +122,14 @@ class Trajectories:
         return motion.y[: self._count], slopes
 
     def motion(self, p: Mapping[str, float]) -> Motion | None:
-        """Return the solver's `Motion`, with derivatives by all parameters in `kernel_names`; None if it escapes."""
+        """Return the solver's `Motion`, with derivatives by all parameters in `kernel_names`.
+
+        Return None if the trajectory escapes.
+        """
         return self._solve(p, _epsilon(p), PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
-        """Return angle, velocity and acceleration, (3,), `gap` seconds after the start; NaN if it escapes."""
+        """Return angle, velocity and acceleration, (3,), `gap` s after the start; NaN if the trajectory escapes."""
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
             self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
@@ -167,7 +170,10 @@ class Trajectories:
         return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
 
     def _slopes_of_rest(self, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivatives of the equilibrium by the law's parameters (implicit function theorem)."""
+        """Return the derivatives of the equilibrium by the law's parameters, by name; empty if there is no equilibrium.
+
+        They follow from the implicit function theorem.
+        """
         rest = self._rest(p)
         if rest is None:
             return {}
@@ -194,7 +200,7 @@ def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
     """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
 
-    If there is no stable equilibrium, return theta0, |theta0| and 1.
+    p: values of all parameters except the damping's. If there is no stable equilibrium, return theta0, |theta0| and 1.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
@@ -215,7 +221,7 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
 
 
 def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
-    """Return the restoring force as a function of the position only."""
+    """Return a function that computes the restoring force from the position only, with parameters p."""
     law = [float(p[name]) for name in osc.law.parameters]
     return lambda x: osc.law.kernel(x, law)
 

@@ -37,7 +37,7 @@ _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ
 RATE_TOLERANCE = 0.01
 """A sampling rate that the user gives is reported if it differs by more than this from that of the file, relatively."""
 _MAX_BACKWARD = 0.02
-"""Largest fraction of steps back in time in a column that is named like times."""
+"""In a column of times, at most this fraction of the steps goes back in time."""
 _MUCH_LARGER = 10.0
 """Among columns without units, one whose oscillation is this many times larger than the next is the record."""
 _MAX_COMPARED = 40
@@ -54,7 +54,8 @@ MIN_CYCLES = 2.5
 MAX_FINAL_SIZE = 0.8
 """In a decay the oscillation at the end is smaller than this fraction of the largest."""
 MAX_REGROWTH = 0.2
-"""In a free decay, the oscillation does not grow again by more than this fraction of its largest size."""
+"""In a free decay the size of the oscillation, after it has fallen, does not grow by more than this fraction of its
+largest value."""
 SMOOTHING_PERIODS = 3
 """Number of periods over which the size is averaged before its growth is measured."""
 SAME_SIGNAL = 0.9999
@@ -73,12 +74,12 @@ class OscillationMeasure:
         Period in samples.
     size
         Standard deviation within the period in which it is largest, in the column's unit.
-    swings
+    oscillates
         Whether one frequency has at least the fraction `MIN_POWER_FRACTION` of the variance, over at least `MIN_CYCLES`
         periods.
-    lasts
+    fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
-    dies
+    decays
         Whether the oscillation is smaller at the end (see `MAX_FINAL_SIZE`).
     grows_again
         Whether it grows again after it has decayed (see `MAX_REGROWTH`), as beats and the residuals of a fit do.
@@ -148,10 +149,10 @@ class RecordColumns:
         Label of the run in the file; "" without runs.
     why
         Sentences that say how the columns were chosen.
-    still
+    constant_columns
         Names of other columns, which do not change.
     choice
-        Sentence on the choice among several columns; "" if there was no choice.
+        Sentence on the choice among several columns, which is also in `why`; "" if there was no choice.
     """
 
     value: Column
@@ -229,7 +230,8 @@ def choose_columns(
     Raises
     ------
     InputError
-        If a column does not exist or the choice is not clear; the message lists the columns of the file.
+        If a column does not exist, the choice is not clear, or all chosen columns contain gravity (if only some do,
+        these are left out). The message lists the columns of the file.
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]
@@ -450,7 +452,8 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
     """Choose the columns of values in each block; in several runs, use the columns that most runs would choose.
 
-    Raises InputError if several columns of a run are chosen that are not channels of one kind.
+    Raises InputError if several columns of a run are chosen and neither their unit nor the file shows that each is a
+    record of its own.
     """
     picks = [_choose_in_block(content, block) for block in blocks]
     usual = Counter(tuple(split_run(c)[0] for c in chosen) for chosen, _ in picks).most_common(1)[0][0]
@@ -500,7 +503,10 @@ class _Candidate:
 
 
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
-    """Return the columns of one run that are a record each, and a sentence on the choice."""
+    """Return the columns of one run that are a record each, and a sentence on the choice; "" if there is none.
+
+    Columns that do not oscillate or decay, derived quantities and copies are left out as long as others remain.
+    """
     values = block.candidates or block.values
     if len(values) == 1:
         return values, ""
@@ -550,7 +556,10 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates without those that equal another one up to a factor and an offset."""
+    """Return the candidates without those that equal another one up to a factor and an offset.
+
+    Of two equal ones with the same unit the larger one is kept, else the first one.
+    """
     independent: list[_Candidate] = []
     for candidate in candidates:
         b = candidate.column.values

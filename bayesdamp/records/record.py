@@ -96,7 +96,11 @@ class RawRecord:
 
 
 def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
-    """Return the unit and the quantity: those given, else the file's (`stated`, `what`), else an angle in rad."""
+    """Return the unit and the quantity: those given, else the file's (`stated`, `what`), else an angle in rad.
+
+    If the given unit is that of only one quantity, this has priority over the file's. A file's unit that is not in
+    UNITS is not used.
+    """
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")
     return chosen, quantity or only or what or "angle"
@@ -120,7 +124,7 @@ def half_swing(raw: RawRecord) -> float:
 
 
 def count_jumps(y: np.ndarray, turn: float) -> int:
-    """Return how often values y (n,) jump by a turn; 0 if they are not a wrapped angle.
+    """Return how often values y (n,) jump by a turn; 0 if they are not a wrapped angle. turn: a turn in the unit of y.
 
     A rectangular signal is not a wrapped angle: without its jumps it is constant, or noise.
     """

@@ -49,9 +49,9 @@ def simulate_signal(
     noise
         "gaussian" (white), "correlated", with a correlation of exp(−Δt/noise_time), or "student_t".
     noise_time
-        Correlation time in s of correlated noise.
+        Correlation time in s of correlated noise; without it this noise is white too.
     noise_dof
-        Degrees of freedom of Student's t.
+        Degrees of freedom of Student's t; 1 by default.
     outliers
         Number of spikes or, if it is below 1, the fraction of samples that are spikes. The size of a spike is 0.3 to 1
         times half of the record's range, up or down.

@@ -18,7 +18,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import InputError, Symbol
 
 NODES_PER_QUARTER = 48
-"""Number of Gauss–Legendre nodes in a quarter of a cycle."""
+"""Number of Gauss–Legendre nodes in a quarter of a cycle, for the energy lost in a cycle (conventional)."""
 SHARP_WIDTH = 1e-9
 """Switching width ε, relative to the peak velocity, with which the work of an abrupt switch is computed."""
 EXACT, TINY = 1e-8, 1e-100
@@ -68,7 +68,7 @@ class DampingTerm(ABC):
     words: str = ""
     """Name of the term in sentences; by default `name`."""
     formula: str = ""
-    """The force as a report shows it."""
+    """The force, coefficient included, as a report shows it."""
     switches: bool = False
     """Whether the force jumps with the sign of the velocity (dry friction), within the width ε."""
     rounded: bool = False
@@ -160,7 +160,10 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the kernel as a function of (x, v, ε) only, with these values of the further arguments; ε may be 0."""
+        """Return the kernel as a function of (x, v, ε) only, with these values of the further arguments.
+
+        With ε = 0 dry friction jumps with the sign of v, and is that of a tiny positive v at v = 0.
+        """
         kernel, values = self.kernel, [further[n] for n in self.further]
 
         def force(x: float, v: float, epsilon: float) -> float:
@@ -181,7 +184,7 @@ def parse_model(name: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If a term is unknown, repeated or empty, or if two terms have a parameter of the same name.
+        If a term is unknown, repeated or empty, or if two terms have an inferred parameter of the same name.
     """
     terms = tuple(part.strip() for part in name.split("+"))
     if len(set(terms)) != len(terms) or not all(terms):
@@ -202,7 +205,7 @@ def others() -> list[str]:
 
 
 def words_of(term: str) -> str:
-    """Return how a sentence names a term, without an article, so that "damping" can follow.
+    """Return the words by which a sentence names a term, without an article, so that "damping" can follow.
 
     If the term has no `words`, or is not registered, this is its name.
     """
@@ -212,7 +215,7 @@ def words_of(term: str) -> str:
 
 
 def twins_of(term: str) -> list[str]:
-    """Return the terms whose energy loss depends on the amplitude as this term's does (see `DampingTerm.twin`)."""
+    """Return the names of all terms that this term names as its twin, or that name it (see `DampingTerm.twin`)."""
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]

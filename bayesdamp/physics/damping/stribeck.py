@@ -13,8 +13,8 @@ from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
-"""Limits of the Stribeck velocity, relative to the reference peak velocity. Below them friction exceeds its kinetic
-value only very near the turning points; above them it does so during the whole cycle."""
+"""Limits of the Stribeck velocity, relative to the reference peak velocity. Below the first, friction exceeds its
+kinetic value only very near the turning points; above the second, during the whole cycle."""
 
 
 class Stribeck(DampingTerm):

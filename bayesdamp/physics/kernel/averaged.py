@@ -23,7 +23,7 @@ TURNS, REAL_TURNS = 2, 4
 """Number of cycles over which one amplitude and phase are measured: in the compressed oscillation, which has M times
 the damping, and in the actual one."""
 PHASES = 16
-"""Number of points in a cycle at which the oscillation is evaluated for this."""
+"""Number of points in a cycle at which the oscillation is evaluated to measure amplitude and phase (conventional)."""
 ODE_TOLERANCE = 1e-10
 """Error of a step of the actual equation, relative to the amplitude; a cycle is then right to 1e-8 of its amplitude, or
 better (measured)."""
@@ -73,14 +73,17 @@ class Track:
         return self.real_times.mean(axis=1)
 
     def combine(self, size: np.ndarray, phase: np.ndarray, midline: np.ndarray) -> np.ndarray:
-        """Return amplitudes, phases and midlines of the first blocks, (b, ...) each, times their factors, (3b, ...)."""
+        """Multiply amplitudes, phases and midlines of the first b blocks, (b, ...) each, by the track's factors.
+
+        Return them in one array (3b, ...), three values for each block.
+        """
         count = len(size)
         one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))
         white = np.tensordot(self.whitening[:count, :count], phase, axes=1)
         return np.stack([one * size, white, other * midline], axis=1).reshape(-1, *size.shape[1:])
 
     def separate(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return amplitudes, phases and midlines, (b,) each, from the values y of all blocks, (3b,)."""
+        """Return amplitudes, phases and midlines, (b,) each, from values y, (3b,): the inverse of `combine`."""
         size, white, midline = y.reshape(-1, NUMBERS).T
         return size / self.weights[:, 0], np.linalg.solve(self.whitening, white), midline / self.weights[:, 1]
 
@@ -117,7 +120,11 @@ class AveragedSolver(Solver):
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """Return the values of the blocks, as `Solver.solve` does; `stop` counts values, not blocks."""
+        """Return the values of the blocks, and their tangents, in a `Motion` (see `Solver.solve` for the arguments).
+
+        stop: number of values (three for each block), from the first on. times and states of the result are those of
+        the compressed oscillation. Return None if the trajectory escapes.
+        """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
             t, order = _sort_times(self.track.times[:blocks])
@@ -152,7 +159,7 @@ class AveragedSolver(Solver):
     def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return this solver with the defect at parameters p, (k,), and deviations g and h; None if it escapes."""
+        """Return a copy with the defect at parameters p, (k,), and deviations g and h; None if a trajectory escapes."""
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
 
@@ -173,7 +180,8 @@ class AveragedSolver(Solver):
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return complex amplitudes and midlines of the blocks, (b,) each, from integrating the actual equation.
 
-        Return None if the trajectory escapes. The duration is integrated in segments, each from the end of the last.
+        Amplitudes are relative to the phases `real_phases` of the track. Return None if the trajectory escapes. The
+        duration is integrated in segments, each of which starts from the end of the one before.
         """
         t, order = _sort_times(self.track.real_times)
         knots = self.knots * self.slowness
@@ -223,7 +231,10 @@ class AveragedSolver(Solver):
 
 
 def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sorted times, and for each of the times (b, s) its index in them, (b·s,)."""
+    """Sort times, (b, s).
+
+    Return them in rising order, (b·s,), and the index of each original time in this order, (b·s,).
+    """
     order = np.argsort(times.ravel(), kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
@@ -231,9 +242,10 @@ def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _demodulate(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Demodulate: return complex amplitudes, relative to reference phases (b, s), and midlines, (b, ...) each.
+    """Return the complex amplitude of each block, relative to reference phases, and its midline, (b, ...) each.
 
-    values: of the oscillation, (n, ...), in time order; order: index of each point of the blocks in them.
+    values: values of the oscillation, (n, ...), in time order. order: index in them of each point of the blocks,
+    (b·s,). phases: reference phases in rad, (b, s).
     """
     points = values[order].reshape(-1, phases.shape[1], int(np.prod(values.shape[1:])))
     blocks, weights = len(points), _WEIGHTS if phases.shape[1] == OFFSETS.size else _REAL_WEIGHTS

@@ -33,8 +33,9 @@ class NoSlopeError(Exception):
 def derivative_source(source: str, name: str, seeds: list[str]) -> str:
     """Return the source of a function `name` that returns a function's value and its derivatives by the seeds.
 
-    source: of the function. seeds: variables by which to differentiate: arguments, or items of one such as `p[0]`. The
-    new function has the same arguments. Raises NoSlopeError.
+    source: source of the function. seeds: variables by which to differentiate: arguments, or items of one such as
+    `p[0]`. The new function has the same arguments, and returns a tuple (value, one derivative for each seed). Raises
+    NoSlopeError unless the function consists of assignments to names and a return, in operations known here.
     """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
@@ -70,7 +71,10 @@ class _Lines:
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
     def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
-        """Append the lines that evaluate an expression; return its value and derivatives. Raises NoSlopeError."""
+        """Append lines that evaluate an expression; return the names of its value and, by seed, of its derivatives.
+
+        Raises NoSlopeError if the expression cannot be differentiated here.
+        """
         match node:
             case ast.Constant(value=int() | float() as number):
                 return repr(float(number)), {}
@@ -139,10 +143,10 @@ class _Lines:
 
 
 def difference_source(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
-    """Return the source of a function like that of `derivative_source`, but by central differences.
+    """Return the source of a function `name` that returns a value and its derivatives by central differences.
 
-    call: text that calls the function, with each seed in braces. arguments: of the new function. seeds: text of the
-    step for each seed.
+    call: text that computes the value, with each seed in braces. arguments: arguments of the new function. seeds: for
+    each seed the text of its step.
     """
     plain = {seed: seed for seed in seeds}
     lines, returned = [], [call.format_map(plain)]

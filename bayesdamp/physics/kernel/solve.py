@@ -15,7 +15,7 @@ from bayesdamp.physics.restoring import LAWS
 TOLERANCE = 3e-8
 """Error of a step, relative to the amplitude (conventional)."""
 MAX_STEPS_PER_CYCLE = 4000
-"""Most steps in a cycle; a trajectory that needs more counts as one that escapes (conventional)."""
+"""Most steps per cycle on average; a trajectory that needs more counts as one that escapes (conventional)."""
 ROUNDED = 5e-4
 """If ε = 0, forces that are steep (but continuous) at v = 0 are smoothed within this fraction of the peak velocity
 (conventional)."""
@@ -80,7 +80,7 @@ class Windows:
 
 @dataclass(frozen=True)
 class Points:
-    """Times at which a motion is evaluated; with weights, each pair of neighbouring times gives one value.
+    """Times at which a motion is evaluated; with weights, times 0 and 1 give one value, 2 and 3 the next, and so on.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Points:
     weights: np.ndarray | None = None
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the weighted means of the pairs, (n, ...), from values at the times; without weights, the values."""
+        """Return the weighted mean of each pair, (n, ...), from values at the times; without weights, the values."""
         if self.weights is None:
             return values
         first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
@@ -151,7 +151,7 @@ class Motion:
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
     def without_tangents(self) -> Motion:
-        """Return the motion without its derivatives."""
+        """Return the motion with an empty array, (n, 0), in place of its derivatives."""
         return Motion(self.y, np.zeros((self.y.size, 0)), self.times, self.states)
 
     @cached_property
@@ -303,6 +303,12 @@ class Solver:
             Number of samples to compute, from the first on; all by default.
         tolerance
             Error of a step, relative to the amplitude; `TOLERANCE` by default.
+
+        Returns
+        -------
+        Motion
+            Its values are means over the windows if the solver has windows. Its derivatives are by p, in the order of
+            `names`, and with `ALL` also by g and h at the knots.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
@@ -351,12 +357,12 @@ class Solver:
         active: np.ndarray,
         epsilon: float | None = None,
     ) -> np.ndarray:
-        """Return weighted sums over points of the terms' forces per unit of their coefficients, (d, m).
+        """Return the sums over points of weight times force, for each term per unit of its coefficient, (d, m).
 
         Parameters
         ----------
         x, v, weight
-            Displacement, velocity and weight of each point, (n,).
+            Displacement (rad), velocity (rad/s) and weight of each point, (n,).
         further
             Values of the terms' further parameters; each of the d rows, (d, e), gives one row of sums.
         active

@@ -78,7 +78,7 @@ class RestoringLaw(ABC):
 
     @abstractmethod
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the law as a linear regression for the parameters that are not in `known`; θ has shape (n,)."""
+        """Return the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`."""
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Return better coordinates for sampling: quantities that a record determines well, such as the frequency.
@@ -93,7 +93,7 @@ class RestoringLaw(ABC):
         return None
 
     def unit(self, parameter: str) -> str:
-        """Return the unit of a parameter for an angle in rad."""
+        """Return the unit of a parameter for an angle in rad; for an unknown name "rad"."""
         return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")
 
 

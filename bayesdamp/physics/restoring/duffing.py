@@ -28,7 +28,10 @@ class Duffing(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k and β if θ_e is known, else for the four coefficients of a cubic polynomial."""
+        """Return the regression for those of k and β that are unknown, if θ_e is known.
+
+        Else it is for the four coefficients of a cubic polynomial; known k and β then have no effect on the fit.
+        """
         if "rest_angle" in known:
             x = theta - known["rest_angle"]
             free = [n for n in ("stiffness", "cubic") if n not in known]

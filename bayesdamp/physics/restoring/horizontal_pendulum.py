@@ -36,7 +36,8 @@ class HorizontalPendulum(RestoringLaw):
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Return ω² of small oscillations under `stiffness`, γ under `gravity`, θ_e under `spring_angle`, and θ₀ − θ_e.
 
-        θ_e is the equilibrium nearest to the start angle or, if Newton's method fails from there, to θ_s.
+        The last is stored under `theta0`. θ_e is the equilibrium that Newton's method reaches from the start angle or,
+        if it fails from there, from θ_s. Return None if it fails from both.
         """
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
@@ -58,7 +59,10 @@ class HorizontalPendulum(RestoringLaw):
         }
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return the parameters from θ_e, γ and ω²: k = ω² − γ sin θ_e, and θ_s from F(θ_e) = 0."""
+        """Return the parameters from θ_e, γ, ω² and θ₀ − θ_e: k = ω² − γ sin θ_e, and θ_s from F(θ_e) = 0.
+
+        None if k ≤ 0.
+        """
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * math.sin(rest)
         if k <= 0:

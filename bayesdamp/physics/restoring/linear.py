@@ -28,7 +28,7 @@ class LinearSpring(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k and kθ_e, or for the unknown one of k and θ_e."""
+        """Return the regression for k and −kθ_e, or for θ_e if k is known, or for k if θ_e is known."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         none, ones = np.zeros((theta.size, 0)), np.ones_like(theta)
         if k is not None and rest is not None:

@@ -28,7 +28,10 @@ class Pendulum(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k cos θ_e and k sin θ_e, or for k if θ_e is known."""
+        """Return the regression for k cos θ_e and −k sin θ_e, or for k if only θ_e is known.
+
+        If θ_e is unknown, a known k has no effect on the fit.
+        """
         k, rest = known.get("stiffness"), known.get("rest_angle")
         zero = np.zeros_like(theta)
         if rest is not None:

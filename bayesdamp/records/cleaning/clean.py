@@ -67,7 +67,8 @@ MAX_STEPS_OFF = 2.0
 def recording_step(y: np.ndarray) -> float:
     """Return the recording step (resolution) of values y (n,); 0 if they are not multiples of a step.
 
-    The multiples may themselves be rounded, as for a step of 0.088° written with two decimals.
+    The multiples may themselves be rounded, as for a step of 0.088° written with two decimals. With only two different
+    values it is their difference.
     """
     values = np.unique(y)
     if values.size < 3:
@@ -87,11 +88,11 @@ def recording_step(y: np.ndarray) -> float:
 
 
 def sensor_offset(signal: Signal, features: Features) -> float:
-    """Return the zero offset of a velocity or acceleration sensor, in its unit; 0 if it is not significant.
+    """Return the zero offset of a velocity or acceleration sensor, in the unit of y; 0 if it is not significant.
 
     It is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of time.
     The midline of the turning points would not do, because an asymmetric force shifts it. For a displacement the offset
-    is 0, because its equilibrium may be anywhere.
+    is 0, because its equilibrium may be anywhere; also if there are too few midline crossings or samples for the fit.
     """
     t, crossings = signal.t, features.crossing_times
     if signal.quantity == "angle" or crossings.size < 3:
@@ -265,9 +266,9 @@ def clean(
 
 
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
-    """Return the factor of a unit to its base unit, and the base. Raises InputError for an unknown unit or quantity.
+    """Return the factor that converts a unit to its base unit, and the base unit.
 
-    where: name of the record for the message.
+    Raises InputError for an unknown unit or quantity. where: name of the record for the message.
     """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
@@ -286,7 +287,7 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
     period
         Period of the oscillation, in s.
     amplitude
-        Amplitude in the unit of y; a deviation below 1/1000 of it is not an outlier.
+        Amplitude in the unit of y; a deviation below 1/1000 of it plus two recording steps is not an outlier.
     """
     is_far = np.zeros(signal.t.size, bool)
     # Two sets of windows, because an outlier at the edge of a window distorts its fit.
@@ -302,7 +303,11 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
 
 
 def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:
-    """Return the indices of the first and last sample between start and stop (s, or "auto"). Raises InputError."""
+    """Return the indices of the first and last sample between start and stop (s, or "auto").
+
+    "auto" stands for the start or the end of the record. Raises InputError if start or stop is invalid, or if there are
+    fewer than ten samples between them.
+    """
     bounds = [float(t[0]), float(t[-1])]
     for i, (what, at) in enumerate((("start", start), ("stop", stop))):
         if isinstance(at, str):
@@ -329,7 +334,8 @@ def decimate(raw: RawRecord) -> RawRecord:
     """Reduce the samples of a record with more than `MOST_SAMPLES` to as many as its oscillation needs.
 
     Values are low-pass filtered first; a note describes the filter. The first and last samples, for which the filter
-    lacks neighbours, are left out. A record that is not uniformly sampled is returned unchanged.
+    lacks neighbours, are left out. A shorter record, one that is not uniformly sampled, and one whose oscillation needs
+    all samples are returned unchanged.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing

@@ -10,7 +10,7 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 BURST_REPEATS = 0.05
-"""If at least this fraction of the stamps repeats the one before, they count as bursts of a uniform sampling
+"""If at least this fraction of the stamps are equal to the one before, they count as bursts of a uniform sampling
 (conventional)."""
 EVEN_STEPS_RATIO = 1.5
 """Rows count as merely out of order if, for the sorted times, mean over median step and median over smallest step are
@@ -67,10 +67,11 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     A uniform clock is first stamp + index × step. The clock "auto" is decided in this order:
 
     1. without times: the sampling rate;
-    2. stamps that are the rounded times of a uniform sampling, and no missing rows: uniform, with its step;
-    3. stamps that come in bursts: refused if none repeats, or if only a few (below BURST_REPEATS) do;
-    4. no stamp repeats: as logged;
-    5. else uniform, with the slope of a robust line through stamps against index, unless stamps are too far from it.
+    2. stamps that are the rounded times of a uniform sampling, and no missing rows: uniform, with its step (refused if
+       the last digit is longer than the step);
+    3. stamps that come in bursts: refused if none repeats, or if only a few (below BURST_REPEATS) do; 4. no stamp
+    repeats: as logged; 5. else uniform, with the slope of a robust line through stamps against index, unless stamps are
+    too far from it (refused).
 
     With "uniform" the step is also that of rule 2 or 5.
 

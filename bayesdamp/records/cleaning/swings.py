@@ -26,7 +26,7 @@ MAX_RISE = 0.25
 fraction within a cycle; in beats the growth is as gradual as the fall before."""
 MAX_FALL = 0.35
 """A hand that stops the motion is assumed if the range of a swing falls by more than this fraction within a cycle,
-unless it fell so fast before."""
+unless it already fell so fast before."""
 JUMP_RATIO = 3.0
 """Such a rise or fall must be this many times larger than the changes of the range in the cycles before."""
 SWINGS_PER_WINDOW = 4
@@ -41,7 +41,7 @@ LATER_SWINGS = 10
 EXCEEDANCE = 1e-3
 """Probability that a swing of a free decay is outside the prediction interval from the later ones."""
 MAX_MISFIT = 5.0
-"""Largest misfit of a swing, relative to the median misfit of the later swings."""
+"""Largest misfit (see `Swings.misfit`) of a swing, relative to the median misfit of the later swings."""
 PERIOD_TOLERANCE, MIDLINE_TOLERANCE, SHAPE_TOLERANCE = 0.02, 0.03, 0.01
 """Deviations that are always allowed: of the period (relative), of the midline (relative to the range), and of the
 shape (relative to the amplitude)."""
@@ -93,14 +93,19 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return the marks that are not near a gap in the samples, across which the range falls as over several swings."""
+    """Return the marks (indices of swings) that are not near a gap in the samples.
+
+    across: indices of the swings that contain a gap. Over a gap the range falls as over several swings, which is not a
+    jump or break.
+    """
     return [m for m in marks if not np.any(np.abs(across - m) <= 2 * SWINGS_PER_WINDOW)]
 
 
 def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
     """Return a measure of how much information a stretch contains about the damping.
 
-    It is the number of swings times the log of the ratio of its largest to its smallest range (plus 0.02).
+    It is the number of swings times (0.02 + ln of a ratio): the larger of the first two ranges divided by the smaller
+    of the last two. stretch: index of its first turning point, and that after its last.
     """
     ranges = np.abs(np.diff(turns.values[slice(*stretch)]))
     few = min(2, ranges.size)
@@ -109,7 +114,7 @@ def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
 
 
 def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
-    """Return start and end (exclusive) of runs of swings that are in phase and above the noise.
+    """Return start and end (exclusive), as indices of swings, of runs that are in phase and above the noise.
 
     A run continues across a turning point that a spike spoils, and across a gap in the samples.
     """
@@ -147,7 +152,9 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices that divide swings (k,) into a rising, a falling and again a rising part, from 0 to k.
+    """Return the indices, from 0 to k, that divide k swings into a rising, a falling and again a rising part.
+
+    If the swings do not rise at the start (or the end) by more than `MAX_RISE` and the noise, that part is missing.
 
     A free decay neither begins nor ends with growing swings; the ringing of a filter before and after a hit does.
     """
@@ -260,7 +267,7 @@ class Swings:
     def reason_not_continuing(self, i: int) -> Reason | None:
         """Return the property in which swing i does not fit to the later swings.
 
-        Return None if it fits, or if there are too few later swings.
+        Return None if it fits. A property is not tested if there are too few later swings for it.
         """
         later = self.gaps[i + 1 : i + 1 + LATER_SWINGS]
         if later.size >= 2:  # a swing that a hand stops is shorter than predicted
@@ -281,7 +288,10 @@ class Swings:
         return None if self._is_like_later(i, self.misfit(i)) else "shape"
 
     def opens_like_later(self, begin: float) -> bool:
-        """Return whether the samples from `begin` (s) to the first turning point fit as well as those of the swings."""
+        """Return whether the samples from `begin` (s) to the first turning point fit as well as those of the swings.
+
+        Return True if there are too few samples to decide.
+        """
         end = float(self.turns.times[0])
         samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))
         if samples < 8 or end - begin < 0.3 * float(self.gaps[0]):
@@ -297,7 +307,10 @@ class Swings:
         return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
 
     def misfit(self, i: int) -> tuple[float, float]:
-        """Return rms and largest residual of a slowly changing sinusoid with overtone, fitted to swing i."""
+        """Return rms and largest absolute residual of a slowly changing sinusoid with overtone, fitted to swing i.
+
+        Both are 0 if the swing has fewer than three samples.
+        """
         if i not in self._misfits:
             begin, end = self.turns.times[i : i + 2].tolist()
             self._misfits[i] = self._fit_misfit(begin, end, self.gaps[i])
@@ -348,9 +361,9 @@ class Reach:
     at
         Earliest time in s back to which they agree.
     share
-        Fraction of a swing from there to the turning point.
+        Time from there to the turning point, as a fraction of the duration of a swing.
     whole
-        Whether they agree in the whole swing, or in all of it that was recorded.
+        Whether they agree throughout the swing, or throughout the part of it that was recorded.
     """
 
     at: float
@@ -438,7 +451,8 @@ class Series:
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
     """Predict by how much the log range of a swing fell over the cycle before the first swing.
 
-    logs: log ranges of successive swings, (k ≥ 2,). Return the predicted fall and its error.
+    logs: log ranges of successive swings, (k ≥ 2,). Return the predicted fall and its error. Raises InputError if k <
+    2.
     """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])

@@ -31,11 +31,11 @@ MIN_STEPS = 2.0
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
 MIN_VARIANCE_SHARE = 0.3
-"""Smallest fraction of the variance that an oscillation must explain."""
+"""Smallest fraction of the record's variance that an oscillation must explain."""
 FEWEST_A_CYCLE = 4.0
 """Smallest number of samples in a cycle with which an oscillation can be followed."""
 CLEAR_SHARE = 0.85
-"""If a period explains at least this fraction, no other period is tried."""
+"""If a period explains more than this fraction of the record's variance, no other period is tried."""
 MOST_HEAD_SWINGS = 24
 """Most swings at the start of a stretch that are compared with the later ones (and at most half of them)."""
 START_MARGIN = 0.2
@@ -52,8 +52,8 @@ MIN_POWER_SHARE = 0.01
 LISTED_DECAYS = 3
 """Most other free decays whose times a note lists."""
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
-"""After a start that the user gives, a free decay must begin within this many periods; before it the body counts as at
-rest if its swings are below this fraction of the first swing of the decay."""
+"""After a start that the user gives, a free decay must begin within this many periods; before the decay the body counts
+as at rest if its swings are below this fraction of the first swing of the decay."""
 FEW_TURNS = 30
 """With at most this many turning points, the start may be within a swing, to gain half a swing."""
 AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
@@ -115,7 +115,7 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | 
     """Return the window of a record that is not the free decay of one oscillator; None for a free decay.
 
     Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout. The window
-    begins at the largest value, or at the start of the record.
+    begins at the largest value, or at the start of the record, and ends with the record.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def free_decay(
     step
         Recording step in the unit of y.
     seek_start, seek_stop
-        Whether to search the start and the stop; otherwise the window has the start or the stop of the record.
+        Whether to search for the start and for the stop; otherwise the window has that of the record.
     name
         Name of the record in messages.
 
@@ -229,7 +229,10 @@ def free_decay(
 def _find_decays(
     t: np.ndarray, y: np.ndarray, periods: Sequence[tuple[float, float]], step: float, name: str
 ) -> _Decays:
-    """Return the stretches of free decay for the best of the periods. Raises InputError if there are none."""
+    """Return the stretches of free decay for the period whose best stretch has the most `information`.
+
+    Raises InputError if no period has a stretch.
+    """
     options: list[_Decays] = []
     for period, share in periods:
         if share >= MIN_VARIANCE_SHARE and (decays := _decays_of_period(t, y, step, period)):
@@ -276,7 +279,7 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
 
 
 def _largest_rise(decays: _Decays) -> float:
-    """Return the largest rise of the averaged swings after they have fallen, from the best stretch on.
+    """Return the largest rise of the averaged ranges of swings after they have fallen, from the best stretch on.
 
     It measures narrow-band noise, which a filter leaves and which raises some swings. Only swings in phase with the
     stretch and before the next release are used. If the rise is much larger, as in beats, the result is 0.
@@ -299,7 +302,9 @@ def _largest_rise(decays: _Decays) -> float:
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
-    """Return the last sample before the next hit or release, in a record whose start the user has given.
+    """Return the index of the last sample before the next hit or release, or of the record's last sample without one.
+
+    It is used for a record whose start the user has given.
 
     Raises InputError if the body is at rest at the start and is struck or released only later.
     """
@@ -337,7 +342,10 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
 
 
 def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
-    """Return how many turning points to leave out at the start of the best stretch, and the reason for the last one."""
+    """Return how many turning points to leave out at the start of the best stretch, and the reason for the last one.
+
+    The result is (0, None) if nothing is to be left out, or if no swing from which the decay is undisturbed is found.
+    """
     # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]
     sizes, gaps = np.abs(np.diff(decays.turns.values)), np.diff(decays.turns.times)
@@ -362,7 +370,7 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
 def _find_start(
     series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
 ) -> int:
-    """Return the first sample of the free decay: start of the record, release, or first clean turning point.
+    """Return the index of the first sample of the free decay: start of record, release, or clean turning point.
 
     why: property in which the swing before does not fit to the later ones. before: time (s) of the turning point at
     which that swing begins, if any. A note on the choice is appended to `notes`.
@@ -395,7 +403,10 @@ def _find_start(
 
 
 def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int, str]:
-    """Return the last sample of the free decay, and the reason as a clause ("" for the end of the record)."""
+    """Return the index of the last sample of the free decay, and the reason as a clause.
+
+    The reason is "" for the end of the record. floor: smallest distance of a turning point from the midline.
+    """
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
     gap = float(np.median(np.diff(times)[-5:]))

@@ -66,7 +66,7 @@ class EnvelopeRecord:
         return self.unit in DECIBELS
 
     def amplitude(self, level: float) -> tuple[float, str]:
-        """Convert a level (dB) back to the recorded quantity; return the value and its unit."""
+        """Convert a level (dB) back to the recorded quantity (a level stays a level); return the value and its unit."""
         if self.logarithmic:
             return level, self.unit
         return 10.0 ** (level / (10.0 if self.unit in POWER else 20.0)), self.unit
@@ -92,6 +92,9 @@ def make_record(
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
 
+    Readings that are zero, or that have the same time as the one before, are left out, and the absolute value of small
+    negative ones is used; notes say so.
+
     Parameters
     ----------
     name
@@ -108,7 +111,7 @@ def make_record(
     Raises
     ------
     InputError
-        If times decrease, or the readings cannot be an envelope.
+        If times decrease, the frequency is not positive, or the readings cannot be an envelope.
     """
     if frequency is not None and not (np.isfinite(frequency) and frequency > 0):
         raise InputError(f"{name}: frequency must be positive, in Hz, not {frequency:g}")
@@ -148,7 +151,11 @@ def make_record(
 
 
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
-    """Return whether a file is an envelope: the given unit, or that in its column's name, is of DECIBELS."""
+    """Return whether a file is an envelope: its unit is one of DECIBELS.
+
+    The unit is the given one; else that in the name `value`; else that in the last line with letters at the start of
+    the file. A file that cannot be opened is not an envelope.
+    """
     if unit is not None:
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():

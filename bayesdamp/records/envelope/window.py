@@ -23,7 +23,8 @@ LEAST_DROP = 3.0
 LEAST_POINTS = 6
 """Smallest number of readings of a decay."""
 MISFIT_RATIO = 2.0
-"""A short line, or a power law, is not part of the decay if its misfit is this many times the usual one."""
+"""A short line is not part of the decay if its rms misfit is more than this many times that of the lines after it; a
+power law, if its misfit is more than this many times the expected scatter."""
 GUARD_FRACTION = 0.02
 """Fraction of the decay's duration that is left out after the release, if a drive precedes it."""
 CHECKED_FRACTION = 0.05
@@ -88,9 +89,9 @@ from the rate after it by more than this multiple of the usual change of the slo
 class NoiseFloor:
     """A measured noise floor, in units of power.
 
-    power: mean power; decay: mean power of the decay that remains in the readings from which it was measured; swing:
-    half of the mean squared difference of readings a LAG apart, NaN if there are too few readings; error: relative
-    standard error of swing / power².
+    power: mean power of the floor; decay: mean power of the decay that remains in the readings from which the floor was
+    measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` apart, NaN if
+    there are too few readings; error: relative standard error of semivariance / power².
     """
 
     power: float
@@ -144,6 +145,11 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
         Power of the readings, and of the decay at these times, shape (n,).
     rate
         Mean decay rate -d ln A/dt in 1/s.
+
+    Returns
+    -------
+    NoiseFloor
+        The floor, with `power` only if there are too few readings or they do not fluctuate.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
@@ -155,7 +161,7 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     semivariance = float(squares.mean())
     if not semivariance > 0:
         return NoiseFloor(mean)
-    # Error of swing / power²; both errors are from parts, because slow fluctuations correlate the readings.
+    # Error of semivariance / power²; both errors are from parts, because slow fluctuations correlate the readings.
     error = np.hypot(_relative_error(squares), 2.0 * _relative_error(power))
     return NoiseFloor(mean, rest, semivariance, float(error))
 
@@ -167,7 +173,7 @@ def _relative_error(values: np.ndarray) -> float:
 
 
 def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Average times and values in at most `most` blocks; return both and the bounds of the blocks, (blocks + 1,)."""
+    """Average in at most `most` blocks; return mean times and values, (blocks,), and block bounds, (blocks + 1,)."""
     count = min(most, t.size)
     edges = np.linspace(0, t.size, count + 1).round().astype(int)
     size = np.diff(edges)
@@ -175,7 +181,7 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
 
 
 def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
-    """Return the fall in dB from the first to the last twentieth of levels `begin` to `end` − 1."""
+    """Return the fall in dB from the mean of the first twentieth to that of the last, of levels `begin` to `end` − 1."""
     if end - begin < 2:
         return 0.0
     part = max(1, (end - begin) // 20)
@@ -200,8 +206,9 @@ class Levels:
 class DecayFit:
     """A power law and a noise floor, fitted to the levels from a block on.
 
-    x: ln of the amplitude at the blocks; floor: power of the floor; floor_at: first block in which the decay is below
-    the floor; stop: end of the readings that were fitted; scale: level in dB relative to which amplitude and floor are.
+    x: ln of the amplitude at each block from the first fitted one on; floor: power of the floor; floor_at: first block
+    in which the decay is below the floor, or the number of blocks; stop: index after the last reading that was fitted;
+    scale: level in dB to which amplitude and floor are relative.
     """
 
     x: np.ndarray
@@ -216,7 +223,8 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
 
     Straight lines follow a decay back only while it is straight in dB, but dry friction and drag curve it. The search
     bisects the blocks before `begin`, at which the decay starts according to straight lines; `begin` itself is returned
-    if the decay would hardly become longer. end: block at which the decay ends.
+    if the decay would hardly become longer. An earlier start is moved on by a margin (`GUARD_FRACTION`). end: block at
+    which the decay ends.
     """
     y = levels.yb
     low, first = -1, begin
@@ -236,7 +244,10 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
 
 
 def power_law_holds(levels: Levels, at: int) -> bool:
-    """Return whether a power law and a noise floor fit the levels from block `at` on, and also the first of these."""
+    """Return whether a power law and a noise floor, fitted from block `at` on, describe the levels until the floor.
+
+    They must also describe the first of these blocks (`CHECKED_FRACTION`) taken alone.
+    """
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
     off = levels.yb[at : at + x.size] - fit.scale - 10.0 * np.log10(np.exp(2.0 * x) + fit.floor)
@@ -323,8 +334,8 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
 class EnvelopeWindow:
     """The free decay in a record.
 
-    start, stop: index of its first sample, and of the sample after its last one. why: clauses on how they were chosen.
-    floor: noise floor measured after the decay, None if the record does not reach it.
+    start, stop: index of its first sample, and of the sample after its last one. why: two clauses, on how the start and
+    the stop were chosen. floor: noise floor measured after the decay, None if the record does not reach it.
     """
 
     start: int
@@ -430,6 +441,7 @@ def _straightest(levels: Levels) -> tuple[int, int]:
 
     It has the largest fall minus `MISFIT_WEIGHT` times the misfit of a straight line. Levels are means of power,
     limited from below by the level at the end of the record, so that dips of the floor are not taken for a descent.
+    Raises Refusal if the level never falls.
     """
     t, power, edges = average_in_blocks(
         levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE_BLOCKS

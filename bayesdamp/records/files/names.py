@@ -129,7 +129,7 @@ def _unit_candidates(name: str) -> list[str]:
 
 
 def seconds_in(name: str) -> float | None:
-    """Return the seconds in the unit that the name of a column of times states; None if it states none."""
+    """Return the seconds in the unit that the name of a column of times states; None if it states none or several."""
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
         units = [joined[1].lower()]
@@ -149,7 +149,7 @@ def seconds_written(unit: str) -> float | None:
 
 
 def may_be_unit(cell: str, name: str) -> bool:
-    """Return whether the cell below a column's name is its unit, or empty."""
+    """Return whether the cell below a column's name is empty, "-", or a unit that this column may have."""
     text = cell.strip("()[] ")
     if _normalise_time_unit(text) in SECONDS:
         return _normalise_time_unit(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
@@ -157,7 +157,10 @@ def may_be_unit(cell: str, name: str) -> bool:
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
-    """Return unit (of the displacement) and quantity that a column's name states; None without a unique unit."""
+    """Return the unit of the displacement and the quantity that a column's name states: for `deg/s`, deg and velocity.
+
+    Return None unless the name contains exactly one known unit.
+    """
     units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
     if len(units) != 1:
         return None
@@ -166,14 +169,17 @@ def unit_and_quantity(name: str) -> tuple[str, str] | None:
 
 
 def _quantity_of(name: str) -> str | None:
-    """Return "velocity" or "acceleration" if a word of a name states it; else None."""
+    """Return "velocity" or "acceleration" if words of a name state exactly one of them; else None."""
     words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
     quantities = {_QUANTITIES[word] for word in words if word in _QUANTITIES}
     return quantities.pop() if len(quantities) == 1 else None
 
 
 def unit_written(text: str) -> tuple[str, str] | None:
-    """Return the unit (of the displacement) and the quantity for the text of a unit; None if it is not known."""
+    """Return the unit of the displacement and the quantity for the text of a unit: for `deg/s`, deg and velocity.
+
+    Return None if the unit is not known.
+    """
     text = _normalise_unit(text)
     if text in _WRITTEN:
         return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
@@ -230,7 +236,7 @@ def seconds_of_unit(column: Column) -> float | None:
 
 
 def unit_of_column(column: Column) -> tuple[str, str]:
-    """Return the unit (of the displacement) and the quantity of a column; each is "" if the file does not state it.
+    """Return the unit of the displacement and the quantity of a column; each is "" if the file does not state it.
 
     The unit is a name in UNITS; a unit that is not in UNITS is returned as it is written.
     """

@@ -25,7 +25,7 @@ FLAT_RATIO = 1.5
 at 2.8 rad also stays longer."""
 # For rectified records, all conventional:
 MIN_HALF_CYCLES = 6
-"""Smallest number of half cycles for a decision."""
+"""A record with fewer half cycles does not count as rectified."""
 MIN_PEAK = 0.3
 """Half cycles are used as long as their peak is above this fraction of the largest; below are noise and offsets."""
 MAX_MINIMUM = 0.15
@@ -50,7 +50,7 @@ RISES_AGAIN = "The amplitude rises again, which beats, a second mode or a drive 
 
 
 def find_anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
-    """Return sentences that say why a record may not be a free decay: clipped peaks, or an amplitude that rises."""
+    """Return sentences on why a record may not be a free decay (`CLIPPED`, `RISES_AGAIN`); empty if there are none."""
     faults = []
     if is_clipped(signal.y, features.samples_per_cycle):
         faults.append(CLIPPED)
@@ -101,7 +101,10 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
 
 
 def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
-    """Return whether y leaves its flat peak as fast as a clipped sinusoid does, not as slowly as one that stops."""
+    """Return whether y leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops there.
+
+    begin, end: first sample of the flat peak, and that after its last. step: usual distance of neighbouring values.
+    """
     flat = end - begin
     phase = np.pi * flat / per_cycle  # half of the duration of the flat part
     away = max(round(per_cycle / 24), 2)

@@ -35,7 +35,7 @@ points within the third number of periods of a gap are not used (conventional)."
 TESTED_MARGIN = 1.5
 """Number of periods before the first and after the last turning point in which `reason_not_oscillating` looks."""
 LEAST_SHARE = 0.3
-"""Smallest fraction of the variance within one or two periods that an oscillation must explain."""
+"""Smallest fraction of the variance, within one or two periods, that an oscillation must explain."""
 
 
 MAX_CACHED = 16
@@ -47,7 +47,7 @@ Result = TypeVar("Result")
 def once_per_record(
     compute: Callable[Concatenate[Signal, Options], Result],
 ) -> Callable[Concatenate[Signal, Options], Result]:
-    """Cache the results of a function of a signal for the last `MAX_CACHED` different records.
+    """Return a version of a function of a signal that caches the results for the last `MAX_CACHED` different records.
 
     The key is made from the samples, because the same record occurs under several names. The function runs with one
     BLAS thread, which is fastest for its small matrices.
@@ -207,7 +207,10 @@ def features(signal: Signal) -> Features:
 
 
 def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
-    """Return runs of turning points with regular distances and ranges above the noise, in time order."""
+    """Return runs of turning points with regular distances and ranges above the noise, in time order.
+
+    Fewer than three turning points are returned as one run.
+    """
     if turns.times.size < 3:
         return [turns]
     gaps = np.diff(turns.times)
@@ -272,6 +275,7 @@ def crossing_times(
     -------
     tuple of np.ndarray
         Times in s, and their weights (squared range of the half cycle times the number of samples), each (k − 1,).
+        Where no crossing is found, the time is the middle of the half cycle, and the weight 0.
     """
     gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
     centres = (turns.times[:-1] + turns.times[1:]) / 2
@@ -330,8 +334,13 @@ def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:
     Parameters
     ----------
     times, sizes
-        Times in s and amplitudes, each (k,). If the first time is later than about half a period, the first amplitude
-        is returned.
+        Times in s and amplitudes, each (k,). If there are fewer than three, or the first time is later than about half
+        a period, the first amplitude is returned.
+
+    Returns
+    -------
+    float
+        The amplitude at time 0, limited to half and twice the first amplitude.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])

@@ -44,7 +44,7 @@ out."""
 OUTLIER_SDS = 6.0
 """Samples further than this many robust standard deviations from a window's fit are left out (conventional)."""
 ROUNDING_SD = 0.29
-"""Standard deviation of a rounding error, 1/√12 of a step."""
+"""Standard deviation of a rounding error, as a fraction of the recording step: 1/√12."""
 LEAST_ERROR = 1e-5
 """Smallest relative error of an amplitude, which is that of the fitted model (conventional)."""
 NUGGET = 1e-3
@@ -184,7 +184,8 @@ def _fit_windows(
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
     crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
-    noise gains and angular frequencies of the windows with enough samples, (k,) each. Raises Refusal if there are too
+    noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies, (k,) each, of the windows
+    with enough samples. Raises Refusal if there are too
     few.
     """
     width = periods * 2 * np.pi / pace
@@ -287,7 +288,10 @@ class LawFree:
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the times in s, within the span, at which the displacement has these amplitudes (rad or m)."""
+        """Return the times in s, within the span, at which the displacement has these amplitudes (rad or m).
+
+        For an amplitude that the record does not reach, return the nearer end of the span.
+        """
         first, last = self.span
         grid = np.linspace(-1, 1, 401)
         falling = np.minimum.accumulate(self.line(grid))
@@ -376,10 +380,11 @@ def _smooth(
     powers: Sequence[float] = POWERS,
     with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth log amplitudes or phases (k,), averaged over powers and sizes of the random walk.
+    """Smooth `values` (k,), log amplitudes or phases in the windows, averaged over powers and variances of the walk.
 
-    Return the smoothed values at scaled times `at` (m,), their slopes and the variances of the slopes; the latter two
-    are empty without `with_slopes`.
+    Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
+    slopes; slopes and variances are empty without `with_slopes`. powers: powers of the amplitude that may be a straight
+    line in time; (0.0,) takes the values themselves.
     """
     fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
     logs = np.array([f.log_likelihood for f in fits])
@@ -413,7 +418,10 @@ class Backbone:
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return frequency (rad/s), and damping ratio over decay rate (s) with its sd, at amplitudes (k,)."""
+        """Return, at amplitudes (k,), the frequency ω (rad/s), the ratio q (s), and the sd of q, (k,) each.
+
+        q is the damping ratio divided by the decay rate −Ȧ/A.
+        """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
         sds = []
@@ -430,7 +438,7 @@ class Backbone:
 
 
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the frequency at relative amplitudes a (k,), and the damping ratio over the decay rate, as rows (2, k).
+    """Return two rows (2, k) at relative amplitudes a (k,): frequency ω, and damping ratio divided by the rate −ȧ/a.
 
     The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²/2, and dE/dJ = ω gives
     the energy E(a) = ∫ ω dJ. c: coefficients of ω in powers of a².
@@ -453,7 +461,7 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the phases by time integrals of powers of the squared amplitude (k,), for up to three coefficients.
 
-    The numbers of coefficients are weighted by the Bayesian information criterion.
+    Return the backbone, in which the numbers of coefficients are weighted by the Bayesian information criterion.
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
@@ -498,7 +506,8 @@ def _smooth_power(
     """Smooth a power of the amplitude by a line plus a random walk, for each variance of the walk in `WALKS`.
 
     logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
-    curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty.
+    curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty. Variances for
+    which the covariance is singular are left out.
     """
     x = windows.scaled_times
     middle = logs.mean()
@@ -562,8 +571,8 @@ def _smooth_power(
 class DampingAt:
     """The equivalent viscous damping ratio at an amplitude (rad or m), and its standard error.
 
-    The ratio is the energy lost in a cycle over 4π times the energy of the oscillation; for a linear spring this is
-    −(dA/dt)/(ωA).
+    The ratio is the energy lost in a cycle, divided by 4π times the energy of the oscillation; for a linear spring this
+    is −(dA/dt)/(ωA).
     """
 
     amplitude: float
@@ -583,7 +592,7 @@ class FirstWords:
     Attributes
     ----------
     frequency, frequency_low, frequency_high
-        Mean frequency in Hz, and its 95 % interval.
+        Mean frequency in Hz, and the ends of its 95 % interval.
     damping
         Damping ratio at the largest amplitude, at the geometric mean, and at the smallest amplitude above the noise.
     cycles
@@ -609,7 +618,7 @@ class FirstWords:
         return self.damping[1].quality
 
     def in_unit(self, unit: Unit) -> FirstWords:
-        """Return a copy with amplitudes in the record's unit of displacement."""
+        """Return a copy with amplitudes in the unit of displacement of `unit`; unchanged if its base unit is another."""
         own = unit.displacement
         if own.base != self.unit:
             return self

@@ -42,7 +42,8 @@ amplitude; then only a rising amplitude shows that they are two."""
 HARMONIC_TOLERANCE = 0.05
 """A second frequency this close to a multiple of the first, relatively, counts as a harmonic of one oscillator."""
 MIN_RISE = 0.05
-"""Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction."""
+"""Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction of its value
+after the rise."""
 RISE_SIGMAS = 3.0
 """A rise counts if it exceeds this many standard deviations of a sample's noise."""
 SUCCESSIVE_PERIODS = 2
@@ -51,7 +52,8 @@ GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
 """A second oscillation that falls below the first number, as a fraction of the first oscillation, within the second
 number of cycles is only a transient."""
 STEADY_RATE_RATIO = 0.1
-"""An oscillation counts as sustained by a drive if its decay rate is below this fraction of the other one's."""
+"""Of two oscillations, one counts as sustained by a drive if its decay rate is below this fraction of the other
+one's."""
 HOLE_IN_PERIOD = 0.2
 """Periods that contain a gap longer than this fraction of the period are not used, because a peak may be missing."""
 MIN_CYCLES = 3.0
@@ -100,7 +102,7 @@ class Modes:
 
     @property
     def ratios(self) -> np.ndarray:
-        """Return the damping ratios, (k,): decay rate over undamped angular frequency."""
+        """Return the damping ratios, (k,): decay rate divided by undamped angular frequency."""
         return self.rates / np.hypot(self.rates, 2 * np.pi * self.frequencies)
 
 
@@ -234,7 +236,10 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in blocks to at most `MOST_SAMPLES` samples, or `PER_CYCLE` samples a period if that is more."""
+    """Average a record in blocks to at most `MOST_SAMPLES` samples, or `PER_CYCLE` samples a period if that is more.
+
+    Return the mean times and values, (m,) each.
+    """
     cycles = float(t[-1] - t[0]) / period
     block = int(max(t.size // max(MOST_SAMPLES, round(PER_CYCLE * cycles)), 1))
     block = min(block, max(int(period * t.size / float(t[-1] - t[0]) / PER_CYCLE), 1))
@@ -248,8 +253,9 @@ class OtherMotion:
     Attributes
     ----------
     kind
-        Kind of the motion. "steady" stays constant, "driven" is a decay beside a sustained oscillation, "excited" is
-        excited throughout.
+        Kind of the motion. "growing" and "steady" are one oscillation that grows or stays constant; "beats" and
+        "two modes" are two oscillations of close or of different frequencies; "driven" is a decay together with a
+        sustained oscillation; "excited" is excited throughout.
     modes
         The oscillation or the two oscillations. For "excited", the rates are NaN, and the amplitudes are the smallest
         and the largest one.
@@ -279,7 +285,7 @@ def find_other_motion(
     period
         Approximate period of the oscillation, s.
     harmonics
-        Whether to accept also a second mode at a multiple of the frequency, or one that soon decays.
+        Whether to accept also a second mode whose frequency is a multiple of the first one's, or that soon decays.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
@@ -377,10 +383,10 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
 
 
 def transient_duration(two: Modes, longest: float) -> float:
-    """Return for how long, in s, the faster decaying of two modes is visible, if it is only a transient; else 0.
+    """Return for how long, in s, the faster decaying of two modes is above `GONE_FRACTION` of the other; else 0.
 
-    It is a transient, such as the ringing of a filter, if it lasts at most `TRANSIENT_CYCLES` cycles and at most
-    `longest`, s.
+    The result is not 0 only if the mode is a transient, such as the ringing of a filter: it then lasts less than
+    `TRANSIENT_CYCLES` cycles and less than `longest` seconds.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))
@@ -397,9 +403,10 @@ def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
 
 
 def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_PERIODS) -> float:
-    """Return by how much an amplitude rises significantly after it has fallen, relative to its value after the rise.
+    """Return the largest significant rise of an amplitude after it has fallen, relative to its value after the rise.
 
-    Any damping removes energy, so for a free decay of one oscillator the result is about 0.
+    Any damping removes energy, so for a free decay of one oscillator the result is about 0. It is 0 if nothing
+    rises, or if there are too few ranges.
 
     Parameters
     ----------

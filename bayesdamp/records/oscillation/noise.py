@@ -148,7 +148,7 @@ def residuals(
     -------
     tuple of np.ndarray
         Residual of each sample, (n,); noise standard deviation of each window, (m,); index of the window of each
-        sample, (n,). NaN for windows with too few samples.
+        sample, (n,). Residuals and sds are NaN for windows with too few samples.
     """
     spacing = (t[-1] - t[0]) / (t.size - 1)
     length = max(period, 14 * spacing)
@@ -167,6 +167,9 @@ def residuals(
 
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return the standard deviation of the noise of y (n,): the median over windows of about a period."""
+    """Return the standard deviation of the noise of y (n,): the median over windows of about a period.
+
+    Return 0 if no window has enough samples.
+    """
     sd = residuals(t, y, period, ENOUGH_WINDOWS)[1]
     return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0

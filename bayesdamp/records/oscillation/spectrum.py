@@ -1,4 +1,4 @@
-"""Estimate the period of a decaying oscillation coarsely, as that whose sinusoids explain most of the record."""
+"""Estimate the period of a decaying oscillation coarsely: it is that of the sinusoids that explain most of the record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ SHORTEST_PERIOD = 4.0
 LEAST_VARIANCE = 0.5
 """If less than this fraction of the variance remains after block averaging, the blocks may hide the oscillation."""
 SURE_FRACTION = 0.5
-"""An oscillation in block averages is accepted if it has at least this fraction of their variance."""
+"""An oscillation in block averages is accepted if it has at least this fraction of their variance, and a spectral line
+if it has at least this fraction of the power."""
 ALIAS_BLOCKS = 4.5
 """A period of fewer blocks than this may be an alias of a faster oscillation."""
 LINE_BINS = 4

@@ -58,7 +58,7 @@ def local_median(values: np.ndarray) -> np.ndarray:
 def resample(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Resample a record by averages on an equally spaced grid with at most PER_CYCLE samples a period.
+    """Resample a record on an equally spaced grid with at most PER_CYCLE samples a period; denser samples are averaged.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def resample(
     Returns
     -------
     tuple
-        Times in s and values, each (m,), and the number of samples a period.
+        Times in s and values on the grid, each (m,), and the number of grid points in a period.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -111,7 +111,7 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
     Returns
     -------
     tuple
-        Indices of the extrema, and 1 if the first is a maximum, −1 if it is a minimum.
+        Indices of the extrema, and 1 if the first is a maximum, −1 if it is a minimum, 0 if there are none.
     """
     extrema: list[int] = []
     kind = first = 0
@@ -296,7 +296,10 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:
-    """Return the midline (k,) at each turning value (k ≥ 3,); exact for a geometric decay (Aitken's formula)."""
+    """Return the midline (k,) at each of k ≥ 3 turning values; exact for a geometric decay (Aitken's formula).
+
+    At the first and the last one it is that of the neighbour.
+    """
     before, here, after = values[:-2], values[1:-1], values[2:]
     second_difference = before + after - 2 * here
     inner = np.divide(

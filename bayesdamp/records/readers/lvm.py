@@ -32,7 +32,7 @@ class _Segment:
     rows: list[list[str]] = field(default_factory=list)
 
     def tag(self, name: str, channel: int) -> str:
-        """Return the value of a tag for a channel; cells for columns of times are empty and skipped."""
+        """Return the value of a tag for a channel; "" if it has none. Empty cells (of columns of times) are skipped."""
         filled = [cell for cell in self.tags.get(name, ()) if cell]
         return filled[channel] if channel < len(filled) else ""
 

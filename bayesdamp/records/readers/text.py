@@ -223,7 +223,10 @@ def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
 
 
 def separate_monitor_times(lines: list[str]) -> list[str]:
-    """Return the lines with the time that a serial monitor writes (`10:00:00.125 -> 3.5,7.1`) as a separate cell."""
+    """Return the lines with the time that a serial monitor writes (`10:00:00.125 -> 3.5,7.1`) as a separate cell.
+
+    The lines are unchanged unless most of them begin with such a time and the rest is a table.
+    """
     marks = [_MONITOR.match(line) for line in lines]
     if 2 * sum(mark is not None for mark in marks) <= sum(bool(line.strip()) for line in lines):
         return lines
@@ -552,9 +555,15 @@ def make_column(
     index
         Index of the column in a row.
     decimal
-        Decimal mark.
+        Decimal mark, "." or ",".
     name, group, unit
         Name, group and unit of the column.
+
+    Returns
+    -------
+    Column
+        Values are NaN in cells without a number; the texts of these cells are in `words`. Times of day become seconds
+        from midnight of the first day.
     """
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
