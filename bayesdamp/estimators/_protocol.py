@@ -55,8 +55,7 @@ class Estimator(ABC, Generic[OptionsType]):
     by_position: str = ""
     """The reason, as a clause, why the method cannot estimate a force that depends on the position; "" if it can."""
     with_parameters: str = ""
-    """The reason, as a clause, why the method cannot estimate a term that has parameters besides its coefficient; "" if it
-can."""
+    """The reason, as a clause, why the method cannot estimate a term with further parameters; "" if it can."""
 
     def __init_subclass__(cls) -> None:
         """Set the name of an estimator of this package to the name of its file."""
@@ -100,5 +99,5 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
 
 
 def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
-    """Return a row for each estimator: its name, and for each term the reason why it cannot estimate the term, or None."""
+    """Return a row for each estimator: its name, and a list of `reason_not_applicable` for each term alone."""
     return [(e.name, [reason_not_applicable(e, (term,)) for term in terms]) for e in estimators]

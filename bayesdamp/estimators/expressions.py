@@ -58,7 +58,10 @@ class Expression:
         return Expression(tuple((atoms, factor * c) for atoms, c in self.terms))
 
     def apply(self, kind: str, largest: float = np.inf) -> Expression:
-        """Return |expression| or tanh(expression). largest: the largest absolute value of the expression, if known."""
+        """Return |expression| (kind "abs") or tanh(expression) (kind "tanh").
+
+        largest: the largest absolute value of the expression, if known; if it is at most `SMALL`, tanh is left out.
+        """
         if not self.terms:
             return self
         if all(not atoms for atoms, _ in self.terms):
@@ -86,7 +89,7 @@ class Expression:
         return total
 
     def constants(self) -> np.ndarray:
-        """Return all constants, in the order of `with_constants`."""
+        """Return all constants, (k,): of each product its coefficient, then the constants inside its functions."""
         constants: list[float] = []
         for atoms, c in self.terms:
             constants.append(c)
@@ -96,7 +99,7 @@ class Expression:
         return np.array(constants)
 
     def with_constants(self, values: Iterable[float]) -> Expression:
-        """Return the expression with its constants replaced by `values`."""
+        """Return the expression with its constants replaced by `values`, (k,), in the order of `constants`."""
         values = iter(values)
         terms = []
         for atoms, _ in self.terms:
@@ -122,13 +125,13 @@ class Expression:
         return terms
 
     def without_the_negligible(self, v: np.ndarray, share: float) -> Expression:
-        """Return the expression without products whose root mean square over v (n,) is below a fraction of its own."""
+        """Return the expression without products whose rms over v (n,) is at most `share` times its own rms."""
         whole = float(np.sqrt(np.mean(self(v) ** 2)))
         sizes = [np.sqrt(np.mean(Expression((term,))(v) ** 2)) for term in self.terms]
         return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))
 
     def widths(self) -> list[float]:
-        """Return the width 1/w of every factor tanh(w·v)."""
+        """Return the width 1/w of every factor tanh(w·v), also inside other functions; it is negative if w is."""
         widths = []
         for atoms, _ in self.terms:
             for atom in atoms:
@@ -171,7 +174,7 @@ def _collect(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
 
 FUNCTIONS = ("Add", "Sub", "Mul", "Tanh", "Abs", "Constant", "Variable")
 DEPTH = 8
-"""Largest depth of an expression."""
+"""Largest depth of an expression's tree that the search builds (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +193,7 @@ def front(
 
     It uses NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each offspring take `polish` steps
     of Levenberg–Marquardt, in single precision. One thread: the same seed gives the same front. x and y
-    should be of order one.
+    should be of order one. population: number of expressions in a generation. length: largest number of nodes.
 
     Returns
     -------

@@ -37,8 +37,7 @@ LEAST_RESIDUAL = 1e-5
 """No misfit is reported if the residual is below this fraction of the amplitude (numerical errors are much smaller)."""
 TOLERANCE = 1e-11
 """Largest error of a trajectory, as a fraction of the amplitude. It is small so that records without noise are fitted
-to
-their last digits, and the sum of squares is smooth along combinations that the record hardly determines."""
+to their last digits, and the sum of squares is smooth along combinations that the record hardly determines."""
 STEPS = 400
 """Greatest number of Levenberg–Marquardt steps."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
@@ -58,7 +57,10 @@ class Minimum(NamedTuple):
 
 @dataclass(frozen=True)
 class _TrajectoryFit:
-    """The residuals of one record as a function of the unknown parameters."""
+    """The residuals (trajectory minus record) of one record as a function of the unknown parameters.
+
+    names: names of the unknowns, the order of x. base: values of the other parameters. size: amplitude of the record.
+    """
 
     signal: Signal
     osc: Oscillator
@@ -68,7 +70,7 @@ class _TrajectoryFit:
 
     @cached_property
     def trajectories(self) -> Trajectories:
-        """Trajectories at the record's times, solved to `TOLERANCE`."""
+        """Return the solver of trajectories at the record's times, with the tolerance `TOLERANCE`."""
         tolerance = TOLERANCE * self.size
         return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
 
@@ -209,7 +211,11 @@ def least_squares(
 
 
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
-    """Return the values of `first`, or with the restoring parameters from the record's features if these fit better."""
+    """Return start values (k,) of the unknowns: the estimate `first`, with damping coefficients of at least `units`.
+
+    Restoring parameters and start values are those of the record's features instead, if these fit the first three
+    periods better.
+    """
     estimated = {**fit.base, **first.values}
     damping = {name: max(estimated[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
     candidates = [
@@ -223,7 +229,7 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
 
 
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
-    """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise, or None.
+    """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise; else None.
 
     White noise is reported as a misfit in less than one of 10⁶ records.
     """

@@ -90,7 +90,7 @@ def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
 
 
 def known_restoring(problem: Problem) -> dict[str, float]:
-    """Return the restoring parameters that are known."""
+    """Return the values of the restoring parameters that are known, by name."""
     known = problem.system.known
     return {name: float(known[name]) for name in oscillator(problem).law.parameters if name in known}
 
@@ -162,8 +162,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     """Estimate damping coefficients from the energy that the record loses between turning points.
 
     The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. The
-    coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The result
-    is rough but robust.
+    coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The
+    result, by name, is rough but robust. With fewer than two clear half cycles, each term has a damping ratio of 0.01.
     """
     osc = oscillator(problem)
     # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
@@ -458,7 +458,10 @@ def integrate(
 
 
 def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
-    """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first."""
+    """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first.
+
+    With fewer than four turning points it is the mean of y.
+    """
     turns = turning_points(t, y, period)
     if turns.times.size < 4:
         return np.r_[float(np.mean(y)), np.zeros(degree)]
@@ -468,14 +471,14 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
 def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
     """Minimise `cost` over x ≥ 0 by Brent's bounded method (paper, section 3.3).
 
-    The bracket is [guess/3, 3·guess]; it is shifted while the minimum is at one of its ends.
+    The bracket is [guess/3, 3·guess]; it is shifted, at most 12 times, while the minimum is at one of its ends.
 
     Parameters
     ----------
     cost
         The function to minimise.
     guess
-        Start of the search; at least `unit`.
+        Start of the search; a smaller value than `unit` is replaced by it.
     unit
         A small value of x that still matters, which scales the tolerance.
 
@@ -515,7 +518,7 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[fl
 def search_further(
     priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
 ) -> dict[str, float]:
-    """Return the values of the parameters in `priors` that minimise `cost`.
+    """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty without parameters.
 
     The search of Nelder and Mead varies the standard normal scores of the parameters, from the best point of a grid. If
     the cost is the residual with the best coefficients, this is variable projection (Golub and Pereyra 1973).

@@ -33,8 +33,8 @@ TOLERANCE = 1e-7
 class EnvelopeOptions(Options):
     """Options of the envelope.
 
-    window: length of the Savitzky–Golay window in periods. above: ratio of envelope to noise below which the record is
-    not used.
+    window: length of the Savitzky–Golay window in periods. above: the record is used until the ratio of its
+    envelope to its noise first falls below this.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -62,7 +62,7 @@ class Envelope(Estimator[EnvelopeOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Fit the trajectory whose Hilbert envelope is closest to the record's."""
+        """Return the parameters of the trajectory whose Hilbert envelope is closest to the record's."""
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
             raise Refusal(
@@ -94,7 +94,8 @@ class Envelope(Estimator[EnvelopeOptions]):
 class _EnvelopeMatch:
     """The log envelopes of the record and of trajectories, computed in the same way.
 
-    names: the unknowns: damping coefficients, then further parameters of damping terms, whose priors are `priors`.
+    names: names of the unknowns: damping coefficients, then further parameters of damping terms, whose priors are
+    `priors`.
     """
 
     def __init__(
@@ -141,7 +142,7 @@ class _EnvelopeMatch:
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
 
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """Return ln A_simulated − ln A_observed over the used samples; 10 if the trajectory is unbounded."""
+        """Return ln A_simulated − ln A_observed at the used samples, (u,); all 10 if the trajectory is unbounded."""
         self.evaluations += 1
         y = self.trajectories.record(self.parameters(x, scale))
         if not np.all(np.isfinite(y)):

@@ -23,18 +23,21 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 TOLERANCE, OF_NOISE = 1e-5, 0.1
-"""Largest error of a trajectory: the larger of these shares of the amplitude and of the noise."""
+"""Largest error of a trajectory: the larger of the first times the amplitude and the second times the noise sd."""
 GAIN = 1e-4
-"""A search has converged when the least misfit is lower by less than this share than an earlier mean."""
+"""A search has converged when the mean misfit `patience` generations ago exceeds the present least misfit by at most
+this fraction."""
 ALONE = 4.0
-"""A damping coefficient is searched up to so many times the value that would cause the record's decay alone."""
+"""A damping coefficient is searched up to this many times the value with which it alone would cause the record's
+decay."""
 LEAST_READINGS = 200
 """Fewest samples of a trajectory that are compared with the record."""
 LEAST_DECAY = 0.05
 """Smallest fall of the amplitude over the record, as a fraction, that is assumed, so that a record that hardly decays
 has a range too."""
 PHASE = 3.0
-"""Half-range of the frequency: so many radians of phase over the record, and half a per cent."""
+"""Half range in which the frequency is searched: this many radians divided by the record's duration, plus half a per
+cent."""
 CHANGE = 1e-5
 """Relative step of the differences in Newton's method."""
 PHASES, NEWTON = 24, 3
@@ -42,18 +45,17 @@ PHASES, NEWTON = 24, 3
 
 
 class GeneticOptions(Options):
-    """The paper's components, and what it leaves open.
+    """Options of the genetic search: the paper's components, and what the paper leaves open.
 
-    population: trajectories in a generation for one unknown parameter, as in the paper; each further one adds half as
-    many (forty trajectories for six unknowns crowd together long before they are near).
-    tournament: how many compete to be a parent. blend: α of the BLX-α crossover.
-    mutation: standard deviation of the Gaussian mutation as a share of the range that the population spans, which is
-    the search range at first. mutated: share of the variables that mutate.
-    elite: share of the population that is kept as it is (the paper's tenth).
-    generations: the most that are computed. patience: the search has converged when no more than a ten-thousandth of
-    the misfit separates the mean of the population from the best one so many generations later.
-    readings: largest number of samples of all trajectories of a generation; a longer record is averaged over short
-    blocks, or evenly spread samples are selected.
+    population: number of trajectories in a generation for one unknown parameter, as in the paper; each further unknown
+    adds half as many (forty trajectories for six unknowns become alike long before they are near the solution).
+    tournament: number of trajectories of which the best becomes a parent. blend: α of the BLX-α crossover. mutation:
+    standard deviation of the Gaussian mutation, as a fraction of the range that the population spans, which is the
+    search range at first. mutated: probability with which a variable mutates. elite: fraction of the population that is
+    kept unchanged (the paper's tenth). generations: largest number of generations. patience: number of generations
+    after which the least misfit is compared with the population's mean misfit; the search has converged when they
+    differ by at most `GAIN`. readings: largest number of samples of all trajectories of a generation together; a longer
+    record is averaged over short blocks, or evenly spread samples are selected.
     """
 
     population: int = Field(default=40, ge=8, le=10_000)
@@ -68,14 +70,17 @@ class GeneticOptions(Options):
 
 
 class Genetic(Estimator[GeneticOptions]):
-    """The trajectory with the least misfit in a population."""
+    """Find the parameters whose trajectory has the least misfit, by a genetic search."""
 
     options = GeneticOptions
 
     def initial(
         self, signal: Signal, problem: Problem, options: GeneticOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the fittest individual of the last generation, by the misfit of its trajectory."""
+        """Return the parameters with the least misfit in the last generation.
+
+        Raises Refusal if all trajectories escape.
+        """
         features = checked_features(signal)
         genes = Genes(signal, problem, features)
         unknowns = len(genes.names)
@@ -121,14 +126,14 @@ class Genetic(Estimator[GeneticOptions]):
 
 
 class Genes:
-    """Unknown parameters as variables u, shape (m, d), with most of the range at 0 ≤ u ≤ 1.
+    """The unknown parameters of m trajectories as variables u, shape (m, d), where 0 ≤ u ≤ 1 is the search range.
 
-    A damping coefficient is its own variable, from 0 on. The stiffness and the angle of a restoring law are replaced
-    by what a record shows, the frequency and the midline of a motion of its middle amplitude, and follow from these
-    by harmonic balance. (Otherwise a stiffness and a gravity that miss the frequency by a per cent are both far off
-    the record's phase, however good each of them is.) All other parameters are their own variables.
-    names: the unknown parameters; labels: what is varied for each; low, high (d,): their ranges; positive (d,): which
-    must not be negative.
+    The stiffness and the angle of a restoring law are not searched themselves, but the frequency and the midline of a
+    motion at the record's middle amplitude, from which they follow by harmonic balance. (Otherwise a stiffness and a
+    gravity that together miss the frequency by a per cent lose the record's phase, however good each of them is.) For
+    all other parameters the variable is the parameter, scaled to the search range. names: names of the unknown
+    parameters; labels: names of what is varied for each; low, high (d,): its range; positive (d,): whether it must not
+    be negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -167,7 +172,7 @@ class Genes:
         self.positive = np.arange(len(self.names)) < len(self.osc.terms) + len(self.further)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
-        """Return every parameter of the trajectories u (m, d): name to values (m,)."""
+        """Return the values (m,) of every parameter of a trajectory, by name, for variables u (m, d)."""
         x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
         p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
         p |= {name: value for name, value in x.items() if name not in self.balanced}
@@ -181,10 +186,11 @@ class Genes:
 def _balance(
     law: RestoringLaw, p: Mapping[str, np.ndarray], wanted: Mapping[str, np.ndarray], amplitude: float
 ) -> dict[str, np.ndarray]:
-    """Return the stiffness or angle (m,), or both, of the wanted frequency and midline, by Newton's method.
+    """Return the stiffness and the angle (m,), or one of them, that give the wanted frequency and midline.
 
-    p: the law's parameters, each (m,); wanted: the frequency under "stiffness" and the midline under the angle's name,
-    each (m,). The result is not finite if there is none.
+    They follow from harmonic balance at this amplitude, by Newton's method. p: the law's parameters, each (m,), from
+    which the method starts. wanted: the frequency under the name "stiffness", and the midline under the angle's name,
+    each (m,); the names in it are those of the result. Values are not finite if there is no solution.
     """
     names = tuple(wanted)
     wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
@@ -218,7 +224,8 @@ def _balance(
 def coefficient_alone(term: DampingTerm, features: Features) -> float:
     """Return the coefficient with which a term alone would cause the decay from the first to the last turning point.
 
-    dA/dt = −c r(A) ω A with r the equivalent damping ratio per unit, so c = ∫dA / (ω A r(A)) over the time.
+    With the equivalent damping ratio r(A) per unit of the coefficient, dA/dt = −c r(A) ω A, so that c is the integral
+    of dA/(ω A r(A)) over the fall of the amplitude, divided by the duration.
     """
     sizes = features.turning_amplitudes
     scale = features.amplitude / max(float(sizes[0]), 1e-300)
@@ -233,7 +240,7 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
 def _next_generation(
     people: np.ndarray, genes: Genes, options: GeneticOptions, elite: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the generation (m, d) after people (m, d) that are in order of misfit, the elite first."""
+    """Return the next generation, (m, d), with the `elite` best first. people: the present one, (m, d), best first."""
     size, count = people.shape
     children = size - elite
     # The people are in order, so that the least index wins a tournament.

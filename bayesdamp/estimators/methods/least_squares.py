@@ -50,7 +50,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on the damping shapes and the unknown restoring terms."""
+        """Regress the acceleration on the damping shapes and the unknown restoring terms; return values and errors."""
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -106,7 +106,10 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
 def _solve_variant(
     a: np.ndarray, b: np.ndarray, t: np.ndarray, period: float, variant: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return weights and solution. Weights: 1 (ols), inverse local mean square residual (wls), or Huber's (irls)."""
+    """Return weights (n,) and the solution x (c,) of a x = b.
+
+    Weights: 1 (ols), inverse local mean square residual (wls), or Huber's (irls).
+    """
 
     def solve_weighted(weight: np.ndarray) -> np.ndarray:
         root, scale = np.sqrt(weight), np.linalg.norm(a, axis=0)
@@ -141,9 +144,10 @@ def _solve_total(
     arguments: dict[str, float],
     drift: int,
 ) -> np.ndarray:
-    """Solve a x = b by total least squares, with errors in the columns of a (n, c) and in b.
+    """Return the solution x (c,) of a x = b by total least squares, with errors in the columns of a (n, c) and in b.
 
-    The errors are those of white noise within the spline's bandwidth. The last `drift` columns have (nearly) no error.
+    arguments: of the damping shapes, besides the coefficients. The errors are those of white noise within the spline's
+    bandwidth. The last `drift` columns have (nearly) no error.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (
@@ -164,7 +168,10 @@ def _solve_total(
 def _covariance(
     a: np.ndarray, rest: np.ndarray, weight: np.ndarray, t: np.ndarray, period: float
 ) -> np.ndarray:
-    """Return the covariance of the solution for residuals correlated within half a period (Newey and West 1987)."""
+    """Return the covariance (c, c) of a solution whose residuals `rest` (n,) are correlated within half a period.
+
+    a: columns (n, c). The estimate is that of Newey and West (1987).
+    """
     lags = min(rest.size // 4, max(1, round(0.5 * period / np.median(np.diff(t)))))
     scale = np.linalg.norm(a, axis=0)
     scores = a / scale * (weight * rest)[:, None]
@@ -183,7 +190,11 @@ def _noise_of_equation(
     restoring: Mapping[str, float],
     arguments: Mapping[str, float],
 ) -> np.ndarray:
-    """Draw errors of the equation of motion that the record's noise causes, to first order, (m, REPLICAS)."""
+    """Return draws, (m, REPLICAS), of the errors of the equation of motion that the record's noise causes.
+
+    They are computed to first order. damping: coefficients. restoring: values of the law's parameters. arguments:
+    arguments of the damping shapes besides the coefficients.
+    """
     assert smoothed.response is not None
     theta, omega, _ = smoothed.everywhere
     draws = np.random.default_rng(0).standard_normal((theta.size, REPLICAS))
@@ -204,7 +215,7 @@ def _noise_of_equation(
 
 
 def _propagate(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the covariance of the solution from draws (m, r) of the error in the target."""
+    """Return the covariance (c, c) of the solution from r draws of the error in the target, `noise` (m, r)."""
     scale = np.linalg.norm(a, axis=0)
     bread = np.linalg.pinv((a / scale * weight[:, None]).T @ (a / scale))
     moved = bread @ ((a / scale * weight[:, None]).T @ noise) / scale[:, None]

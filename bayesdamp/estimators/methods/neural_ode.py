@@ -6,8 +6,8 @@ about half a cycle that are integrated as one batch, and the gaps between them a
 all steps of the solver by the weights and by their starts are automatic, so that each training step is a
 Levenberg–Marquardt step.
 
-The coefficients are the projection of the learnt force on the law: the law that takes the same power out of the
-motion, segment by segment, as the learnt force does over the velocities of the record.
+The coefficients are the projection of the learnt force on the damping law (the sum of the problem's terms): with them
+the damping law takes, as nearly as possible, the same mean power out of the motion as the learnt force in each segment.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from bayesdamp.types import Estimate, Problem, Signal
 class NeuralOdeOptions(Options):
     """Options of the neural ODE.
 
-    width: units in each of the two hidden layers of the force's network.
-    steps: of the solver in a cycle. continuity_weight: weight of the gaps between segments in the loss, relative to
-    the misfit of the record; both in amplitudes. rounds: largest number of training steps.
+    width: number of units in each of the two hidden layers of the force's network. steps: number of steps of the solver
+    in a cycle. continuity_weight: weight of the gaps between segments in the loss, relative to the misfit of the record
+    (both as fractions of the amplitude). rounds: largest number of training steps.
     """
 
     width: int = Field(default=8, ge=2, le=64)
@@ -35,10 +35,10 @@ class NeuralOdeOptions(Options):
 
 
 class NeuralOde(Estimator[NeuralOdeOptions]):
-    """The damping force as a network, and its projection on the law.
+    """Learn the damping force as a network, and project it on the damping law.
 
     A negative coefficient is reported as it is. details: the learnt force (`force`, rad/s²) on a grid of velocities
-    (`velocity`, rad/s), and that of the law with the estimated coefficients (`law`).
+    (`velocity`, rad/s), and that of the damping law with the estimated coefficients (`law`).
     """
 
     by_position = "its network is a force of the velocity alone"

@@ -21,10 +21,11 @@ from bayesdamp.types import Estimate, Problem, Signal
 class PinnOptions(Options):
     """Options of the physics-informed network.
 
-    start: damping at an equivalent ratio of 0.05, whatever the record, or from its loss of energy.
-    width: units in each of the two hidden layers. harmonics: of the record's frequency among the inputs.
-    collocation: number of instants at which the equation of motion is evaluated.
-    physics_weight, start_weight: λ1 and λ2 of equation (17). rounds: largest number of training steps.
+    start: first damping coefficients: those with an equivalent damping ratio of 0.05 for each term ("uninformed"), or
+    those from the energy that the record loses ("direct"). width: number of units in each of the two hidden layers.
+    harmonics: number of harmonics of the record's frequency among the inputs. collocation: number of instants at which
+    the equation of motion is evaluated. physics_weight, start_weight: λ1 and λ2 of equation (17), the weights of the
+    equation of motion and of a known start, relative to the record. rounds: largest number of training steps.
     """
 
     start: Literal["uninformed", "direct"] = "uninformed"
@@ -37,7 +38,7 @@ class PinnOptions(Options):
 
 
 class Pinn(Estimator[PinnOptions]):
-    """Damping coefficients, and free restoring parameters, of a network trained on record and equation of motion.
+    """Train damping coefficients and unknown restoring parameters together with a network for the motion.
 
     A negative coefficient is reported as it is.
     """
@@ -49,7 +50,7 @@ class Pinn(Estimator[PinnOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: PinnOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Train coefficients together with a network for the motion, by its residual in the equation."""
+        """Return the coefficients trained together with a network for the motion, by its residual in the equation."""
         optional_package("torch")
         from bayesdamp.estimators.networks import collocation
 

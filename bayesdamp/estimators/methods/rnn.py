@@ -31,31 +31,37 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 WIDEST = float(np.log(5.0))
-"""Half the first range of the logarithm of the coefficient."""
+"""Half width of the first range of the logarithm of the coefficient (conventional)."""
 NARROWEST = float(np.log(1.1))
-"""Half the last range."""
+"""Half width of the narrowest range, with which the training ends (conventional)."""
 MOST_ROUNDS = 6
+"""Largest number of rounds, each with a new range of the coefficient (conventional)."""
 LEAST_SAMPLES = 5
+"""Smallest number of samples in a stretch that is used (conventional)."""
 LEAST_STRETCHES = 3
+"""Smallest number of stretches of a record (conventional)."""
 FEW = 6.0
-"""If there are fewer half-cycles, they are cut into quarter cycles."""
+"""If the record has fewer half cycles than this, its stretches are quarter cycles."""
 MOST_SAMPLES = 2000
+"""Largest number of samples of a record; longer ones are thinned (conventional)."""
 MOST_STRETCHES = 48
+"""Largest number of stretches of a record (conventional)."""
 TOLERANCE = 1e-6
 """Largest error of a simulated record, as a share of the amplitude."""
 LEAST_DECAY = 0.01
-"""Decay of the logarithm of the amplitude over the record that is assumed if the record itself shows less."""
+"""Smallest fall of the logarithm of the amplitude over the record; it is assumed if the record itself shows less."""
 FLOOR = 1e-3
-"""Added to amplitudes, as a share of the record's largest, before the logarithm is taken."""
+"""Added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude."""
 COPIES = 2
-"""Times that each simulated record is presented, each with other noise."""
+"""Number of times that each simulated record is presented, each time with other noise."""
 
 
 class RnnOptions(Options):
     """Options of the recurrent network.
 
-    cell: kind of the recurrent layer. units: in it. records: simulated in each round; a tenth more test the network.
-    epochs: most training steps in a round, each with all of them.
+    cell: kind of the recurrent layer. units: number of units in this layer. records: number of records that are
+    simulated in each round for the training; a tenth more, but at least 64, test the network. epochs: largest number of
+    training steps in a round; each step uses all training records.
     """
 
     cell: Literal["lstm", "gru"] = "lstm"
@@ -65,16 +71,16 @@ class RnnOptions(Options):
 
 
 class Rnn(Estimator[RnnOptions]):
-    """One damping coefficient; its standard error is the network's error on simulated records.
+    """Estimate one damping coefficient; its standard error is the network's rms error on simulated test records.
 
-    Free restoring parameters and a free start are read off the record's features.
+    Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features.
     """
 
     with_parameters = "its network is trained to give one number"
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Refuse sums of terms, for which the network is not trained."""
+        """Return a reason for a sum of terms, for which the network is not trained; None for a single term."""
         if len(damping) > 1:
             return "the network is trained to give one damping coefficient, not a sum of terms"
         return None
@@ -82,7 +88,10 @@ class Rnn(Estimator[RnnOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: RnnOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Train a network in narrower and narrower ranges of the coefficient, and read the record's off it."""
+        """Train a network in narrower and narrower ranges of the coefficient; return its answer for the record.
+
+        Raises Refusal if the last answer is near or outside the ends of the range.
+        """
         optional_package("torch")
         from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
 
@@ -121,11 +130,12 @@ class Rnn(Estimator[RnnOptions]):
 class Stretches:
     """Stretches of half a cycle of the record's phase φ.
 
-    They have several half-cycles if there were more than `MOST_STRETCHES`, and a quarter cycle if there are few.
-    In each, y = a cos φ + b sin φ about the record's midline, and about the stretch's own if it is half a cycle
-    or more, by least squares. The same matrices serve for any record at these times.
-    count: stretches that have enough samples. half_cycles: in a stretch. spread: of each, the factor of the covariance
-    of (a, b), (2, 2), for white noise of standard deviation 1.
+    A stretch has several half cycles if there were more than `MOST_STRETCHES` otherwise, and a quarter cycle if there
+    are fewer than `FEW` half cycles. In each, y = a cos φ + b sin φ is fitted by least squares about the record's
+    midline, and with a constant of its own if it is at least half a cycle. The same matrices serve for any record at
+    these times. count: number of stretches with enough samples. half_cycles: number of half cycles in a stretch.
+    spread: for each stretch the Cholesky factor (2, 2) of the covariance of (a, b) for white noise of standard
+    deviation 1.
     """
 
     def __init__(self, signal: Signal, features: Features, t: np.ndarray) -> None:
@@ -151,16 +161,17 @@ class Stretches:
             )
 
     def quadratures(self, y: np.ndarray) -> np.ndarray:
-        """Return (a, b) of each stretch of records y (m, n), (m, count, 2)."""
+        """Return (a, b) of each stretch, (m, count, 2), of m records y, (m, n)."""
         y = y - self.rest
         return np.stack([y[:, rows] @ solver.T for rows, solver in zip(self.rows, self.solvers)], axis=1)
 
 
 class Simulator:
-    """Simulated records like one record, as sequences of amplitudes.
+    """Simulator of records that resemble a given record, as sequences of amplitudes.
 
-    parameter: the coefficient. centre: its logarithm as the record's mean decay suggests. record: the record's own
-    (a, b) in units of its amplitude, (1, count, 2). simulated: number of records simulated so far.
+    parameter: name of the coefficient. centre: logarithm of the coefficient that the record's mean decay suggests.
+    record: (a, b) of the given record in units of its amplitude, (1, count, 2). simulated: number of records simulated
+    so far.
     """
 
     def __init__(
@@ -186,7 +197,10 @@ class Simulator:
         self.simulated = 0
 
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
-        """Return (a, b) of simulated records without noise, (m, count, 2), for logarithms of the coefficient (m,)."""
+        """Return (a, b) of records simulated without noise, (m, count, 2), for logarithms of the coefficient (m,).
+
+        They are in units of the record's amplitude. Unknown restoring parameters and start values vary at random.
+        """
         m, rng = log_coefficient.size, self.rng
         given = {name: np.full(m, float(self.base[name])) for name in self.osc.inputs if name in self.base}
         given[self.parameter] = np.exp(log_coefficient)
@@ -205,13 +219,15 @@ class Simulator:
     def sequences(
         self, centre: float, half: float, records: int
     ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Simulate records in a range of the coefficient's logarithm, centre ± half.
+        """Simulate about `records` records, and others for tests, with the coefficient's logarithm in centre ± half.
+
+        Records whose trajectory escapes are left out; each other one occurs `COPIES` times, with different noise.
 
         Returns
         -------
         (ndarray, ndarray), (ndarray, ndarray), ndarray
-            Sequences (m, count, 2) to train with, and each one's place in the range (m,), −1 to 1; the same of
-            other records, to stop by; the record's own sequence (1, count, 2).
+            Sequences (m, count, 2) to train with, and the place of each in the range (m,), −1 to 1; the same for other
+            records, whose error ends the training; the given record's sequence (1, count, 2).
         """
         every = records + max(64, records // 10)
         place = self.rng.uniform(-1.0, 1.0, every)
@@ -229,14 +245,20 @@ class Simulator:
         return (scaled[:last], place[:last]), (scaled[last:], place[last:]), record
 
     def noise(self, records: int) -> np.ndarray:
-        """Draw noise in (a, b), (records, count, 2), of sizes within a factor of two of the record's."""
+        """Draw the noise in (a, b) of simulated records, (records, count, 2).
+
+        The sd of each record's noise is within a factor of two of that of the given record.
+        """
         size = self.sd * np.exp(np.log(2.0) * self.rng.uniform(-1.0, 1.0, records))
         white = self.rng.standard_normal((records, self.stretches.count, 2))
         return size[:, None, None] * np.einsum("kij,mkj->mki", np.array(self.stretches.spread), white)
 
 
 def _sequence(quadratures: np.ndarray) -> np.ndarray:
-    """Return the logarithm of the amplitude and its steps, (m, count, 2), from (a, b) (m, count, 2)."""
+    """Return the log amplitude of each stretch and its difference from the stretch before, (m, count, 2).
+
+    quadratures: (a, b) of each stretch, (m, count, 2).
+    """
     size = np.log(np.hypot(quadratures[..., 0], quadratures[..., 1]) + FLOOR)
     return np.stack([size, np.diff(size, axis=1, prepend=size[:, :1])], axis=2)
 

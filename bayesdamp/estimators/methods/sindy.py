@@ -117,7 +117,7 @@ class Sindy(Estimator[SindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on a library, with few terms (Brunton, Proctor and Kutz 2016)."""
+        """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016)."""
         optional_package("pysindy")
         features = checked_features(signal)
         state = _differentiate(signal, problem, features)
@@ -277,7 +277,8 @@ def score_models(
     """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(p choose k).
 
     n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
-    library. Solutions that are not sound have the score ∞.
+    library. Solutions that are not sound have the score ∞ and come first in the result. floor: smallest root mean
+    square error of a prediction that is distinguished from zero, in the unit of the record.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]
@@ -300,7 +301,7 @@ def standard_errors(
     model: SparseModel,
     force: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return standard errors (p,) of a solution's coefficients.
+    """Return standard errors (p,) of a solution's coefficients; 0 for terms that it does not use.
 
     For a smoothed angle the noise of the samples is propagated to first order through θ̈, θ and θ̇ into the regression.
     Otherwise they follow from the residual, with the effective number of independent rows.

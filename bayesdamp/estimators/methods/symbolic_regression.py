@@ -192,7 +192,7 @@ class Force:
         return np.r_[x, -x], np.r_[y, -y]
 
     def misfit(self, expression: Expression) -> np.ndarray:
-        """Return the residual of an expression, (m,), in units of the standard deviation of the force."""
+        """Return the residual (m,) of an expression as the damping force, in units of the force's sd."""
         left = self.target - self.motion.project(expression(self.omega))
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
@@ -201,7 +201,7 @@ class Force:
         return float(np.mean(self.misfit(expression) ** 2))
 
     def restoring(self, expression: Expression) -> dict[str, float]:
-        """Return the unknown restoring parameters, fitted with the expression as damping force."""
+        """Return the unknown restoring parameters by name, fitted with the expression as damping force."""
         if self._count == 0:
             return {}
         left = self.target - self.motion.project(expression(self.omega))
@@ -209,7 +209,7 @@ class Force:
 
 
 def _polish(force: Force, expression: Expression) -> Expression:
-    """Return the expression with constants fitted by least squares, if that lowers its error."""
+    """Return the expression with constants fitted by least squares, or unchanged if that does not lower its error."""
     start = expression.constants()
     unit = np.maximum(np.abs(start), 1e-12)
     fit = least_squares(
@@ -229,7 +229,11 @@ def _polish(force: Force, expression: Expression) -> Expression:
 def _read(
     force: Force, expression: Expression, problem: Problem, features: Features
 ) -> tuple[dict[str, float], float | None, str]:
-    """Return the parameters, the width of a tanh in the expression (None without one), and how they were obtained."""
+    """Return the damping parameters by name, the width of a tanh, and a clause on how they were obtained.
+
+    The width is that of the expression's tanh(θ̇/width) that is nearest to the known ε; None if there is none, or if no
+    term of the model has a tanh.
+    """
     osc = oscillator(problem)
     f, epsilon = expression(force.omega), epsilon_of(problem, features)
     arguments = further_values(problem, features)

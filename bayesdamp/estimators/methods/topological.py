@@ -41,7 +41,7 @@ class TopologicalOptions(Options):
 
     variant: the formulas as first published by Myers and Khasawneh, or equations (7) to (11) of the paper
     ("as_printed").
-    significance: probability that a lifetime of noise exceeds the cutoff.
+    significance: the α of the noise cutoff, the probability that a lifetime of noise exceeds it.
     """
 
     variant: Literal["published", "as_printed"] = "published"
@@ -53,7 +53,8 @@ class Pairs:
     """The components of sublevel sets that are not noise, in time order.
 
     v, p (k,): values at birth (a minimum) and death (a maximum); the lifetime is p − v. cycle (k,): number of periods
-    between the births of the first component and of each one, across gaps too. floor: bias of lifetimes by noise.
+    from the birth of the first component to that of this one, also across gaps. floor: noise floor of the lifetimes, in
+    the unit of the record; for the variant "published" v and p are already corrected for it.
     """
 
     v: np.ndarray

@@ -76,7 +76,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: WeakSindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the weak form of the equation on a library (Messenger and Bortz 2021)."""
+        """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021)."""
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
         library = candidates(problem, features, signal.unit)
@@ -152,7 +152,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
-    """Interpolate the record's pieces between gaps to even clocks, and compute the velocity."""
+    """Return the record's pieces between gaps, interpolated to even clocks, with displacement and velocity.
+
+    sigma: standard deviation of the noise.
+    """
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:
         smoothed = motion(signal, problem, features)
@@ -196,7 +199,11 @@ def _assemble(
 def _column(
     candidate: CandidateTerm, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Return ∫φ f for one candidate, (m,), and its derivatives by the samples, (m, n), which propagate their noise."""
+    """Return ∫φ f for one candidate, (m,), and its derivatives by the samples, (m, n), which propagate their noise.
+
+    phi: weights (m, n) of the test functions φ. The derivatives are 0 for a recorded velocity or acceleration, except
+    where the integral is linear in the record.
+    """
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
     if candidate.damping == "viscous" and stretch.order < 2:
         linear = 2.0 * test_function_weights(n, stretch.h, width, 1 - stretch.order)

@@ -26,11 +26,12 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 UNIT = 3.0
-"""Factor of the physical parameters' units: the larger, the less they are damped in comparison with the weights."""
+"""Factor of the units of the physical parameters: the larger it is, the less Levenberg's method damps their steps in
+comparison with those of the weights."""
 UNINFORMED = 0.05
 """Equivalent damping ratio of each term at an uninformed start."""
 COLLINEAR = 1e-3
-"""Share of the largest singular value below which a direction is left out of the first output layer."""
+"""Singular values below this fraction of the largest are left out when the first output layer is fitted."""
 with warnings.catch_warnings():
     warnings.simplefilter(
         "ignore", DeprecationWarning
@@ -41,9 +42,9 @@ with warnings.catch_warnings():
 class Collocation(ScaledRecord):
     """Misfits of the record, of a known start, and of the equation of motion at many instants.
 
-    Unknown are the weights of the network, then the physical parameters in units. The misfits take them as a vector
-    (k,), or as one row for each misfit, (n, k).
-    first: the first unknowns. units: of the physical parameters.
+    The unknowns are the weights of the network, then the physical parameters divided by `units`: the damping
+    coefficients, then the unknown restoring parameters. The methods take them as a vector x (k,), or as one row for
+    each misfit, (n, k). first: start values of the unknowns, (k,). units: units of the physical parameters.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class Collocation(ScaledRecord):
             return torch.cat([(2.0 * t / end - 1.0)[:, None], torch.sin(angles), torch.cos(angles)], dim=1)
 
         def input_jets(t: np.ndarray, order: int) -> Tensor:
-            """Return the inputs and their derivatives by ωt, (n, 1 + order, inputs)."""
+            """Return the inputs at times t (n,), and their derivatives by ωt up to `order`, (n, 1 + order, inputs)."""
             time = np.stack([t, np.full_like(t, 1.0 / self.w), np.zeros_like(t)], axis=-1)
             return jets(inputs, torch.from_numpy(time[:, : order + 1]))
 
@@ -96,7 +97,10 @@ class Collocation(ScaledRecord):
         self.first = np.concatenate([weights[: -output.size].numpy(), output, physical])
 
     def data(self, x: Tensor) -> Tensor:
-        """Return the misfits of the record; their sum of squares is its mean square misfit in amplitudes."""
+        """Return the misfits of the record, (n,), scaled: their sum of squares is the mean square misfit.
+
+        The misfit is in units of Aωᵏ, with the order k of the recorded derivative.
+        """
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
@@ -105,7 +109,7 @@ class Collocation(ScaledRecord):
         return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
 
     def physics(self, x: Tensor) -> Tensor:
-        """Return the weighted residuals of the equation of motion, in Aω²."""
+        """Return the weighted residuals of the equation of motion at the collocation instants, (n,), in Aω²."""
         angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
         physical = x[..., self.network.count :] * torch.from_numpy(self.units)
         damping, restoring = physical.tensor_split([len(self.coefficients)], dim=-1)
@@ -115,7 +119,10 @@ class Collocation(ScaledRecord):
         return (self.physics_weight / angle.numel()) ** 0.5 * residuals
 
     def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
-        """Return the angle and its derivatives, (n, j), in amplitudes and 1/ω."""
+        """Return the angle about the rest and its derivatives, (n, j), in units of Aωᵏ for order k.
+
+        inputs: the network's inputs and their derivatives by ωt, (n, j, inputs).
+        """
         return self.network.output(x[..., : self.network.count], inputs)
 
     def evaluate(self, x: np.ndarray) -> Evaluated:
@@ -141,14 +148,14 @@ def estimate(
     start: str,
     **settings: Any,
 ) -> Estimate:
-    """Train a network together with the physical parameters, which are its estimate.
+    """Train a network together with the physical parameters; return these as the estimate.
 
     Parameters
     ----------
     signal, problem, features
         The record, what is known of its system, and what the record shows.
     rng
-        Random numbers of the first weights and of the instants.
+        Random generator for the first weights and the instants.
     rounds
         Largest number of training steps.
     start, settings

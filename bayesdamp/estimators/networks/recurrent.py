@@ -28,11 +28,11 @@ class RecurrentNetwork:
 
     @property
     def gates(self) -> int:
-        """Rows of the recurrent layer's matrix, which it applies to (inputs, state, 1)."""
+        """Return the number of rows of the recurrent layer's matrix, which it applies to (inputs, state, 1)."""
         return (4 if self.cell == "lstm" else 3) * self.units
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw first weights (k,) evenly between ±1/√units: the matrix, then the linear layer."""
+        """Draw first weights (k,) uniformly between ±1/√units: those of the matrix, then those of the linear layer."""
         count = self.gates * (self.inputs + self.units + 1) + self.units + 1
         return rng.uniform(-1.0, 1.0, count) / self.units**0.5
 
@@ -66,21 +66,22 @@ class RecurrentNetwork:
         others: tuple[np.ndarray, np.ndarray],
         epochs: int,
     ) -> tuple[np.ndarray, list[float], float]:
-        """Train further, until the error on other sequences has not fallen for `PATIENCE` rounds.
+        """Train the weights further, until the error on other sequences has not fallen for `PATIENCE` rounds.
 
         Parameters
         ----------
         weights
             The weights (k,) so far.
         own, others
-            Sequences (m, steps, inputs) and their right answers (m,): to train with, and to stop by.
+            Sequences (m, steps, inputs) and their right answers (m,): those to train with, and those whose error ends
+            the training.
         epochs
             Largest number of rounds.
 
         Returns
         -------
         ndarray, list of float, float
-            The weights with the smallest error on the others; the loss of each round; that root mean square error.
+            The weights with the smallest root mean square error on `others`; the loss of each round; this error.
         """
         sequences, targets = torch.from_numpy(own[0]), own[1]
         unit = len(targets) ** -0.5

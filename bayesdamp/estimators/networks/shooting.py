@@ -24,8 +24,9 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SEGMENTS = 160
+"""Largest number of segments of a record; without this limit a segment is half a cycle (conventional)."""
 GRID = 41
-"""Velocities at which the learnt force is reported."""
+"""Number of velocities at which the learnt force is reported (conventional)."""
 STEADY = 1e-3
 """Largest relative change of a converged coefficient."""
 
@@ -33,10 +34,11 @@ STEADY = 1e-3
 class Shooting(ScaledRecord):
     """The loss of a learnt damping force as a sum of squares.
 
-    Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
-    free restoring parameters in units, and each segment's first angle and velocity.
-    first: the first unknowns. units: of the coefficients. width: units in each of the two hidden layers.
-    count, physical: unknowns before the restoring parameters, and before the starts of the segments.
+    Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². The unknowns x (k,) are the weights of the
+    network, the unknown restoring parameters (divided by `free_units`), and each segment's first angle and velocity.
+    first: start values of the unknowns, (k,). units: units in which `project` returns the damping coefficients. width:
+    number of units in each of the two hidden layers. count: number of weights. physical: number of weights and
+    restoring parameters, so that the starts of the segments begin at this index of x.
     """
 
     def __init__(
@@ -85,7 +87,7 @@ class Shooting(ScaledRecord):
         self.first = np.concatenate([weights, free / self.free_units.numpy(), np.ravel(states)])
 
     def force(self, x: Tensor, velocity: Tensor) -> Tensor:
-        """Return the learnt force (n,) at velocities (n,), in Aω² and Aω; unknowns x (k,), or (n, k).
+        """Return the learnt force (n,), in Aω², at velocities (n,), in Aω, for unknowns x (k,), or (n, k).
 
         It is a network with tanh in two hidden layers; without biases, it is an odd function.
         """
@@ -108,12 +110,15 @@ class Shooting(ScaledRecord):
         return torch.stack([velocity, -restoring - self.force(x, velocity)], dim=-1)
 
     def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
-        """Return angle and velocity (n, 2) after one step from each state (n, 2), of each its duration (n,)."""
+        """Return angle and velocity (n, 2) one step after each state (n, 2); `duration` (n,) is that of each step."""
         ends = torch.tensor([0.0, 1.0], dtype=REAL)
         return _runge_kutta(lambda state: duration[:, None] * self._rate(x, state), state, ends)[1]
 
     def _sampled(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return what is recorded, in Aωᵏ, at each sample, for states (n, 2) at the node before it."""
+        """Return the recorded quantity (n,) at each sample, in Aωᵏ (k: order of the derivative).
+
+        state: angle and velocity at the node before each sample, (n, 2).
+        """
         state = self._step(x, state, self.since)
         return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
 
@@ -133,14 +138,14 @@ class Shooting(ScaledRecord):
         return torch.cat(misfits).numpy(), lambda: self._slopes(unknowns, paths)
 
     def _slopes(self, unknowns: Tensor, paths: Tensor) -> np.ndarray:
-        """Return the Jacobian of what `evaluate` returns, from the paths of these unknowns.
+        """Return the Jacobian (n, k) of the residuals of `evaluate`, from the paths of these unknowns.
 
         The derivatives of all single steps are automatic, in one batch; those of a path follow from step to step.
         """
         steps, columns = len(paths) - 1, 2 + self.physical
 
         def by_row(function: Callable[..., Tensor], states: Tensor, *others: Tensor) -> Tensor:
-            """Return the derivatives of a function by the state (2) and the unknowns but the starts, of each row."""
+            """Return, for each row, a function's derivatives by its state (2) and the unknowns except the starts."""
             rows = torch.cat([states, unknowns[: self.physical].expand(len(states), -1)], dim=1)
             return jacobian(lambda rows: function(rows[:, 2:], rows[:, :2], *others), rows)[1]
 
@@ -161,7 +166,11 @@ class Shooting(ScaledRecord):
         return slopes.numpy()
 
     def _by_unknowns(self, slopes: Tensor, segment: Tensor) -> Tensor:
-        """Return derivatives by all unknowns (n, k) of those by the start of a segment (n,) and by the others."""
+        """Return the derivatives by all unknowns, (n, k).
+
+        slopes: derivatives by the start of a segment (first two columns) and by the unknowns that are not starts.
+        segment: index of this segment for each row, (n,).
+        """
         full = torch.zeros(len(slopes), self.physical + 2 * self.segments, dtype=REAL)
         full[:, : self.physical] = slopes[:, 2:]
         starts = self.physical + 2 * segment[:, None] + torch.arange(2)
@@ -169,9 +178,10 @@ class Shooting(ScaledRecord):
 
     @torch.no_grad()
     def project(self, x: np.ndarray) -> np.ndarray:
-        """Project the learnt force on the damping terms; coefficients (terms,) in units.
+        """Return the damping coefficients, (terms,), in `units`, of the projection of the learnt force on the terms.
 
-        The law takes the same power as the learnt force in each segment, by least squares.
+        With them the terms take the same mean power as the learnt force in each segment, by least squares. All are NaN
+        if a path is not finite.
         """
         unknowns = torch.from_numpy(x)
         velocity = self.paths(unknowns)[..., 1]
@@ -186,14 +196,15 @@ class Shooting(ScaledRecord):
 
 
 def _runge_kutta(rate: Callable[[Tensor], Tensor], start: Tensor, times: Tensor) -> Tensor:
-    """Return the states at these times (m,) from one at the first, (m, …), with one step between neighbours."""
+    """Return the states (m, …) at times (m,), one step apart, from the state `start` at the first time."""
     return cast(Tensor, odeint(lambda _, state: rate(state), start, times, method="rk4"))
 
 
 def _chain(outer: Tensor, inner: Tensor) -> Tensor:
-    """Return the derivatives of a step after a path, (…, m, 2 + k).
+    """Return the derivatives, (…, m, 2 + k), of a step's end by the start of its path (2) and the k unknowns.
 
-    outer (…, m, 2 + k): of the step by the state before it (2) and the unknowns. inner (…, 2, 2 + k): of that state.
+    outer (…, m, 2 + k): derivatives of the step's end by the state before the step (2) and the unknowns. inner
+    (…, 2, 2 + k): derivatives of this state by the start of the path and the unknowns.
     """
     total = outer[..., :2] @ inner
     total[..., 2:] += outer[..., 2:]
@@ -210,14 +221,14 @@ def estimate(
     rounds: int,
     **settings: Any,
 ) -> Estimate:
-    """Train a network for the damping force, and project it on the damping terms.
+    """Train a network for the damping force, and return its projection on the damping terms as the estimate.
 
     Parameters
     ----------
     signal, problem, features
         The record, what is known of its system, and what the record shows.
     rng
-        Random numbers of the first weights.
+        Random generator for the first weights.
     rounds
         Largest number of training steps.
     settings

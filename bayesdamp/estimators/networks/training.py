@@ -32,17 +32,19 @@ from bayesdamp.types import OK, Problem, Refusal, Signal
 REAL = torch.float64
 """Every tensor states its precision, so that torch's own default stays as it is."""
 MOST_SAMPLES = 750
+"""Largest number of samples of a record; longer ones are thinned (conventional)."""
 BIAS = 0.5
 """Standard deviation of a network's first biases."""
 FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
-"""Damping of the first step, its lowest value, and its factors after a step that lowers the loss, if the one before did
-too, and after a step that does not (conventional)."""
+"""Damping λ of the first step, its lowest value, its factor after a step that lowers the loss (applied only if the step
+tried before did too), and its factor after a step that does not (conventional)."""
 AHEAD, STRAIGHT = 0.1, 0.375
-"""Share of a step over which its second derivative is measured, and how much it may bend (Transtrum & Sethna)."""
+"""Fraction of a step over which the second derivative along it is measured, and largest length of the bend as a
+fraction of the step's length (Transtrum & Sethna)."""
 TRIALS = 12
-"""Steps that are tried from one point."""
+"""Largest number of steps that are tried from one point (conventional)."""
 WINDOW = 8
-"""Rounds over which the watched numbers must be steady."""
+"""Number of rounds over which the watched numbers must be steady (conventional)."""
 
 
 @contextmanager
@@ -69,7 +71,10 @@ def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor
 
 
 def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
-    """Return a function's value and time derivatives, its jets (n, j, …), from those of its argument, (n, j, …)."""
+    """Return a function's jets (n, j, …): its value and its first j − 1 time derivatives.
+
+    argument: the jets of its argument, (n, j, …).
+    """
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
     values, rates, *_ = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
@@ -81,14 +86,14 @@ class DenseNetwork:
     """A network with tanh in its hidden layers and one output.
 
     Weights are a vector (k,), or one for each row of inputs, (n, k).
-    sizes: of the layers, from the inputs to the output.
+    sizes: numbers of units in the layers, from the inputs to the output.
     """
 
     sizes: tuple[int, ...]
 
     @property
     def count(self) -> int:
-        """Number of weights."""
+        """Return the number of weights."""
         return sum(outputs * (inputs + 1) for inputs, outputs in itertools.pairwise(self.sizes))
 
     def draw(self, rng: np.random.Generator) -> Tensor:
@@ -123,7 +128,7 @@ def _hidden(layers: list[tuple[Tensor, Tensor]], inputs: Tensor) -> Tensor:
 
 
 def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
-    """Return the jets of a layer before its tanh; the bias has no derivatives."""
+    """Return the jets of matrix @ inputs + bias from the jets of the inputs; the bias has no time derivatives."""
     return inputs @ matrix.mT + torch.nn.functional.pad(bias[..., None, :], (0, 0, 0, inputs.shape[1] - 1))
 
 
@@ -244,8 +249,8 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
 class Training:
     """The result of a training.
 
-    x (k,): the last unknowns. losses, watched: the loss and the watched numbers of each round. evaluations: of the
-    residuals. outcome: OK, or that the training had not converged.
+    x (k,): the last unknowns. losses (r,), watched (r, m): the loss and the watched numbers of each of r rounds.
+    evaluations: number of evaluations of the residuals. outcome: OK, or a sentence that it had not converged.
     """
 
     x: np.ndarray
@@ -262,11 +267,11 @@ def train(
     steady: float = 2e-4,
     samples: float = np.inf,
 ) -> Training:
-    """Descend until the numbers that are sought no longer change, or further rounds would only fit noise.
+    """Descend until the watched numbers no longer change, or further rounds would only fit noise.
 
-    That is when they have stayed within `steady` of their size for `WINDOW` rounds, while the loss did not fall to a
-    tenth; or when the loss has fallen by less than 1/`samples` of it in these rounds, which is the mean effect of one
-    superfluous unknown.
+    They no longer change if they have stayed within `steady` of their size for `WINDOW` rounds while the loss did not
+    fall to a tenth. Only noise is fitted if the loss has fallen by less than the fraction 1/`samples` in these rounds,
+    which is the mean effect of one superfluous unknown. The descent also ends if the loss is not finite.
 
     Parameters
     ----------
@@ -275,7 +280,7 @@ def train(
     rounds
         The largest number of steps.
     watch
-        Maps the unknowns to the numbers (m,) that are sought, in units in which they are about 1.
+        Function that maps the unknowns to the watched numbers (m,), in units in which they are about 1.
     steady
         Largest relative change of a converged number.
     samples
@@ -305,11 +310,11 @@ def train(
 class ScaledRecord:
     """A record and its oscillator in the record's scales: the amplitude a and the angular frequency w.
 
-    t, recorded: samples, (n,) each. y: the samples about the rest, in amplitudes. base: all parameters but damping.
-    ratios: equivalent damping ratio per unit of each coefficient.
-    coefficients, restoring: names of the unknowns.
-    is_given, known_begin (2,): 1 where the angle or the velocity at the start is known, else 0; their values in
-    amplitudes.
+    t, recorded: times and samples, (n,) each. order: order of the recorded derivative of the displacement. y: the
+    samples (a displacement minus the rest) in units of a wᵒʳᵈᵉʳ. base: values of all parameters but the coefficients.
+    ratios: equivalent damping ratio per unit of each coefficient. coefficients, restoring: names of the unknown
+    parameters. is_given, known_begin (2,): 1 where the angle or the velocity at the start is known, else 0; their
+    values in amplitudes.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -329,13 +334,13 @@ class ScaledRecord:
         self.known_begin = torch.tensor(begin, dtype=REAL) / self.a
 
     def restoring_force(self, theta: Tensor, values: Tensor) -> Tensor:
-        """Return F_rest, rad/s², at angles (n,), for values (k,) or (n, k) of the unknown restoring parameters."""
+        """Return F_rest (n,), rad/s², at angles (n,), for values (k,) or (n, k) of the unknown restoring parameters."""
         p = self.base | dict(zip(self.restoring, values.unbind(-1)))
         law = self._osc.law
         return on_tensors(law.kernel)(theta, tuple(p[name] for name in law.parameters))
 
     def damping_shapes(self, omega: Tensor) -> Tensor:
-        """Return the damping force per unit of each coefficient at velocities (n,), (n, terms)."""
+        """Return the damping force per unit of each coefficient, (n, terms), at velocities (n,) in rad/s."""
         width: Any = self._epsilon
         if width == 0.0:  # the sign
             width = torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())

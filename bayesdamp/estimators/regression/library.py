@@ -14,7 +14,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem
 
 SHAPES = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
-"""The shapes of damping terms in text; other terms are shown by their names."""
+"""Formulae of the shapes of damping terms, by name; other terms are shown by their names."""
 STEPS = 100
 """Runge–Kutta steps in a period."""
 TABLE = 4001
@@ -84,7 +84,7 @@ def candidates(
 
 
 def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> dict[str, float]:
-    """Return the unknown restoring parameters that fit an estimated force best.
+    """Return the unknown restoring parameters, by name, that fit an estimated force best; empty if all are known.
 
     theta (n,): displacements. force (n,): the estimated force there, without its known part.
     """

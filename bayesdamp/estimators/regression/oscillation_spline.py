@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 from bayesdamp.types import Refusal
 
 DEGREE = 7
+"""Degree of the splines; the penalty needs five derivatives."""
 KNOTS_PER_PERIOD = 16.0
 """Many more knots than needed: the penalty determines the smoothing."""
 DECADES = np.arange(-8.0, 6.0)
@@ -31,8 +32,8 @@ class OscillationSpline:
     the same λ.
 
     Arguments: the times of each piece between gaps (s); y (n,), the recorded quantity at all of them; the period (s).
-    Attributes: coefficients, of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the smoothing
-    matrix.
+    Attributes: coefficients, those of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the
+    smoothing matrix, which is the effective number of parameters.
     """
 
     def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
@@ -66,7 +67,7 @@ class OscillationSpline:
         return self._designs[order] @ self.coefficients
 
     def curve(self, i: int = 0) -> BSpline:
-        """Return the spline of piece i."""
+        """Return the spline of piece i, as a function of time in s."""
         start = sum(k.size - DEGREE - 1 for k in self.knots[:i])
         knots = self.knots[i]
         return BSpline(knots, self.coefficients[start : start + knots.size - DEGREE - 1], DEGREE)

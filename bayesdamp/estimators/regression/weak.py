@@ -23,7 +23,7 @@ LEAST_EIGENVALUE = 1e-7
 FLOOR = 1e-6
 """Smallest residual that is distinguished from zero, as a fraction of the inertia."""
 NOISELESS = 1e-7
-"""Noise below this fraction of the inertia (per row, in whitened units) is ignored as a bias."""
+"""If the noise of a whitened row is below this fraction of its inertia, the bias that noise causes is not computed."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,10 @@ def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.
 
 @lru_cache(maxsize=256)
 def _kernel(half: int) -> np.ndarray:
-    """Return the weights of −ψ′ at −half … half samples (unit spacing), exact for polynomials up to degree 6."""
+    """Return the weights (2 half + 1,) of −ψ′, the derivative of a compact smoothing kernel ψ, for unit spacing.
+
+    Applied to samples, they give the derivative in the middle, exactly for polynomials up to degree 6.
+    """
     j = np.arange(-half, half + 1.0)
     s = j / (half + 1.0)
     basis = np.stack([s ** (2 * i + 1) * (1 - s**2) ** 3 for i in range(3)])
@@ -104,7 +107,10 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
 
 
 def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
-    """Return the matrix (n, n) that convolves a record with −ψ′, with one-sided kernels near the ends."""
+    """Return the matrix (n, n) that computes velocities from n displacements, h (s) apart, by convolution with −ψ′.
+
+    Near the ends the kernels are one-sided. half: half width of the kernel in samples.
+    """
     half = min(half, (n - 1) // 2)
     j = np.arange(-half, half + 1)
     inside = np.arange(half, n - half)
@@ -201,7 +207,7 @@ class Solution:
 
 
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
-    """Solve for the terms in `support` (p,), and correct the bias from noise in their columns.
+    """Return the solution with the terms in `support` (p,), corrected for the bias from noise in their columns.
 
     The residual r = b + Gx has the noise (A₀ + Σ x_l B_l) n of covariance C. The mean of GᵀC⁻¹r is therefore
     σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is subtracted.

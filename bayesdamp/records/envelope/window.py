@@ -181,7 +181,7 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
 
 
 def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
-    """Return the fall in dB from the mean of the first twentieth to that of the last, of levels `begin` to `end` − 1."""
+    """Return the fall in dB of levels `begin` to `end` − 1: mean of the first twentieth minus mean of the last."""
     if end - begin < 2:
         return 0.0
     part = max(1, (end - begin) // 20)

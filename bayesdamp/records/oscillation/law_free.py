@@ -618,7 +618,7 @@ class FirstWords:
         return self.damping[1].quality
 
     def in_unit(self, unit: Unit) -> FirstWords:
-        """Return a copy with amplitudes in the unit of displacement of `unit`; unchanged if its base unit is another."""
+        """Return a copy with amplitudes in the unit of displacement of `unit`; unchanged if its base differs."""
         own = unit.displacement
         if own.base != self.unit:
             return self

@@ -1,4 +1,4 @@
-"""Estimate the period of a decaying oscillation coarsely: it is that of the sinusoids that explain most of the record."""
+"""Estimate the period of a decaying oscillation coarsely: that whose sinusoids explain most of the record."""
 
 from __future__ import annotations
 
