@@ -30,7 +30,7 @@ _ARRAY = SimpleNamespace(exp=np.exp, log=np.log, ndtr=lambda z: scipy.special.nd
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
 )
-"""These functions for a single float, which is several times faster; exp does not overflow."""
+"""The same functions for a single float, which is several times faster; exp does not overflow."""
 
 
 def _is_traced(value: object) -> bool:
@@ -57,7 +57,7 @@ def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
 
 
 class _Prior(BaseModel):
-    """Base class of priors."""
+    """Base class of priors. `reflected`: whether the parameter depends on |z| only, so that scores are kept ≥ 0."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -182,7 +182,7 @@ class HalfNormal(_Prior):
         return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return |x|/scale."""
+        """Return |x|/scale; infinite or nan if the scale is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):  # the coefficient of an absent term has scale 0
             return np.asarray(np.abs(x) / self.scale)
 
@@ -228,13 +228,13 @@ class SharedHalfNormal(_Prior):
         return SCORE_RATIO * per_ratio * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return the score of the coefficient x: its damping ratio over `SCORE_RATIO`."""
+        """Return the score of the coefficient x: its damping ratio divided by `SCORE_RATIO`."""
         # The coefficient of an absent term has `per_ratio` 0.
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.abs(x) / (SCORE_RATIO * self.per_ratio))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return the marginal log density of one coefficient x, averaged over the scales; −∞ below 0."""
+        """Return the marginal log density of one coefficient x, with the shared scale summed out; −∞ below 0."""
         x = np.asarray(x, float)
         inside = shared_log_density(self.score(x) ** 2, 1) - math.log(SCORE_RATIO * self.per_ratio)
         return np.where(x >= 0, inside, -np.inf)
@@ -262,7 +262,7 @@ SHARED_SCALES = LEAST_SCALE * (MOST_SCALE / LEAST_SCALE) ** ((np.arange(25) + 0.
 before. The sum differs from the integral by at most 0.02 nats for three terms and far less for fewer (the error of the
 midpoint rule is bounded by the Fourier transform of the integrand, a gamma function)."""
 SHARED_SIGMAS = SHARED_SCALES / SCORE_RATIO
-"""These scales in units of the score."""
+"""`SHARED_SCALES` in units of the score."""
 
 
 def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
@@ -281,15 +281,16 @@ def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) ->
 
 
 def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Return the posterior mean of 1/σ² for the shared scale σ, given the sum of squared scores.
+    """Return the posterior mean of 1/σ² for the shared scale σ in units of the score, given the squared scores.
 
-    The derivative of `shared_log_density` by a score is minus the score times this. The arguments are the same.
+    The derivative of `shared_log_density` by a score is minus the score times this mean. The arguments are those of
+    `shared_log_density`.
     """
     return _over_scales(squares, count, scales)[1]
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    """Return the results of `shared_log_density` and of `shared_precision`."""
+    """Return the results of `shared_log_density` and of `shared_precision`, as a tuple."""
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
@@ -322,9 +323,10 @@ def log_prior_of(
 def joint_log_density(
     priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Return the joint log prior density, shape (...), of parameters x, (..., d); −∞ outside the support.
+    """Return the joint log prior density, shape (...), of parameters x, (..., d).
 
-    The priors are independent, except for those that share an unknown scale, one of `scales` (in units of the score).
+    It is −∞ outside the support and where a parameter is nan or infinite. The priors are independent, except for those
+    that share an unknown scale, one of `scales` (in units of the score).
     """
     shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
     total = np.zeros(x.shape[:-1])
@@ -344,7 +346,7 @@ def joint_log_density(
 
 
 def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
-    """Return the gradient of `joint_log_density` at x, (d,), inside the support."""
+    """Return the gradient of `joint_log_density` by x, (d,), at x, (d,), which must be inside the support."""
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
     return np.array(
@@ -378,7 +380,7 @@ class LogNormal(_Prior):
         return sigma * median * _functions(z).exp(sigma * z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return log(x/median)/sigma."""
+        """Return log(x/median)/sigma; −∞ at 0, nan below."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.log(np.asarray(x, float) / self.median) / self.sigma
 
@@ -427,7 +429,7 @@ class Uniform(_Between):
         return (high - low) * _density(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return Φ⁻¹((x − low)/(high − low))."""
+        """Return Φ⁻¹((x − low)/(high − low)), with the fraction clipped so that z is finite also outside the bounds."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
         return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
@@ -437,7 +439,7 @@ class Uniform(_Between):
         return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return 0."""
+        """Return 0 in the shape of x."""
         return np.zeros_like(np.asarray(x, float))
 
 
@@ -464,7 +466,8 @@ class LogUniform(_Between):
         return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return Φ⁻¹(log(x/low)/log(high/low))."""
+        """Return Φ⁻¹(log(x/low)/log(high/low)), with the fraction clipped so that z is finite also outside the bounds.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
         return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
@@ -504,6 +507,6 @@ def odds(damping: Sequence[str], other: bool = False) -> float:
     damping
         Damping terms of the model.
     other
-        Whether the model has another form of damping, and is not a sum among the compared models.
+        Whether the model is a rival, with another form of damping, instead of one of the compared sums.
     """
     return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / OTHER_FORMS_COUNT if other else 1.0)

@@ -35,8 +35,8 @@ from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 PREDICTIVE_DRAWS = 200
 """Number of draws for the predictive check."""
 FORECAST_DRAWS = 50
-"""Number of draws of Laplace's approximation for a forecast, and of draws in a batch; the part of the predictive
-standard deviation that comes from the parameters is then accurate to a tenth."""
+"""Number of draws of Laplace's approximation for a forecast, and number of draws whose motions are computed at a time.
+With 50, the part of the predictive standard deviation that comes from the parameters is accurate to a tenth."""
 MOST_RESIDUALS = 2_000_000
 """Greatest number of residuals in memory at a time."""
 HALF_INTERVAL = 1.959963984540054
@@ -51,10 +51,11 @@ true models are rejected (conventional)."""
 FORM_LIMIT = 0.005
 """p value below which the residuals show a force that the model lacks (conventional)."""
 NAMED_PEAK_LIMIT = 0.1
-"""p value of a peak of the whitened spectrum up to which it is named as the remaining structure; otherwise the largest
-peak of the residuals themselves is named."""
+"""If the largest peak of the whitened residuals' spectrum has a p value of at most this, the verdict names it as the
+remaining structure; otherwise the verdict names the largest peak of the residuals themselves."""
 OUTLIER_KURTOSIS = 1.0
-"""Outliers are reported only if the excess kurtosis is larger: that of a Student t with ten degrees of freedom."""
+"""Outliers are reported only if the excess kurtosis of the whitened residuals is larger than this: that of a Student t
+with ten degrees of freedom."""
 WINDOW_LIMIT = 0.005
 """p value, for all shifts together, below which the largest shift of a coefficient between a window and the whole
 record is a misfit (conventional)."""
@@ -70,15 +71,13 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 
 
 def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the portmanteau statistic n Σ ρ_l² over lags 1 to `lags` of whitened residuals, (..., n)."""
+    """Return the portmanteau statistic n Σ ρ_l² of whitened residuals, (..., n), summed over lags 1 to `lags`: (...).
+    """
     return scores.shape[-1] * np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
 
 
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
-    """Draw scores, (count, d), from the truncated normal distribution at the mode.
-
-    (Reflecting negative draws instead would destroy the correlations of coefficients that compensate each other.)
-    """
+    """Draw scores, (count, d), from the normal distribution at the mode, restricted to reflected scores ≥ 0."""
     normal = truncated_near(mode.near, mode.z, mode.factor)
     return normal.draw(np.random.default_rng(seed), count)
 
@@ -91,21 +90,25 @@ def kurtosis(x: np.ndarray) -> np.ndarray:
 
 
 def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the two statistics of the predictive check: portmanteau and kurtosis."""
+    """Return the statistics of the predictive check, (2, ...): portmanteau and excess kurtosis of scores, (..., n)."""
     return np.stack([portmanteau(scores, lags), kurtosis(scores)])
 
 
 @lru_cache(maxsize=4)
 def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
-    """Return the statistics of n normal values, (2, PREDICTIVE_DRAWS); cached, as they are the same for all models."""
+    """Return `_statistics` of PREDICTIVE_DRAWS series of n standard normal values, (2, PREDICTIVE_DRAWS).
+
+    They are cached, as they are the same for all models.
+    """
     noise = np.random.default_rng(seed + 1)
     return np.stack([_statistics(noise.standard_normal(n), lags) for _ in range(PREDICTIVE_DRAWS)], axis=1)
 
 
 def tangents(target: Target, mode: Mode) -> np.ndarray:
-    """Return the derivatives of the whitened residuals by parameters of the motion, per posterior sd, (k, n).
+    """Return the changes of the whitened residuals with parameters of the motion, per posterior sd of each, (k, n).
 
-    Coefficients at zero are left out, because they are not free to follow the residuals.
+    Coefficients at zero are left out, because they are not free to follow the residuals; so are parameters for which
+    the change is not finite.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
@@ -117,7 +120,7 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
 
 def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
-    """Return residuals r, (n,), whitened, or unchanged under heavy-tailed noise: both are linear in r."""
+    """Return residuals r, (n,), whitened, or unchanged under heavy-tailed noise, so that the result is linear in r."""
     # For heavy-tailed noise whitening is nonlinear, and directions in the residuals would be distorted.
     return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
@@ -132,7 +135,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     mode : Mode
         Mode of its posterior.
     period : float
-        Period of the oscillation in s, which is the largest lag of autocorrelations.
+        Period of the oscillation in s: the largest lag of the predictive check, limited to 4 to n/5 samples.
     seed : int
         Seed of the draws.
 
@@ -141,8 +144,9 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     check : FitCheck
         The checks.
     arrays : dict of str to ndarray
-        Fit and residual, (n,), in the unit of the record; the whitened residuals, (n,), which should be independent and
-        standard normal; and their autocorrelation by lag, (l,).
+        `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
+        independent and standard normal; `autocorrelation`: that of the whitened residuals, from lag 0 to three times
+        the lag of the predictive check, (l,).
     """
     t, n, r = target.signal.t, target.signal.t.size, mode.likelihood.residual(mode.z)
     white = mode.likelihood.whitened(r, mode.z)
@@ -201,7 +205,11 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
 def _verdict(
     noise: NoiseModel, p: float, line: SpectralLine, form: StrongestForm, window_p: float, outliers: bool
 ) -> str:
-    """Return whether the model fits, with the reason if it does not."""
+    """Return the verdict as text: that the model fits, or that it does not and the first reason found.
+
+    noise: the fitted noise model. p, window_p: p values of the predictive check and of the shifts between windows.
+    outliers: whether there are significant ones.
+    """
     correlated, no = noise.name == "correlated", FitStatus.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         under = "" if correlated else " under independent noise"
@@ -218,10 +226,12 @@ def _verdict(
 def _fit_windows(
     target: Target, mode: Mode, seed: int
 ) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
-    """Fit the first, the middle and the last half of the record; the motion always starts at the first sample.
+    """Fit the first, the middle and the last half of the record. All motions start at the record's first sample.
 
     Returns the fits, that of the whole record first; the largest difference of a coefficient from the whole record, in
-    standard deviations; the number of differences; and the forecast of the second half from the first.
+    standard deviations of the difference; the number of differences; and the forecast of the second half from the
+    first. A half without a finite posterior is left out; if it is the first half, or no forecast is possible, the
+    forecast is None.
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
@@ -251,7 +261,10 @@ def _fit_windows(
 def _fit_window(
     likelihood: Likelihood, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
 ) -> tuple[PartialFit, np.ndarray]:
-    """Return the fit of a window, and the Cholesky factor of the covariance of its scores (nan if there is none)."""
+    """Return the fit of a window, and the Cholesky factor of the covariance of its scores.
+
+    Without a positive definite information matrix the factor, the sds and the evidence are nan.
+    """
     try:
         factor = covariance_factor(information)
         evidence = log_evidence_near(likelihood, z)
@@ -294,9 +307,10 @@ class Prediction:
 
 
 def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) -> Prediction:
-    """Predict the samples after the first `half` ones, from draws of the scores given the first ones.
+    """Predict the samples after the first `half` ones, from draws of the scores given those first samples.
 
-    The variance of the noise is the mean square residual of the first half, for any noise model.
+    The variance of the noise is the mean square residual of the first half, for any noise model. Draws whose motion is
+    not finite are left out.
 
     Parameters
     ----------
@@ -355,7 +369,7 @@ def forecast(
     Returns
     -------
     Forecast or None
-        None if draws are not possible, or none has a finite motion.
+        None if `log_predictive` or `factor` is not finite, the covariance is singular, or no draw has a finite motion.
     """
     if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
         return None

@@ -113,7 +113,10 @@ class Motions:
 
     @property
     def half_life(self) -> np.ndarray:
-        """The half-life in s: ∫ T/δ d ln A from half of the reference amplitude to it, by Gauss–Legendre quadrature."""
+        """The half-life in s: ∫ T/δ d ln A from half of the reference amplitude to it, by Gauss–Legendre quadrature.
+
+        T is the period and δ the logarithmic decrement at amplitude A.
+        """
         time = np.zeros(self.shape)
         for x, w in zip(*_HALVING, strict=True):
             a = self.amplitude * 2.0 ** (-0.5 * (x + 1.0))
@@ -171,10 +174,10 @@ QUANTITIES = (
 
 
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
-    """Compute all derived quantities that apply to the model, as arrays by name.
+    """Compute all derived quantities that apply to the model: an array of the values for all draws, by name.
 
-    A value is nan or infinite if the quantity is not defined for a draw. The natural frequency is left out if it is the
-    same for all draws.
+    A value is nan or infinite if the quantity is not defined for a draw. The natural frequency is left out if all
+    parameters of the restoring law are the same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
@@ -182,7 +185,7 @@ def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def units(displacement: str) -> dict[str, str]:
-    """Return the unit of each derived quantity for displacements in "rad" or "m"."""
+    """Return the unit of each derived quantity by name, for displacements in "rad" or "m"."""
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
@@ -194,7 +197,7 @@ def curves_against_amplitude(
     Parameters
     ----------
     motions : Motions
-        The draws, of which about 1,000 are used.
+        The draws; of 2,000 or more, only every so many-th is used, so that 1,000 to 2,000 remain.
     amplitudes : ndarray, shape (m,)
         Amplitudes in rad or m.
     levels : sequence of float

@@ -1,4 +1,4 @@
-"""A normal distribution of scores, truncated where a reflected score is zero (its walls)."""
+"""A normal distribution of scores, restricted to reflected scores ≥ 0 (a boundary is called a wall)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bayesdamp.types import Refusal
 GRADIENT_STEP = 0.01
 """Step of the differences of gradients that give the Hessian, in posterior sds."""
 LEAST_INSIDE = 0.02
-"""If a smaller fraction of normal draws is inside the walls, importance resampling replaces rejection."""
+"""If a smaller fraction of normal draws is inside the walls, the sampler of `numerics.orthant` replaces rejection."""
 MOMENT_DRAWS = 20_000
 """Number of draws from which moments of a truncated distribution are computed."""
 FAR_WALL_SDS = 8.0
@@ -60,7 +60,9 @@ class TruncatedNormal:
 def truncated_moments(
     information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the moments of a normal distribution that is truncated where a reflected score is zero.
+    """Return mean and covariance of a normal distribution restricted to reflected scores ≥ 0.
+
+    The effect of the walls is computed from `MOMENT_DRAWS` draws with a fixed seed.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def truncated_moments(
     Returns
     -------
     mean, factor : ndarray, shapes (d,) and (d, d)
-        The mean, and the Cholesky factor of the covariance.
+        The mean, and the Cholesky factor of the covariance, of the restricted distribution.
     """
     covariance = np.linalg.inv(information)
     covariance = 0.5 * (covariance + covariance.T)
@@ -99,7 +101,10 @@ def truncated_moments(
 
 
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
-    """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,)."""
+    """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,).
+
+    Reflected scores in z are replaced by their absolute values.
+    """
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
     slope = likelihood.gradient(at)[1]

@@ -49,7 +49,8 @@ RIDGE_DIMENSIONS = 2
 CURVATURE_SDS = 1.5
 """Distance from the mode, in posterior sds, at which the curvature of the ridge is measured."""
 VISIBLE_BEND = 0.02
-"""A ridge is straightened if, one sd from the mode, it is farther than this from its tangent, in posterior sds."""
+"""A ridge is straightened only if, one sd from the mode, its distance from its tangent is at least this, in posterior
+sds."""
 SECOND_DIFFERENCE_STEP = 0.3
 """Step of second differences, in posterior sds. They extend to 0.6 sds from the mean of the truncated distribution,
 which is about one sd or more from the wall."""
@@ -80,7 +81,11 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map for a target; the identity unless two tied parameters of the noise are inferred."""
+        """Return the map for a target.
+
+        It is the identity unless two tied parameters of the noise are inferred, neither is reflected, the model has
+        exact laws, and more than `LEAST_STEPS` points of the ridge can be computed.
+        """
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
             return cls()
@@ -153,7 +158,7 @@ class NoiseMap:
         return slope
 
     def log_volume(self, level: np.ndarray) -> np.ndarray:
-        """Return the log determinant of `slope`, (...), at level scores (..., d)."""
+        """Return the log determinant of `NoiseMap.slope`, (...), at level scores (..., d)."""
         if self.table is None:
             return np.zeros(level.shape[:-1])
         return np.log(self._rate(level[..., self.second])[..., 0])
@@ -168,7 +173,7 @@ class NoiseMap:
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        """Scores of the second parameter at the knots."""
+        """Scores of the second parameter at the knots of `table`."""
         assert self.table is not None
         return self.table(self.table.x)[:, 0]
 
@@ -185,7 +190,7 @@ class NoiseMap:
 
 
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
-    """Maximise the log posterior over some of the scores, with the others fixed.
+    """Maximise the log posterior over the scores `others`, with the remaining scores fixed at their values in z.
 
     Parameters
     ----------
@@ -194,19 +199,19 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
     reflected : ndarray of bool, shape (d,)
         Which scores must not be negative.
     z : ndarray, shape (d,)
-        Start of the search.
+        Values of the fixed scores, and start of the search for the others.
     others : ndarray of int, shape (k,)
         Indices of the scores that vary.
 
     Returns
     -------
     Maximum
-        The maximum over these scores, (k,).
+        The maximum; its `x` contains only the scores `others`, (k,).
 
     Raises
     ------
     Refusal
-        If the posterior is not finite there.
+        If the log posterior at the maximum is not finite.
     """
 
     def at(inner: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -226,8 +231,9 @@ def _profile(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute the marginal posterior of the second parameter by steps along its ridge, to both sides of the mode.
 
-    Returns scores of the second parameter, their marginal log density by Laplace's approximation over all other scores,
-    and the most probable score of the first parameter there, (m,) each.
+    Returns m scores of the second parameter, their marginal log density by Laplace's approximation over all other
+    scores, and the most probable score of the first parameter given each, (m,) each; all empty if the posterior at the
+    mode is not finite.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
@@ -276,8 +282,8 @@ def _profile(
 class Shear:
     """A map from straight scores to scores: a shear with unit determinant, followed by the map of the noise.
 
-    Level scores are straight scores plus a quadratic form of the few wide scores. The quadratic form is zero for the
-    wide and the reflected scores themselves.
+    Level scores are straight scores plus a quadratic form, ½ aᵀ C a, where a is the distance of the few wide scores
+    from `centre`. Each level score has its own matrix C, which is zero for the wide and the reflected scores.
 
     Attributes
     ----------
@@ -286,9 +292,7 @@ class Shear:
     wide : ndarray of int, shape (k,)
         Indices of the wide scores, along which the ridge extends.
     curve : ndarray, shape (d, k, k)
-        The quadratic form.
-    noise : NoiseMap
-        The map of the parameters of the noise.
+        The matrices C of the quadratic form, one for each score. : NoiseMap The map of the parameters of the noise.
 
     References
     ----------
@@ -302,13 +306,13 @@ class Shear:
 
     @classmethod
     def none(cls, d: int) -> Shear:
-        """Return the identity."""
+        """Return the identity for d scores."""
         wide = np.arange(min(RIDGE_DIMENSIONS, d))
         return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseMap())
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return the map of the noise without a shear."""
+        """Return the shear whose quadratic form is zero, followed by the map of the noise."""
         return replace(cls.none(mode.z.size), noise=NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
@@ -329,7 +333,7 @@ class Shear:
         return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
 
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
-        """Return the log determinant of `slope`, (...), at straight scores (..., d)."""
+        """Return the log determinant of `Shear.slope`, (...), at straight scores (..., d)."""
         return self.noise.log_volume(self.level(straight))
 
     def volume_slope(self, straight: np.ndarray) -> np.ndarray:
@@ -349,7 +353,8 @@ class Shear:
         return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
-        """Return the quadratic form at straight or level scores z, (..., d); both have the same wide scores."""
+        """Return the quadratic form, (..., d), at straight or level scores z, (..., d); both have the same wide scores.
+        """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
         size = self.wide.shape[0] ** 2
@@ -362,7 +367,8 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     The ridge is the set of conditional maxima given the wide scores, which are the scores with the largest standard
     deviations, each given the ones before it. Its curvature is measured by second differences at `CURVATURE_SDS`
     posterior sds. A ridge occurs if the record determines only one combination of parameters, such as gravity and
-    stiffness of the horizontal pendulum.
+    stiffness of the horizontal pendulum. None is also returned if the model has fewer wide scores than
+    `RIDGE_DIMENSIONS`, if all other scores are reflected, or if the posterior on the ridge is not finite.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -434,9 +440,10 @@ class Whitening:
     factor : ndarray, shape (d, d)
         Cholesky factor of the covariance of straight scores.
     lacking : ndarray, shape (d, d)
-        Full negative Hessian of the log posterior at the centre minus that for a linearised motion.
+        Full negative Hessian of the log posterior at the centre minus that for a linearised motion; 0 if either is not
+        finite or was not computed.
     good : bool
-        Whether the Hessian is finite.
+        Whether the Hessians are finite (True if they were not computed).
     shear : Shear
         Map from straight scores to scores.
     """
@@ -467,8 +474,8 @@ class Whitening:
 def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
     """Return whitened coordinates of a posterior, from the gradient and the full Hessian near its mode.
 
-    With deviations from the laws, the posterior is a mixture; the coordinates then have the moments of the draws of the
-    linear model.
+    If the Hessian is not finite, the Gauss–Newton covariance is used (`Whitening.good` is False). With deviations from
+    the laws, the posterior is a mixture; the coordinates then have the moments of the draws of the linear model.
 
     Parameters
     ----------
@@ -477,7 +484,7 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     mode : Mode
         Mode of the posterior.
     shear : Shear, optional
-        Map that straightens its ridge; by default only the map of the noise.
+        Map that straightens the ridge of the posterior; by default only the map of the noise.
 
     Returns
     -------
@@ -505,9 +512,10 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
 
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal approximation at the mode in straight scores: a centre, (d,), and a Cholesky factor, (d, d).
+    """Return the normal approximation at the mode in straight scores: its mean, (d,), and Cholesky factor, (d, d).
 
-    The score that the map of the noise makes standard normal has mean 0 and variance 1.
+    The factor is that of the covariance. If there is a map of the noise, the score that it makes standard normal has
+    mean 0 and variance 1, and is independent of the others.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -526,7 +534,10 @@ def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return the truncated normal with the covariance of `expansion` and the gradient of the log posterior there."""
+    """Return the truncated normal of straight scores with the centre and covariance of `expansion`.
+
+    Its log density has the gradient of the log posterior at that centre.
+    """
     at, factor = expansion(target, mode, shear)
     covariance = factor @ factor.T
     return TruncatedNormal(at + covariance @ slope_at(mode, shear, at), covariance, target.reflected)
@@ -535,7 +546,8 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     """Return whitened coordinates of a posterior given one combination of the hyperparameters of its deviations.
 
-    They have the moments of the truncated normal at the mode.
+    The coordinates have the moments of the truncated normal at the mode. combination: index of the combination in the
+    grid.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
@@ -547,7 +559,10 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
 def _curvatures(
     mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the negative Hessians of the log posterior and of that with a linearised motion, in u, (d, d) each."""
+    """Return the negative Hessians of the log posterior, without and with a linearised motion, in u, (d, d) each.
+
+    at: straight scores at which they are computed. factor: derivatives of straight scores by u, (d, d).
+    """
     d = at.size
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
     # ∂²f/∂u_i∂u_j by four-point differences: f(+,+) − f(+,−) − f(−,+) + f(−,−) over 4 H².

@@ -1,6 +1,7 @@
-"""A record of hundreds of cycles or more as amplitudes and phases, in blocks.
+"""A record of hundreds of cycles or more, reduced to amplitudes and phases of blocks.
 
-The averaged motion is compared with these: as many numbers for a million cycles as for a thousand.
+The averaged motion is compared with these instead of the samples: as many numbers for a million cycles as for a
+thousand.
 """
 
 from __future__ import annotations
@@ -25,45 +26,49 @@ GB (measured)."""
 FEWEST_CYCLES = 400.0
 """Number of cycles from which on a record is averaged (conventional)."""
 BLOCKS = 64
-"""Number of blocks. Each stands for as many cycles that are solved as are read at once: with 400 cycles the damping is
-three times larger, and its ratio, where the amplitude falls to a twentieth, 0.4 %."""
+"""Number of blocks. The oscillation that is solved in place of the record's has `TURNS` cycles per block. For a record
+of 400 cycles its damping is three times the record's: a damping ratio of 0.4 % if the amplitude falls to a
+twentieth."""
 PIECES = 20
 """Number of polynomial pieces of the smooth splines of amplitude and phase."""
 LEAST_SAMPLES = 24
 """Smallest number of samples in a block."""
 HOLE = 0.4
-"""Length of a hole, in blocks, from which on blocks end before it and begin again after it (conventional)."""
+"""Gap between samples, in lengths of a block, from which on it is a hole: blocks end before it and begin again after it
+(conventional)."""
 SHORTEST = 0.25
 """Length, in blocks, of the shortest piece between two holes that is used (conventional)."""
 WINDOW = 4.0
-"""Length of the windows from which the first phases come, in cycles."""
+"""Length in cycles of the windows whose demodulation gives the first estimates of phase and amplitude."""
 FULL = 0.7
-"""Smallest weight of the samples in a window that is used, relative to the median (conventional)."""
+"""A window is used only if the summed taper weights of its samples are more than this fraction of their median over all
+windows (conventional)."""
 REACH = 2.5
 """The cycles in a hole are counted by polynomials through the phase on either side, as far as this many lengths of the
 hole from its middle (conventional)."""
 LEAST_REACH = 10.0
-"""A hole that is shorter than this many windows counts as so long (conventional)."""
+"""For `REACH`, a hole that is shorter than this many windows (`WINDOW`) counts as this long (conventional)."""
 DEGREE = 3
-"""Degree of these polynomials (conventional)."""
+"""Largest degree of the polynomials of `REACH` (conventional)."""
 UNSURE = 0.25
-"""Largest distance of the number of cycles in a hole from a whole number, three sds included, at which it is certain
+"""The number of cycles in a hole counts as known if its distance from a whole number plus three sds is at most this
 (conventional)."""
 FOLLOWED = 8
 """Number of windows in each piece of the spline that follows a wandering phase; their noise hardly shifts it."""
 OVERTONES = 3
 """Largest multiple of the frequency that is also removed from a block."""
 BENT = 3.0
-"""Largest `_scatter` of amplitudes and phases about the curves. By chance alone it is 1; at 3, the mean over a block
-differs from the middle by 0.3 sds."""
+"""Largest `_scatter` of amplitudes and phases about the curves with which blocks are used. By chance alone it is 1; at
+3, the mean over a block differs from the value in its middle by 0.3 sds."""
 PASSES = 3
 """Largest number of fits of the blocks, between which the curves are corrected."""
 ROUNDS = 10
-"""Largest number of changes of the working residuals."""
+"""Largest number of refits of the blocks with new working residuals, under a noise model other than least squares."""
 SETTLED = 0.05
-"""The changes end when the last of them moves the motion by less than this many sds of the whole record's noise."""
+"""Refits with new working residuals end when the last of them changes the motion by less than this many sds of the
+whole record's noise."""
 MOST_SHIFT = 0.1
-"""Largest shift of a parameter by averaging, in posterior sds, with which averaged motions are used."""
+"""Averaged motions are used if averaging shifts no parameter by more than this, in posterior sds."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,8 @@ class Averaged:
     Attributes
     ----------
     t : ndarray, shape (3b,)
-        Ends of the blocks, in s of the oscillation that is solved.
+        Ends of the blocks on the clock of the oscillation that is solved, in s; each is repeated for the three values
+        of y.
     y : ndarray, shape (3b,)
         Amplitudes, phases and midlines in turn, as an `AveragedSolver` gives them.
     track : Track
@@ -83,7 +89,7 @@ class Averaged:
     samples : int
         Number of samples that each value stands for.
     residual : ndarray, shape (n,)
-        What the blocks leave of the record's values.
+        Record minus the fit of its block, in the record's unit; 0 for samples that are in no block.
     wander : float
         Sd at the record's end of a random walk of the phase, in rad; 0 where the phase is smooth.
     jumps : tuple of float
@@ -107,10 +113,9 @@ class Averaging:
     Attributes
     ----------
     cycles : float
-        Of the record.
-    error : float
-        Largest shift of a parameter of the likeliest candidate, in its posterior sds, apart from the start; infinite
-        where the equation of motion cannot be followed.
+        Number of cycles in the record. Largest shift that averaging causes in a parameter of the most probable
+        candidate (displacement and velocity at the start excluded), in posterior sds; infinite if the equation of
+        motion cannot be solved.
     """
 
     cycles: float
@@ -141,19 +146,18 @@ class _Curves:
 def average_of(
     t: np.ndarray, y: np.ndarray, features: Features, noise: FittedNoise | None = None
 ) -> Averaged | None:
-    """Take a record as amplitudes and phases.
+    """Reduce a record to amplitudes, phases and midlines of blocks.
 
-    None where the record has few cycles or samples, or is short enough for the ODE and does not change smoothly.
+    Return None if the record has too few cycles (`FEWEST_CYCLES`) or samples, or if amplitude or phase do not change
+    smoothly and the record is short enough for the ODE (`MOST_CYCLES`).
 
     Parameters
     ----------
     t, y : ndarray, shape (n,)
         Times in s, from 0, and values.
     features : Features
-        Of the record.
-    noise : FittedNoise, optional
-        Model of the samples' noise, under which amplitudes and phases are the most probable ones; by default white
-        Gaussian noise.
+        Features of the record., optional Model of the samples' noise, under which amplitudes and phases are the most
+        probable ones; by default white Gaussian noise.
     """
     averaged = _least_squares(t, y, features)
     if noise is None:
@@ -175,9 +179,10 @@ def average_of(
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged | None:
-    """Take values as amplitudes and phases by least squares. Arguments and result are those of `average_of`.
+    """Reduce values to amplitudes and phases by least squares. Arguments and result are those of `average_of`.
 
-    They are taken against a smooth phase, or where there is none, against one that follows the record's.
+    Phases are relative to a smooth curve. If the record's phase does not follow one, it is treated as a random walk:
+    the fits are relative to a spline that follows it.
     """
     if t[-1] < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
@@ -243,9 +248,10 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
 
 
 def _long_pieces(t: np.ndarray) -> np.ndarray:
-    """Return whether samples at times t are in long enough pieces between holes, (n,).
+    """Return a mask (n,) of the samples, at times t (n,), that are in long enough pieces between holes.
 
-    A piece at either end of the record is at least a block long, for a motion is read over a whole block.
+    A piece at either end of the record must be at least a block long, because a motion is read over a whole block;
+    others at least `SHORTEST` blocks. Each must have `LEAST_SAMPLES` samples.
     """
     block = float(t[-1]) / BLOCKS
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * block) + 1).tolist(), t.size]
@@ -301,8 +307,9 @@ def _demodulated(
 class _BlockFit:
     """The oscillation in b blocks, relative to curves of phase and amplitude.
 
-    curves: what it is relative to. z: complex amplitudes, (b,). midline: (b,). sd: of the amplitudes, (b,). left: the
-    residual, (n,). bent: larger `_scatter` of amplitudes and phases about the curves.
+    curves: the reference. z: amplitude and phase relative to the curves as complex numbers, (b,); |z| has the unit of
+    the record. midline: (b,). sd: standard errors of the amplitudes, (b,). left: the residual, (n,). bent: the larger
+    of the `_scatter` of amplitudes and of phases about the curves.
     """
 
     curves: _Curves
@@ -323,7 +330,8 @@ def _fit_curves(
 ) -> _BlockFit:
     """Fit the blocks, and correct the curves until they describe the blocks, because noise shifts the windows' phase.
 
-    follows: whether the curve of the phase follows the record's, so that blocks cannot correct it.
+    parts, middles: as of `_fit_blocks`. follows: whether the curve of the phase follows the record's phase closely, so
+    that blocks cannot correct it.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):
@@ -345,7 +353,11 @@ def _fit_blocks(
     curves: _Curves,
     follows: bool = False,
 ) -> _BlockFit:
-    """Fit the oscillation in each block by least squares."""
+    """Fit the oscillation in each block by least squares, relative to the curves.
+
+    parts: first and last + 1 sample of each block. middles: times of the blocks in s, (b,). follows: whether to leave
+    the phases out of `_BlockFit.bent`.
+    """
     fits, lefts, freedom = [], [], 0
     for (a, b), at in zip(parts, middles, strict=True):
         # The oscillation and a quarter period before it, both with an amplitude that grows along the block.
@@ -378,9 +390,10 @@ def _fit_blocks(
 def _blocks(
     t: np.ndarray, phases: np.ndarray, block: float
 ) -> tuple[list[tuple[int, int]], tuple[float, float]]:
-    """Return first and last + 1 sample of blocks of about so much phase in rad, and limits of their middles in s.
+    """Return first and last + 1 sample of each block, and the least and greatest allowed middle of a block in s.
 
-    Blocks end before a hole and begin again after it.
+    block: approximate change of the phase in a block, in rad. phases: phase at times t, (n,). Blocks end before a hole
+    and begin again after it.
     """
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * t[-1] / BLOCKS) + 1).tolist(), t.size]
     places = []
@@ -397,9 +410,10 @@ def _walk_rate(
 ) -> float:
     """Return the variance in rad²/s of a random walk of the phase, by restricted maximum likelihood.
 
-    The phases without it are those of a frequency that changes with the squared amplitude, which is estimated too (H.
-    D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). covariance, walk: of the phases' other errors, and of a
-    walk of 1 rad²/s, (b, b).
+    Without the walk, the phases would be those of a frequency that changes with the squared amplitude, which is
+    estimated too (H. D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). t, phases, sizes: times, phases and
+    amplitudes of the blocks, (b,). covariance: of the other errors of the phases, (b, b). walk: covariance that a walk
+    of 1 rad²/s would cause, (b, b).
     """
     power = np.square(sizes)
     energy = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
@@ -429,25 +443,30 @@ def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
-    """Fit a cubic spline by least squares to values at times t, (m,)."""
+    """Return the least-squares cubic spline, with the given knots, of values at times t, (m,); weight: 1/sd of each."""
     return scipy.interpolate.make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 
 def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray) -> BSpline:
-    """Add to a spline one with the same knots through values at times t, (m,)."""
+    """Return a spline plus the least-squares spline, with the same knots, of values at times t, (m,)."""
     more = _smooth(t, values, weight, curve.t)
     return scipy.interpolate.BSpline(curve.t, curve.c + more.c, 3)
 
 
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
-    """Return the rms second difference of values of blocks, (b,), over that of independent noise of sd 1/weight."""
+    """Return the rms second difference of values of blocks, (b,), divided by that of independent noise of sd 1/weight.
+    """
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
 
 
 def _track(
     curves: _Curves, middles: np.ndarray, slowness: float, weights: np.ndarray, whitening: np.ndarray
 ) -> Track | None:
-    """Return the blocks' points in the record and in the oscillation that is solved; None where the phase goes back."""
+    """Return the blocks' points in the record and in the oscillation that is solved.
+
+    None if these points are not in order of time or start before 0, as where the phase goes backwards. slowness:
+    duration of the record divided by that of the oscillation that is solved.
+    """
     phase, rate = curves.phase, curves.phase.derivative()
     origin, end = float(phase(0.0)), phase.t[-1]
     real_phases = phase(middles)[:, None] + REAL_OFFSETS

@@ -60,9 +60,7 @@ class Linearisation:
     fit : LeastSquaresFit
         The candidate's fit under exact laws.
     u : ndarray, shape (K,)
-        Scores, g and h at the knots.
-    motion : Motion
-        The motion at u.
+        Scores, then g and h at the knots: the point of the linearisation. The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion.
     model : LinearModel
@@ -105,16 +103,20 @@ class Linearisation:
         return float(np.sum(self.residual**2))
 
     def variance(self, data: Data) -> float:
-        """Return the variance of `left` per degree of freedom, in the record's unit squared."""
+        """Return the variance of the noise, in the record's unit squared.
+
+        It is the sum of `left` squared divided by the degrees of freedom (at least 1), plus the variance of the
+        solver's error.
+        """
         degrees = max(self.left.size - self.u.size, 1)
         return data.least_variance + float(self.left @ self.left) / degrees
 
     def grid(self, coarse: bool) -> Grid:
-        """Return the grid of the deviations' hyperparameters."""
+        """Return the grid of the deviations' hyperparameters. coarse: whether it has fewer points."""
         return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
 
     def distance(self, u: np.ndarray, variance: float) -> float:
-        """Return the norm of the change of the motion from here to u, in standard deviations of the noise."""
+        """Return the norm of the difference between the linear motions at `self.u` and at u, in sds of the noise."""
         return float(np.linalg.norm(self.model.root @ (self.u - u))) / np.sqrt(variance)
 
 
@@ -126,7 +128,11 @@ def parameters_of(
     priors: Mapping[str, Prior],
     known: Mapping[str, float],
 ) -> Parameters:
-    """Return the parameters of a candidate: a default prior where there is neither a known value nor a given prior."""
+    """Return the parameters of a candidate.
+
+    Coefficients, and all other parameters without a known value, are inferred, with the given prior or else the default
+    prior. Only parameters of the solver are included.
+    """
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
     for name in osc.parameters:
@@ -137,7 +143,10 @@ def parameters_of(
 
 
 def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
-    """Return the values at which a fit starts: each term has the same part of the record's decay."""
+    """Return the values at which a fit starts, by name of coefficients, law parameters and start.
+
+    Each damping term has the same part of the record's decay.
+    """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
     ratio = decay / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
@@ -150,9 +159,10 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return values of the terms' own parameters at which fits start: low, middle and high in their priors.
+    """Return combinations of values of the terms' own parameters at which fits start, by name.
 
-    A parameter with which a term can reduce to a simpler one starts where it does.
+    They are low, middle and high in the prior of a single parameter, low and high for two or more. A parameter with
+    which a term can reduce to a simpler one starts only at that value.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
@@ -168,7 +178,7 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
 
 
 def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
-    """Return which of the solver's terms have an inferred coefficient, (m,); the others do not act."""
+    """Return which of the solver's terms have an inferred coefficient, (m,); the others exert no force."""
     return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 
@@ -177,7 +187,8 @@ def search(
 ) -> LeastSquaresFit | None:
     """Fit from each start over growing windows, and return the best fit; None if every fit fails.
 
-    A start contains values of parameters by name; the others start at 0.
+    A start contains values of parameters by name; the others start at 0. With several starts, the fits are rough and
+    the best one is refined.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
@@ -212,7 +223,7 @@ def search_near(
     parameters : Parameters
         Parameters of the candidate to be fitted.
     values : mapping of str to float
-        Parameters of the other candidate by name; the others are 0.
+        Parameters of the other candidate by name; parameters of the solver that are not in it are 0.
     starts : sequence of mapping
         Values of the terms' own parameters at which the fit may start.
     """
@@ -241,7 +252,7 @@ def search_near(
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
-    """Fit again, starting near a fit to other data or with another solver; None where the motion escapes."""
+    """Fit again, starting near a fit to other data or with another solver; None if this fails."""
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 
@@ -277,9 +288,9 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Linearise a candidate about u = (scores, g, h), by default about its fit without deviations.
+    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit without deviations.
 
-    Return None where the deviations are too large or the motion escapes.
+    Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes.
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -316,7 +327,7 @@ def linearise_at_mode(
     fit : LeastSquaresFit
         The fit under exact laws.
     variance : float or None
-        Variance of the noise, in the record's unit squared; None: `Linearisation.variance` at each step.
+        Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
         Where the steps start; by default the fit without deviations.
     near : bool
@@ -355,7 +366,7 @@ def linearise_at_mode(
 def mode_of(
     model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
 ) -> np.ndarray:
-    """Return the u of largest posterior density under the most probable hyperparameters, with coefficients ≥ 0.
+    """Return the u of largest posterior density, (K,), under the most probable hyperparameters, with coefficients ≥ 0.
 
     Parameters
     ----------
@@ -366,9 +377,10 @@ def mode_of(
     variance : float
         Variance of the noise, in the record's unit squared.
     scores : ndarray, shape (d,), optional
-        Scores from which Marquardt's parameter counts.
+        Scores towards which Marquardt's parameter pulls the solution; without them `hold` has no effect.
     hold : float
-        Marquardt's parameter of the scores, in units of the prior's information.
+        Marquardt's parameter of the scores: the weight of that pull, in units of the information of the prior (1 per
+        score).
     """
     top = int(np.argmax(score_normals(model, grid, variance, model.count).log))
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)

@@ -58,11 +58,11 @@ class Data:
     cycles : float
         Number of cycles.
     noise : float
-        Standard deviation of the noise of y, from the record's roughness.
+        Rough standard deviation of the noise of y, from the record's roughness.
     start : tuple of float
         Estimate of θ₀ and θ̇₀ at the first sample.
     thinned : int
-        Number of samples in each value.
+        Number of samples that each value of y stands for.
     features : Features
         Features of the record's oscillation.
     averaged : Averaged, optional
@@ -74,7 +74,7 @@ class Data:
     rows : ndarray of int, shape (n, m), optional
         Indices of the samples in each window.
     readings : ndarray, shape (n,), optional
-        y as it was recorded, where y contains working residuals instead of the noise (`working`).
+        y as it was recorded, if y itself was changed by `working`; None if it was not.
     noise_model : SampleNoise
         Noise model of the samples behind amplitudes and phases. The noise model of samples is chosen later, from the
         residual of a motion.
@@ -116,7 +116,7 @@ class Data:
 
     @property
     def middle(self) -> Reference:
-        """Return the reference at the geometric mean of the first and the last amplitude."""
+        """Return the geometric mean of the first and the last amplitude with the frequency, as a `Reference`."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
@@ -135,7 +135,7 @@ class Data:
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def first(self, count: int) -> Data:
-        """Return the first `count` values."""
+        """Return the data cut to the first `count` values of y."""
         windows = None if self.windows is None else self.windows.first(count)
         rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))
         return replace(
@@ -161,7 +161,7 @@ class Data:
         return Solver(*arguments, self.windows)
 
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
-        """Return the equilibrium under parameters of a restoring law; None if there is none near the midline."""
+        """Return the equilibrium in rad or m under parameters of a restoring law; None if none is near the midline."""
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
@@ -171,7 +171,8 @@ class Data:
 
     @property
     def least_variance(self) -> float:
-        """Return the variance of the solver's own error, which is added to that of the noise."""
+        """Return the variance of the solver's own error, in the unit of y squared, which is added to that of the noise.
+        """
         return (SOLVED * self.recorded_amplitude) ** 2
 
 
@@ -240,7 +241,10 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
 
 
 def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tuple[float, float]:
-    """Estimate θ₀ and θ̇₀ with a sinusoid of growing or falling amplitude, fitted to the first cycle."""
+    """Estimate θ₀ and θ̇₀, with a sinusoid of growing or falling amplitude that is fitted to the first cycle.
+
+    quantity: what y contains. If few samples are in the cycle, the amplitude is constant.
+    """
     w = shape.frequency
     stop = max(int(np.searchsorted(t, 1.05 * shape.period)), min(6, t.size))
     x = w * t[:stop]

@@ -1,7 +1,7 @@
 """Compute the probabilities of candidates, draw from their posteriors, and summarise the draws.
 
 The quantities are damping ratios (from the work of the damping on undamped orbits), fractions of the dissipated energy,
-and the sizes of deviations and residuals that the laws do not explain.
+and the sizes of deviations and of residuals beyond the noise.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True)
 class Quantity:
-    """Median and 95 % interval of a number, and the parts of its standard deviation from noise and from deviations."""
+    """Median and 95 % interval of a number, and the parts of its sd from noise and from deviations (nan if unknown)."""
 
     value: float
     low: float
@@ -63,7 +63,10 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise alone causes."""
+    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise alone causes.
+
+    The part from deviations is √(variance − noise²), at least 0; nan if `noise` is nan.
+    """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
     return Quantity(middle, low, high, noise, law)
@@ -96,7 +99,7 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Convert draws of u = (scores, g, h), (n, K)."""
+        """Return the draws u = (scores, g, h), (n, K), of a candidate in the parts of this class."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
@@ -116,14 +119,17 @@ class CandidateDraws:
 def candidate_probabilities(
     comparison: ModelComparison, exact: bool, forms: bool = True
 ) -> dict[MotionCandidate, float]:
-    """Return the posterior probability of each candidate, from its evidence and its prior `odds`.
+    """Return the posterior probabilities under exact or approximate laws, from evidences and prior `odds`.
+
+    For approximate laws, only candidates that could be linearised with deviations are included; if there are none, the
+    probabilities are those under exact laws.
 
     Parameters
     ----------
     comparison : ModelComparison
         The comparison.
     exact : bool
-        Whether laws are exact, else approximate.
+        Whether laws are exact; if False, approximate.
     forms : bool
         Whether to include the rivals.
     """
@@ -145,7 +151,8 @@ def draw_candidates(
 ) -> list[CandidateDraws]:
     """Draw from the posteriors of the most probable candidates, from each in proportion to its probability.
 
-    chosen: probability of each candidate.
+    chosen: probability of each candidate. There are about `TOTAL_DRAWS` draws in total. Candidates beyond
+    `COVERED_PROBABILITY`, or with less than half a draw, are left out.
     """
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
@@ -157,7 +164,8 @@ def draw_candidates(
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
     """Draw from one candidate: from its sampled draws if they are trusted, else from its linear posterior.
 
-    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different.
+    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different. Without deviations, g
+    and h are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -173,7 +181,10 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 
 
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
-    """Return the fraction of the energy lost over the record that each term dissipates, (draws, m)."""
+    """Return the fraction of the energy lost over the record that each term dissipates, (draws, m).
+
+    The motion is that at each candidate's mode for all of its draws. The m terms are those of the solver.
+    """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
     shares = []
@@ -188,7 +199,7 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 
 
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
-    """Return the sd that noise alone causes in each inferred parameter if laws are exact, by name."""
+    """Return the sd that noise alone causes in each inferred parameter under exact laws, in its unit, by name."""
     parameters = result.fit.parameters
     sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
     sds *= np.sqrt(comparison.variance / result.exact_variance)
@@ -202,7 +213,7 @@ class Orbit:
     Attributes
     ----------
     energy : float
-        Energy per unit of inertia.
+        Energy per unit of inertia, relative to rest at the equilibrium.
     x, speed, width : ndarray, shape (n,)
         Positions, speeds, and quadrature weights dx.
     """
@@ -256,7 +267,10 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
-    """Return the frequency of small oscillations about the equilibrium `rest`, √F′, in rad/s."""
+    """Return the frequency of small oscillations about the equilibrium `rest`, √F′, in rad/s.
+
+    scale: a typical displacement in rad or m, 1e-5 of which is the step of the difference quotient.
+    """
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
 
@@ -273,9 +287,10 @@ def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: 
 
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (s) and amplitudes of a motion's half cycles; an amplitude is half the distance of turning points.
+    """Return times in s and amplitudes of a motion's half cycles, as two arrays.
 
-    Amplitudes never rise: a larger one is replaced by the one before it.
+    An amplitude is half the distance between two turning points, its time the middle between them. Amplitudes never
+    rise: a larger one is replaced by the one before it. Half cycles of zero amplitude are left out.
     """
     times, states = motion.refined
     v = states[:, 1]
@@ -293,7 +308,10 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def time_fraction(result: CandidateResult, amplitude: float) -> float:
-    """Return the time at which the motion reaches an amplitude (rad or m), as a fraction of the record."""
+    """Return the time at which the motion reaches an amplitude (rad or m), as a fraction of the record, from 0 to 1.
+
+    Outside the motion's amplitudes it is that of the nearest one; with fewer than two half cycles it is 0.5.
+    """
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
         return 0.5
@@ -302,7 +320,10 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
 
 
 def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) under the restoring law at the candidate's mode."""
+    """Return the undamped orbit with an amplitude (rad or m) under the restoring law at the candidate's mode.
+
+    None without an equilibrium near the record's midline, or if the orbit would escape.
+    """
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
@@ -311,9 +332,9 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
 def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
-    """Return the work of each term in a cycle per unit of its coefficient, (d, m).
+    """Return the work of each of m terms in a cycle, divided by its coefficient and the inertia, (d, m).
 
-    further: rows of the terms' own parameters, (d, e); active: which terms act, (m,); epsilon: width of friction, by
+    further: rows of the terms' own parameters, (d, e). active: which terms act, (m,). epsilon: width of friction, by
     default that of the solver.
     """
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
@@ -371,7 +392,10 @@ def ratio_at(
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Summarise the draws of the equivalent damping ratio at an amplitude. Parameters as of `draw_ratios`."""
+    """Summarise the draws of the equivalent damping ratio at an amplitude. Parameters as of `draw_ratios`.
+
+    All numbers but the amplitude are nan if no orbit has the amplitude.
+    """
     ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
     if not ratios.size:
         return Ratio(amplitude, *(float("nan"),) * 5)
@@ -388,7 +412,7 @@ def draw_ratios(
 ) -> tuple[np.ndarray, float]:
     """Draw the equivalent damping ratio at an amplitude, (n,); return also the sd that noise alone causes.
 
-    The draws are empty where no orbit has the amplitude.
+    Candidates without an orbit of this amplitude are left out; if all are, the draws are empty and the sd is nan.
 
     Parameters
     ----------
@@ -434,7 +458,11 @@ def _average_over_frictions(
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the damping ratio of each draw, (n,), with a width of friction drawn from the posterior of the widths."""
+    """Return the damping ratio of each draw, (n,), with a width of friction drawn from the posterior of the widths.
+
+    Without friction, or if only one width was used, they are those of the solver's width. per_unit: result of
+    `ratios_per_unit`.
+    """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
@@ -467,9 +495,10 @@ def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
 def ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[Quantity, ...]:
-    """Return the damping divided by that of its law, at amplitudes (rad or m), over all draws.
+    """Return, for each amplitude (rad or m), median and 95 % interval of the damping divided by that of its law.
 
-    That is exp(g − mean of g), where the mean over the record is weighted by the energy.
+    The quotient is exp(g − mean of g), where the mean over the record is weighted by the energy. The draws of all
+    candidates are joined.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -482,7 +511,7 @@ def ratio_over_law(
 def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Return mean and sd of the log of (damping ratio / damping ratio without deviations), at amplitudes (rad or m)."""
+    """Return, for each amplitude (rad or m), mean and sd of log(damping ratio / damping ratio without deviations)."""
     pairs = []
     for a in amplitudes:
         deviations = [deviations_at(d, a, rng) for d in drawn]
@@ -492,7 +521,10 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return weights of equidistant knots, (k,), proportional to the energy of the oscillation there."""
+    """Return weights of equidistant knots, (k,), in proportion to the squared amplitude there; their sum is 1.
+
+    With fewer than two half cycles they are equal.
+    """
     at, sizes = turning_amplitudes(result.motion)
     times = np.linspace(0, 1, knots) * result.data.end
     weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
@@ -500,10 +532,11 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 
 
 def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
-    """Return the fraction of the dissipated energy that no sum of the compared terms explains.
+    """Return median and 95 % interval of the fraction of the energy loss that no sum of compared terms explains.
 
     For each draw it is the mean relative distance of its damping curve, deviations included, from the nearest sum with
-    coefficients ≥ 0, weighted by the energy lost. None if an amplitude has no orbit. `amplitudes` (rad or m) fall.
+    coefficients ≥ 0, weighted by the energy lost. Candidates without an orbit at one of the amplitudes, and draws that
+    lose no energy, are left out; None if nothing remains. `amplitudes` (rad or m) fall.
     """
     total = sum(len(d.coefficients) for d in drawn)
     counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
@@ -513,7 +546,10 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return the fraction of the energy that no sum explains, for `count` draws; empty if an amplitude has no orbit."""
+    """Return the fraction of the energy loss that no sum explains, for about `count` draws of a candidate.
+
+    It is empty if an amplitude has no orbit; draws that lose no energy are left out.
+    """
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
     unit, curve, energy = [], [], []
@@ -541,10 +577,11 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 
 
 def midline_drift(result: CandidateResult) -> float:
-    """Return the drift of the midline over the record relative to the first amplitude; 0 if it is not significant.
+    """Return the drift of the midline over the record divided by the first amplitude.
 
-    The mean residual of each cycle is fitted with a straight line; the scatter of these means about it determines the
-    sd of its slope (see `DRIFT_SDS`).
+    The mean residual of each cycle (or block) is fitted with a straight line; the scatter of these means about it
+    determines the sd of its slope. A drift of less than `DRIFT_SDS` sds, or with fewer than `LEAST_CYCLE_MEANS` means,
+    is returned as 0.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
@@ -565,7 +602,8 @@ def midline_drift(result: CandidateResult) -> float:
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
     """Return the rms of the residual beyond the noise under exact laws, and the sd of the noise of a sample.
 
-    Both are fractions of the first amplitude.
+    Both are fractions of the first amplitude. The noise is the residual that remains with deviations; without a
+    linearisation, the residual under exact laws itself.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left

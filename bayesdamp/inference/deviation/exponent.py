@@ -34,22 +34,22 @@ ROUNDED = 0.002
 """Fraction of the peak velocity below which a power under 1 is smoothed. A larger one would change the power at small
 amplitudes."""
 ASIDE = (0.0, -0.4, 0.4)
-"""Exponents at which fits of the best one start, relative to the exponent of the best sum at the middle amplitude."""
+"""Exponents at which fits start, relative to the local exponent of the best candidate at the middle amplitude."""
 NEAR = 1.5
-"""Factor from the middle amplitude to the two amplitudes between which that exponent is computed."""
+"""Factor between the middle amplitude and each of the two amplitudes from which the local exponent is computed."""
 FIRST = 1.0
 """Distance of the second and third exponent from the best one, in standard deviations of the linear posterior (with 2,
 sds of the exponent differ by up to 10 % from those of four times as many exponents, with 1 by 2 %)."""
 FEW = 1000
-"""Number of draws for these."""
+"""Number of draws from which the sd of the exponent in the linear posterior is computed."""
 NARROWEST, WIDEST = 0.003, 0.5
-"""Limits of that distance."""
+"""Smallest and largest distance of the second and third exponent from the best one."""
 FURTHER = 3.0
-"""Factor by which the distance from the best exponent grows to the next one."""
+"""Factor by which the distance from the best exponent grows from one exponent to the next one outwards."""
 NEGLIGIBLE = 7.0
-"""Nats behind the best exponent from which no exponents further away are added."""
+"""Exponents are added outwards until the log evidence is this many nats below the largest."""
 ALIKE = 0.25
-"""Probability between two neighbouring exponents from which another is added between them."""
+"""Posterior probability between two neighbouring exponents above which another is added between them."""
 ENOUGH = 20
 """Number of exponents from which no more are added."""
 LEVELS = (np.arange(400) + 0.5) / 400
@@ -68,10 +68,10 @@ class _At:
 
 
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
-    """Return quantiles of the exponent at `LEVELS`; none where no motion under a power law fits the record.
+    """Return quantiles of the exponent at `LEVELS`; an empty tuple if no motion under a power law fits the record.
 
     The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the coefficient is
-    the default prior of a damping ratio, at the geometric mean of the record's amplitudes.
+    the default prior of a damping ratio, at the geometric mean of the record's first and last amplitude.
     """
     if not comparison.results:
         return ()
@@ -136,7 +136,10 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 
 
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
-    """Return the solver for the best sum or a power of the velocity near p, under the best restoring law."""
+    """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
+
+    For p < 1 the width in which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
+    """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
     # From p = 1 the usual width has no effect on the power, and a narrow one would need ten times as many steps.
@@ -145,9 +148,10 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 
 
 def exponent_starts(comparison: ModelComparison) -> list[float]:
-    """Return exponents at which fits may start: the local one of the best sum at the middle amplitude first.
+    """Return three exponents at which fits may start, within the prior.
 
-    The others are smaller and larger. The list is empty where the best sum has no orbit.
+    They are the local exponent of the best candidate at the middle amplitude, a smaller and a larger one (`ASIDE`). The
+    list is empty if the best candidate has no orbit there or loses no energy.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
@@ -167,9 +171,10 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
 def _explore(
     at: Callable[[float, _At | None], _At | None], best: float, sd: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the cumulative posterior and its exponents, (n,) each; None where fewer than two exponents can be fitted.
+    """Return the cumulative posterior probability and its exponents, (n,) each.
 
-    First extend the exponents outwards until both ends are negligible, then refine between neighbours.
+    None if fewer than two exponents can be fitted. at: fits an exponent from the mode of another one. best, sd: where
+    to start. First extend the exponents outwards until both ends are negligible, then refine between neighbours.
     """
     best = float(np.clip(best, LEAST_EXPONENT, MOST_EXPONENT))
     middle = at(best, None)
@@ -220,7 +225,7 @@ def _explore(
 
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate log evidences; return a grid of exponents and the cumulative probability there, (n,) each."""
+    """Interpolate log evidences at exponents p; return POINTS exponents and the cumulative probability there."""
     grid = np.linspace(p[0], p[-1], POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:
