@@ -71,8 +71,7 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 
 
 def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the portmanteau statistic n Σ ρ_l² of whitened residuals, (..., n), summed over lags 1 to `lags`: (...).
-    """
+    """Return the portmanteau statistic n Σ ρ_l², (...), of whitened residuals, (..., n), over lags 1 to `lags`."""
     return scores.shape[-1] * np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
 
 

@@ -125,7 +125,7 @@ class Motions:
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
-        """Return factor · coefficient · inertia; None without a known inertia or without this coefficient."""
+        """Return factor · coefficient `name` · inertia; None if the inertia is not known or the model lacks `name`."""
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))

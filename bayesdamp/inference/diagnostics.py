@@ -20,16 +20,16 @@ import scipy  # loads its modules when they are used
 from bayesdamp.types import OK, Posterior
 
 LEAST_DRAWS = 4
-"""Fewest draws of a chain (conventional)."""
+"""Least number of draws in a chain for which diagnostics are computed; with fewer they are nan (conventional)."""
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
 """Largest R̂ and smallest effective sample size of reliable draws (recommended by Vehtari et al.)."""
 
 
 def rhat(draws: np.ndarray) -> float:
-    """Return the rank-normalised split R̂ (section 4.1); nan for a single chain.
+    """Return the rank-normalised split R̂ of draws, (chain, draw) (section 4.1); nan for a single chain.
 
-    It is the larger one of two values: of the draws (bulk) and of their distances from the median (tails).
+    It is the larger of two values: that of the draws (bulk) and that of their distances from the median (tails).
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -55,12 +55,12 @@ def effective_mean(draws: np.ndarray) -> float:
 
 
 def monte_carlo_error(draws: np.ndarray) -> float:
-    """Return the Monte Carlo standard error of the mean."""
+    """Return the Monte Carlo standard error of the mean of draws, (chain, draw), in their unit."""
     return float(np.std(draws, ddof=1) / np.sqrt(effective_mean(draws)))
 
 
 def _usable(draws: np.ndarray) -> bool:
-    """Return whether there are enough draws and all are finite."""
+    """Return whether draws, (chain, draw), are at least `LEAST_DRAWS` a chain and all finite."""
     return draws.shape[1] >= LEAST_DRAWS and bool(np.all(np.isfinite(draws)))
 
 
@@ -78,7 +78,7 @@ def _normalised(draws: np.ndarray) -> np.ndarray:
 
 
 def _rhat(chains: np.ndarray) -> float:
-    """Return the potential scale reduction factor (1) to (4)."""
+    """Return the potential scale reduction factor of chains, (chain, draw), by formulas (1) to (4)."""
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
     within = np.mean(np.var(chains, axis=1, ddof=1))
@@ -87,7 +87,10 @@ def _rhat(chains: np.ndarray) -> float:
 
 
 def _ess(chains: np.ndarray) -> float:
-    """Return the effective sample size by Geyer's initial monotone positive sequence (10) to (13)."""
+    """Return the effective sample size by Geyer's initial monotone positive sequence, formulas (10) to (13).
+
+    It is the number of draws if all draws are equal.
+    """
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
     count, n = chains.shape
@@ -126,7 +129,8 @@ def summarise(
     Returns
     -------
     dict of str to float
-        Mean, standard deviation, quantiles, highest density interval, effective sample sizes and R̂.
+        mean, sd, median, quantiles (q2.5 to q97.5), ends of the shortest 95 % interval (hdi_low, hdi_high), ess_bulk,
+        ess_tail and rhat.
     """
     chains = draws
     if ensembles is not None:  # (walker, step) to (ensemble, step · walker)
@@ -154,7 +158,10 @@ def summarise(
 
 
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
-    """Return "ok", or a sentence on the first parameter whose draws are not reliable."""
+    """Return "ok", or a sentence on the first parameter whose draws are not reliable (`RHAT_LIMIT`, `ESS_LIMIT`).
+
+    summaries: those of `summarise`, by parameter. A nan counts as not reliable.
+    """
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:
             return f"not converged: R-hat of {name} is {s['rhat']:.3f}, above {RHAT_LIMIT}"

@@ -28,7 +28,7 @@ LAST_STEP = 1e-3
 """A search ends if a step is shorter than this, in posterior sds, and gains less than its cube, in nats
 (conventional)."""
 ROUGH_LAST_STEP = 0.1
-"""The same limit for a mode that only serves as a start or for a comparison."""
+"""Limit in place of `LAST_STEP` for a mode that only serves as a start or for a comparison."""
 SMALLEST_SCORE = 1e-9
 """Lower bound of a reflected score in a search, instead of zero, where the derivative vanishes."""
 LONGEST_STEP = 3.0
@@ -45,7 +45,8 @@ NEAR_SDS = 3.0
 FINER_FACTOR = 0.01
 """Factor of the tolerance for the accurate solution with which the error of a motion is measured."""
 NEGLIGIBLE_NATS = 15.0
-"""Scales whose log evidence is this far below the best one (nats) are left out; together they add less than 1e-5."""
+"""Values of the common prior scale whose log evidence is this far below the best one (nats) are left out; together they
+add less than 1e-5."""
 HALF_INTERVAL = 1.959964
 """Half-width of a normal's 95 % interval, in standard deviations."""
 
@@ -149,9 +150,10 @@ class LocalSearch:
     origin, z : ndarray, shape (d,)
         Scores at the start and the end.
     volume : float
-        Log volume of the posterior at the end, −½ log det of the information, which weights modes.
+        Log volume of the posterior at the end: −½ log det of the information. The probability of a mode is proportional
+        to exp(end + volume).
     converged : bool
-        Whether the search ended at a maximum.
+        Whether the search ended at a maximum (not at the limit of steps or a posterior that is not finite).
     """
 
     seed: Seed
@@ -167,7 +169,7 @@ class LocalSearch:
 
 @dataclass(frozen=True)
 class StoredMode:
-    """The values from which `restore_mode` rebuilds a mode."""
+    """The values from which `restore_mode` rebuilds a mode; `tolerance` is of motions, in the record's unit."""
 
     z: np.ndarray
     log_posterior: float
@@ -212,7 +214,7 @@ class Mode:
         Largest change by a more accurate motion within three sds of the mode: of a sample, in the unit of the record,
         and of the log likelihood, in nats.
     linear : LinearDraws or None
-        Posterior of the linear model, with deviations from the laws.
+        Posterior of the linear model, with deviations from the laws; None under exact laws.
     """
 
     z: np.ndarray
@@ -244,7 +246,7 @@ class Mode:
 
     @cached_property
     def _normal(self) -> tuple[Likelihood, np.ndarray]:
-        """The values of `near` and `factor`.
+        """The values of `near` and `factor`, as a tuple.
 
         The scale σ follows from the mean of 1/σ² over the scales, given the expected sum of squares of the coefficients
         (one step of variational Bayes). The expectation includes the variance of the coefficients, so that σ is not too
@@ -277,6 +279,8 @@ class Mode:
 
 def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
     """Find the mode near z, with a motion so accurate that the log likelihood changes by less than `MOST_CHANGE`.
+
+    After six attempts the last result is returned, whatever its error.
 
     Parameters
     ----------
@@ -332,7 +336,8 @@ def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
 def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
     """Return the largest changes of a sample (unit of the record) and of the log likelihood by a more accurate motion.
 
-    They are evaluated at z and at points three sds away in each direction of `factor`.
+    They are evaluated at z and at points three sds away in each direction of `factor`, (d, d). Points with an unbounded
+    motion are left out.
     """
     finer = likelihood.within(FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
@@ -352,7 +357,7 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
 
 
 def covariance_factor(information: np.ndarray) -> np.ndarray:
-    """Return the Cholesky factor of the inverse of the information, (d, d).
+    """Return the Cholesky factor, (d, d), of the inverse of the information, (d, d).
 
     The information is factored before it is inverted, because rounding can make the inverse of an ill-conditioned
     matrix indefinite. Raises Refusal if the information is not positive definite.
@@ -369,7 +374,7 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode from its stored values."""
+    """Rebuild a mode from its stored values, without its errors, which are nan."""
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
@@ -439,13 +444,13 @@ def log_integral(
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """Return the standard deviations of the parameters in natural units, from the covariance of the scores, (d, d)."""
+    """Return the sds of the parameters in natural units, by name, at scores z with this covariance, (d, d)."""
     sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
     return dict(zip(target.names, sds.tolist(), strict=True))
 
 
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Return the 95 % interval of each parameter, from a normal distribution of its score with standard deviation `sd`.
+    """Return the ends of the 95 % interval of each parameter, by name, for normal scores with mean z and these sds.
 
     Intervals of parameters with half-normal priors do not go below zero.
     """

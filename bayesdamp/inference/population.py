@@ -21,7 +21,7 @@ from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
 
 HISTOGRAM_BINS = 150
-"""Number of bins of the draws of a specimen."""
+"""Number of bins into which the draws of a specimen are sorted."""
 LOCATIONS, SCALES = 121, 81
 """Numbers of values of m and τ on the grid."""
 GRID_SDS = 9.0
@@ -31,9 +31,11 @@ LARGEST_TAU = 4.0
 FAR_FROM_ZERO = 8.0
 """The truncation of a normal density at zero is ignored if its centre is this many of its sds away."""
 GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
-"""Grid of a specimen's coefficient: number of points and half-width in sds; and number of draws of (m, τ)."""
+"""Grid of a specimen's coefficient: number of points, and half-width in sds of its likelihood; and number of draws of
+(m, τ)."""
 LEAST_EFFECTIVE = 100
-"""Fewest effective draws of a specimen, given the others, for a reliable summary (conventional)."""
+"""The summary of a specimen is unreliable if its draws, given the other specimens, have a smaller effective number than
+this (conventional)."""
 FEW_SPECIMENS = 5
 """With fewer specimens than this, the upper limit of the spread mostly follows from its prior."""
 
@@ -55,7 +57,8 @@ class Population:
     Attributes
     ----------
     mean, spread : mapping of str to float
-        Summaries of the mean and the standard deviation of the truncated normal distribution (not of m and τ).
+        Posterior summaries (see `summarise`) of the mean and of the standard deviation of the truncated normal
+        distribution (not of m and τ).
     shrunk : mapping of str to mapping
         Summary of each specimen's coefficient, given all specimens.
     effective : mapping of str to float
@@ -88,9 +91,9 @@ class Kernels:
     def of(cls, sample: Sample) -> Kernels:
         """Return the likelihood from posterior draws divided by their prior, in bins much narrower than the densities.
 
-        The width is Silverman's for the effective number of draws. The draws are shifted towards their mean, so that
-        the variance is not increased by the width (West, Journal of the Royal Statistical Society B 55, 1993); but not
-        if the mean is near zero, where a shift would distort more than the width does.
+        The width of the densities is Silverman's for the effective number of draws. The draws are shifted towards their
+        mean, so that the variance is not increased by the width (West, Journal of the Royal Statistical Society B 55,
+        1993); but not if the mean is near zero, where a shift would distort more than the width does.
         """
         log_weights = sample.log_weights - sample.log_prior
         w = normalise(log_weights)
@@ -128,7 +131,7 @@ class Kernels:
         return log - scipy.special.log_ndtr(m / tau)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """Return the log likelihood at coefficients x, (p,), up to a constant."""
+        """Return the log likelihood at coefficients x ≥ 0, (p,), up to a constant; densities are reflected at zero."""
         log_weights = self.log_weights[:, None]
 
         def about(centres: np.ndarray) -> np.ndarray:
@@ -144,14 +147,14 @@ def infer_population(samples: Sequence[Sample], scale: float) -> Population:
     Parameters
     ----------
     samples : sequence of Sample
-        Draws of each specimen.
+        Posterior draws of each specimen.
     scale : float
         Scale of the prior of m.
 
     Returns
     -------
     Population
-        Mean, spread and each specimen's coefficient.
+        Summaries of mean, spread and each specimen's coefficient.
 
     Raises
     ------

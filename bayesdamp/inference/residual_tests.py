@@ -26,7 +26,7 @@ from bayesdamp.physics.kernel.solve import QUANTITIES, Slopes
 from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
-"""Overtones that are tested, as multiples of the frequency."""
+"""Overtones that are tested, as multiples of the frequency of the oscillation."""
 BAND_NEIGHBOURS = 2
 """Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
 residual of an oscillation under a wrong law is modulated slowly."""
@@ -50,7 +50,8 @@ PARTS_PER_STEP = 32
 NEAR_REST = 0.1
 """Width of the velocity range of friction near rest, as a fraction of the largest velocity."""
 REVERSAL_WIDTH = 0.02
-"""Width within which this friction changes its sign, as a fraction of the largest velocity."""
+"""Width of the velocity range within which the friction near rest changes its sign, as a fraction of the largest
+velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
 """A direction is left out if the fitted directions leave at most this fraction of its length."""
 FORCE_SCALE = 0.5
@@ -145,7 +146,10 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
-    """Return the largest ordinate of the periodogram. (Gaps broaden a peak, which then is only less significant.)"""
+    """Return the largest peak of the periodogram; its p value is corrected for the number of frequencies.
+
+    cycles, across: as from `_extent`. (Gaps broaden a peak, which then is only less significant.)
+    """
     block = -(-scores.size // MOST_SAMPLES)
     many = scores.size // block
     blocks = scores[: many * block].reshape(many, block).sum(axis=1) / np.sqrt(block)
@@ -174,7 +178,7 @@ class Form:
         Function of displacement and velocity, in units of their largest values, and of time from −½ to ½ of the record,
         (n,) each.
     damps : bool
-        Whether it is a damping force.
+        Whether it is a damping force, for which a Bayes factor is reported.
     signed : bool
         Whether its coefficient may have either sign.
     """
@@ -206,11 +210,12 @@ class StrongestForm:
     Attributes
     ----------
     chance : float
-        p value of the reduction, corrected for the number of forms.
+        p value of the reduction, corrected for the number of forms; 1 if nothing was tested.
     words : str
         Description of the form.
     rivals : tuple of AddedForm
-        The log Bayes factor of each form of damping that the model lacks.
+        The log Bayes factor (nats) of the model with each form of damping in `FORMS` added, against the model without
+        it; 0 for a form whose effect the fitted directions contain.
     """
 
     chance: float = 1.0
@@ -275,7 +280,7 @@ def find_missing_form(
 
 
 def log_bayes_factor(score: float, length: float, signed: bool) -> float:
-    """Return the log Bayes factor (nats) of an additional force.
+    """Return the log Bayes factor (nats) of a model with an additional force against the model without it.
 
     score: projection of the whitened residuals on the unit vector of the force's direction. length: length of the
     direction for a force of one prior standard deviation. signed: whether the force may have either sign. A force of s
@@ -288,7 +293,7 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
 
 
 def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
-    """Return the response of the recorded quantity to a small force of each form along a motion, (forms, n).
+    """Return the response of the recorded quantity to a small force of each form in `FORMS`, (forms, n).
 
     Parameters
     ----------

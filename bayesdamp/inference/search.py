@@ -22,12 +22,12 @@ MOST_RESIDUAL = 1.5
 """Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
 the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
 IN_PHASE_RESIDUAL = 0.3
-"""Largest root mean square residual of a motion in phase with the record, in the same unit; 1.5 times the noise is
-always allowed."""
+"""Largest root mean square residual of a motion in phase with the record, in standard deviations of the record; 1.5
+times the noise is always allowed."""
 LEAST_SAMPLES = 8
 """Fewest samples in a window that grows (see `_grow_windows`)."""
 SAME_START = 1e-4
-"""Two starts whose scores differ by less than this count as the same."""
+"""Two results of growing windows whose scores differ by less than this count as the same start."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
@@ -101,7 +101,7 @@ def find_mode(
     seeds : mapping of Seed to mapping of str to float
         Parameter values of each seed, in natural units.
     noise_level : float
-        The record's noise, which determines the first accuracy of motions.
+        Sd of the record's noise, in its unit, which determines the first accuracy of motions.
     period : float, optional
         Period of the oscillation in s. If it is given, and no seed leads to a motion in phase with the record, further
         searches use a window that grows from two cycles.
@@ -207,7 +207,7 @@ def _grow_windows(
     """Improve each start by searches in a window that grows from two cycles to the whole record.
 
     A motion with a slightly wrong frequency loses the phase over many cycles, and a search in the whole record cannot
-    recover it.
+    recover it. Without a period, or if a search fails, there is no result; equal results are yielded once.
     """
     if period is None:
         return

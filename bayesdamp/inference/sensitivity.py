@@ -31,9 +31,10 @@ from bayesdamp.types import OK, Evidence, NestedRatio, Refusal
 PRIOR_FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors of the scale of the priors: two decades."""
 LEAST_EFFECTIVE = 400.0
-"""Effective number of reweighted draws below which new draws are made under the other prior (conventional)."""
+"""Effective number of reweighted draws below which new draws are made under the scaled prior (conventional)."""
 MOST_NATS = 5.0
-"""If the absolute log Bayes factor is larger, the draws do not determine the density at zero (conventional)."""
+"""If the absolute log Bayes factor of a coefficient is larger, the draws do not determine the density at zero
+(conventional)."""
 POLYNOMIAL_DEGREE = 3
 """Degree of the polynomial that approximates the log density near zero."""
 LOWER_FRACTION = 0.5
@@ -61,7 +62,7 @@ class Widths:
     anew : ndarray of bool
         Where new importance draws were made instead of reweighting.
     trusted : ndarray of bool
-        Where the diagnostics are good.
+        Where the diagnostics are good; where no mode was found they are not, and the log evidence is nan.
     """
 
     varied: tuple[str, ...]
@@ -74,7 +75,7 @@ class Widths:
 
 
 def scale_prior(prior: Prior, factor: float) -> Prior | None:
-    """Return a prior with its scale multiplied by a factor; None if it has no scale or an unknown one."""
+    """Return a half-normal or lognormal prior with scale or sigma multiplied by a factor; None for any other prior."""
     if isinstance(prior, HalfNormal):
         return HalfNormal(scale=prior.scale * factor)
     if isinstance(prior, LogNormal):
@@ -101,7 +102,7 @@ def evidence_by_prior_width(
     coefficients : sequence of str
         Names of the damping coefficients.
     y : ndarray, shape (n, d)
-        Importance draws of the reflected scores, in the order of the priors.
+        Importance draws of the scores, in the order of the priors.
     log_weights : ndarray, shape (n,)
         Their log weights under the given priors.
     fit_under : callable
@@ -226,7 +227,8 @@ def savage_dickey(
     Returns
     -------
     NestedRatio
-        The log Bayes factor. It does not apply beyond 5 nats, because no draw is near zero then.
+        The log Bayes factor in nats. Its outcome says that it does not apply beyond 5 nats, because no draw is near
+        zero then, or for another prior.
 
     References
     ----------
@@ -272,7 +274,7 @@ def density_at_zero(
     Returns
     -------
     log_density, stderr : float
-        The log density and its standard error.
+        The log density and its standard error; nan and infinite if no draw is near zero (`FAR_FROM_ZERO`).
     """
     top = float(np.quantile(x, LOWER_FRACTION))
     low = x <= top

@@ -292,7 +292,9 @@ class Shear:
     wide : ndarray of int, shape (k,)
         Indices of the wide scores, along which the ridge extends.
     curve : ndarray, shape (d, k, k)
-        The matrices C of the quadratic form, one for each score. : NoiseMap The map of the parameters of the noise.
+        The matrices C of the quadratic form, one for each score.
+    noise : NoiseMap
+        The map of the parameters of the noise.
 
     References
     ----------
@@ -353,7 +355,9 @@ class Shear:
         return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
-        """Return the quadratic form, (..., d), at straight or level scores z, (..., d); both have the same wide scores.
+        """Return the quadratic form, (..., d), at straight or level scores z, (..., d).
+
+        Both kinds of scores have the same wide scores.
         """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]

@@ -113,9 +113,10 @@ class Averaging:
     Attributes
     ----------
     cycles : float
-        Number of cycles in the record. Largest shift that averaging causes in a parameter of the most probable
-        candidate (displacement and velocity at the start excluded), in posterior sds; infinite if the equation of
-        motion cannot be solved.
+        Number of cycles in the record.
+    error : float
+        Largest shift that averaging causes in a parameter of the most probable candidate (displacement and velocity at
+        the start excluded), in posterior sds; infinite if the equation of motion cannot be solved.
     """
 
     cycles: float
@@ -156,8 +157,10 @@ def average_of(
     t, y : ndarray, shape (n,)
         Times in s, from 0, and values.
     features : Features
-        Features of the record., optional Model of the samples' noise, under which amplitudes and phases are the most
-        probable ones; by default white Gaussian noise.
+        Features of the record.
+    noise : FittedNoise, optional
+        Model of the samples' noise, under which amplitudes and phases are the most probable ones; by default white
+        Gaussian noise.
     """
     averaged = _least_squares(t, y, features)
     if noise is None:
@@ -437,7 +440,7 @@ def _walk_rate(
 
 
 def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
-    """Return the knots of a cubic spline from 0 to `end`, whose pieces have equally many of times t, (m,)."""
+    """Return the knots of a cubic spline from 0 to `end`; each piece contains equally many of the times t, (m,)."""
     inner = np.quantile(t, np.linspace(0.0, 1.0, pieces + 1)[1:-1])
     return np.concatenate([[0.0] * 4, inner, [end] * 4])
 
@@ -454,8 +457,7 @@ def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray)
 
 
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
-    """Return the rms second difference of values of blocks, (b,), divided by that of independent noise of sd 1/weight.
-    """
+    """Return the rms second difference of blocks' values, (b,), divided by that of independent noise of sd 1/weight."""
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
 
 

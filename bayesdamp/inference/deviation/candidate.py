@@ -60,7 +60,9 @@ class Linearisation:
     fit : LeastSquaresFit
         The candidate's fit under exact laws.
     u : ndarray, shape (K,)
-        Scores, then g and h at the knots: the point of the linearisation. The motion at u.
+        Scores, then g and h at the knots: the point of the linearisation.
+    motion : Motion
+        The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion.
     model : LinearModel

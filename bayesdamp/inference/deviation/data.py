@@ -101,11 +101,11 @@ class Data:
 
     @property
     def recorded(self) -> np.ndarray:
-        """Return the recorded values, or their means over windows, (n,)."""
+        """Return y without the change by `working`, (n,)."""
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
-        """Return the data with `change`, (m,), added to the samples; `readings` stay as recorded."""
+        """Return the data with y = `recorded` plus `change`, (m,), of the samples; `readings` is then `recorded`."""
         means = change if self.rows is None else change[self.rows].mean(axis=1)
         return replace(self, y=self.recorded + means, readings=self.recorded)
 
@@ -143,7 +143,7 @@ class Data:
         )
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return the amplitudes among values (n,) of an averaged record, without weights, else all of the values."""
+        """Return the amplitudes among values, (n,), of an averaged record, without weights; else all values."""
         return values if self.averaged is None else values[::NUMBERS] / self.averaged.track.weights[:, 0]
 
     def solver(
@@ -171,8 +171,7 @@ class Data:
 
     @property
     def least_variance(self) -> float:
-        """Return the variance of the solver's own error, in the unit of y squared, which is added to that of the noise.
-        """
+        """Return the variance of the solver's own error, in the unit of y squared; it is added to that of the noise."""
         return (SOLVED * self.recorded_amplitude) ** 2
 
 

@@ -486,7 +486,7 @@ def _average_over_frictions(
 
 
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
-    """Return the energy-weighted mean of |deviation − its mean over the record|, (n,), of draws (n, k)."""
+    """Return the energy-weighted mean of |deviation − its mean over the record|, (n,), for draws at knots, (n, k)."""
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight

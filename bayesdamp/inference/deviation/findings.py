@@ -1,4 +1,4 @@
-"""Compute the numbers of a verdict, the summary of a posterior, and the arrays of a figure from a comparison."""
+"""Compute from a comparison the numbers of a verdict, the summary of a posterior, and the arrays of a figure."""
 
 from __future__ import annotations
 
@@ -50,17 +50,18 @@ CURVE_AMPLITUDES = 12
 PROBABLE_RIVALS = 1e-3
 """If the rivals together are more probable than this, damping ratios are averaged over them too."""
 FREQUENCY_DRAWS = 200
-"""Number of draws for a frequency, per candidate (at most twice as many are used)."""
+"""Number of draws of each candidate from which a frequency is computed (at most twice as many are used)."""
 UNDETERMINED_WIDTH = 0.7
-"""A record does not determine a parameter whose 95 % interval is wider than this fraction of the prior's
+"""A record does not determine a parameter whose 95 % interval is wider than this fraction of the prior's 95 % interval
 (conventional)."""
 TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
 """Only a combination of two parameters is determined if their correlation is larger than the first value, and half the
 95 % interval of each is larger than the second value times its mean (conventional)."""
 HDI_PROBABILITY = 0.95
-"""Probability of the shortest (highest-density) interval."""
+"""Probability of the shortest (highest-density) interval, which `posterior_of` returns."""
 MOST_PLOTTED = 3000
-"""Largest number of samples in a figure: the minimum and the maximum of each stretch."""
+"""Largest number of samples in a figure. A longer record is cut into stretches, of which the minimum and the maximum
+are kept."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
@@ -71,8 +72,8 @@ class Findings:
     Attributes
     ----------
     damping, damping_if_exact : mapping of str to float
-        Probability of each damping sum (terms joined by +), in the comparison and if laws were exact; the most probable
-        one first.
+        Probability of each damping sum (terms joined by +), the most probable one first: in the comparison, where
+        rivals have the rest of the probability, and if laws were exact, without rivals.
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
@@ -82,17 +83,19 @@ class Findings:
     term : mapping of str to float
         Probability that the damping contains each term.
     ratios, curve : tuple of Ratio
-        Damping ratios at the amplitudes asked for, and over all amplitudes of the record.
+        Damping ratios at the amplitudes that were asked for, and at `CURVE_AMPLITUDES` amplitudes from the first to the
+        last of the record.
     frequency : Quantity
         Frequency of small oscillations, in Hz.
     energy : mapping of str to Quantity
-        Fraction of the dissipated energy by term.
+        Fraction of the dissipated energy by damping term.
     bound : mapping of str to float
-        95 % upper limit of the energy fraction of each term that is not in the most probable sum.
+        95 % upper limit of the fraction of the dissipated energy, for each term and other form that is not in the most
+        probable sum.
     deviation, restoring_deviation : Quantity
         Energy-weighted mean of |g| and of |h|, each about its mean over the record.
     other : float
-        95 % upper limit of the energy fraction of any other form.
+        95 % upper limit of the energy fraction of any other form: the 95 % quantile of the mean |g| in `deviation`.
     coefficients : mapping of str to Quantity
         Parameters of the most probable candidate's damping and restoring law.
     best : MotionCandidate
@@ -106,7 +109,7 @@ class Findings:
     free : FreeCurve, optional
         The damping curve without a law.
     unnamed : Quantity, optional
-        Fraction of the energy that no sum of the terms explains.
+        Fraction of the dissipated energy that no sum of the compared terms explains; None under exact laws.
     undetermined, inseparable : tuple
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
@@ -117,9 +120,10 @@ class Findings:
     frequency_at : Quantity, optional
         Frequency in Hz at the last amplitude of `ratios`.
     over_law : tuple of Quantity
-        Damping divided by that of its law, at the amplitudes of `ratios`.
+        Damping divided by that of its law, at the amplitudes of `ratios`; empty under exact laws.
     over_curve : tuple of (float, float)
-        Mean and sd of the log of the damping ratio divided by that without deviations, along `curve`.
+        Mean and sd of log(damping ratio / damping ratio without deviations) at the amplitudes of `curve`; empty under
+        exact laws.
     """
 
     damping: Mapping[str, float]
@@ -154,7 +158,7 @@ class Findings:
 
 
 def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
-    """Return three amplitudes of the record: near the first, at the geometric mean, and near the last."""
+    """Return three amplitudes of the record, in rad or m: 10, 50 and 90 % of the way from first to last in the log."""
     data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
     span = np.log(first / last)
@@ -177,7 +181,8 @@ def compute_findings(
     amplitudes : sequence of float, optional
         Amplitudes at which damping ratios are computed, in rad or m; by default three of the record.
     sensor : float
-        Relative sd of the sensor. Damping ratios include it unless laws are exact.
+        Relative sd of the sensor's linearity and clock. Damping ratios include it unless the comparison assumes exact
+        laws.
     seed : int
         Seed of the random streams.
     """
@@ -254,9 +259,10 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
 
 
 def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return the frequency in Hz at an amplitude, with its deviation h; None where no orbit has the amplitude.
+    """Return the frequency in Hz at an amplitude, with its deviation h.
 
-    Where `amplitude` is None, return that of small oscillations, with h at the end of the record.
+    If `amplitude` is None, return that of small oscillations, with h at the end of the record. Candidates without an
+    orbit of this amplitude are left out; None if all are.
     """
     values = []
     for d in drawn:
@@ -292,9 +298,10 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
 def _limits_of_absent_terms(
     comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return 95 % upper limits of the energy fraction of each compared term that the best sum does not have.
+    """Return 95 % upper limits of the energy fraction of each compared term that the best sum does not have, by name.
 
-    The limit of a term is from the posterior of the candidate that has this term in addition.
+    The limit of a term is from the posterior of the candidate that has this term in addition; without such a result the
+    term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -314,7 +321,7 @@ def _limits_of_absent_terms(
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return a candidate's parameters, and which of them are `undetermined` and `inseparable` (see `Findings`)."""
+    """Return a candidate's parameters by name, and which are `undetermined` and `inseparable` (see `Findings`)."""
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
@@ -341,7 +348,10 @@ def _parameters(
 
 
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
-    """Return whether a 95 % interval is wider than `UNDETERMINED_WIDTH` times that of its prior, in scores."""
+    """Return whether the 95 % interval from low to high is wide: more than `UNDETERMINED_WIDTH` of that of its prior.
+
+    Widths are compared in scores.
+    """
     whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
 
@@ -355,8 +365,9 @@ def posterior_of(
     -------
     dict
         `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
-        causes, sd_law the rest. `deviation`: energy-weighted mean of |g| (2.5 %, median, 97.5 %). `unexplained`: rms of
-        the unexplained residual as a fraction of the amplitude. `log_evidence` and `stderr` in nats, and diagnostics.
+        causes, sd_law = √(sd² − sd_noise²). `deviation`: energy-weighted mean of |g| (2.5 %, median, 97.5 %).
+        `unexplained`: rms of the unexplained residual as a fraction of the first amplitude. `log_evidence` and its
+        `stderr` in nats. `acceptance` and `temperatures`: diagnostics of the sampler.
     ndarray, shape (n, p)
         The inferred parameters of each draw.
     """
@@ -395,9 +406,10 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     """Return the arrays of the answer's figures by name.
 
     t, record, fit, residual: thinned samples or amplitudes, (p,). amplitude, ratio, low, high: the damping curve, (a,).
-    exponent: quantiles. free/*: the damping curve without a law, and the energy lost in a cycle. law/SUM: the damping
-    ratio of each sum's fit under exact laws. work/TERM: the energy lost in a cycle by each term of the best sum, per
-    unit of inertia.
+    exponent: quantiles of the exponent. free/*: without a law, the damping ratio and the energy lost in a cycle against
+    free/amplitude. law/SUM: damping ratio of each sum's fit under exact laws, at `amplitude`. work/TERM: the energy
+    lost in a cycle by each term of the best sum, per unit of inertia, at `amplitude`. Values are nan where no orbit has
+    the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)

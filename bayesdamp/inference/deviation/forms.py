@@ -30,14 +30,14 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""The compared term that each form replaces in rivals."""
+"""Compared term that is replaced in rivals, by the name of the form that replaces it."""
 ALONE = "power"
 """The form that replaces a whole sum."""
 BEHIND = 7.0
 """Nats behind the best sum beyond which a sum gets no rival with own parameters (its posterior probability would be
 below 1 in 1,000)."""
 FEW = 1000
-"""Number of draws for an upper limit."""
+"""Number of posterior draws from which an upper limit is computed."""
 SCORES = (-1.0, 1.0)
 """Scores of a form's own parameters at which upper limits are computed; the largest limit counts."""
 LEAST_WORK = 1e-6
@@ -46,7 +46,7 @@ energy."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
-    """Return the sum that a rival becomes in a limit of its own parameters; empty where there is none."""
+    """Return the sum that a rival becomes in a limit of its own parameters; empty if it has no such limit."""
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
     like = {REPLACED.get(t, t) for t in damping}
@@ -54,7 +54,7 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 
 
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
-    """Return the comparison with the results of rivals under the best restoring law."""
+    """Return the comparison with the results of rivals under the best restoring law in `forms`."""
     if not comparison.results:
         return comparison
     best = comparison.best
@@ -95,7 +95,11 @@ def _evaluate_rivals(
     sums: Mapping[tuple[str, ...], Mapping[str, float]],
     starts: Sequence[Mapping[str, float]] = (),
 ) -> list[CandidateResult]:
-    """Fit rivals and compute their evidence; `sums`: the values near which each starts (see `fit_rival`)."""
+    """Fit rivals and return their results; those whose fit fails are left out.
+
+    sums: for each rival's damping, the values near which its fit starts. starts: values of own parameters (see
+    `fit_rival`).
+    """
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
         c = MotionCandidate(damping, comparison.best.candidate.restoring)
@@ -113,7 +117,7 @@ class _Form:
     Attributes
     ----------
     name : str
-        The damping term.
+        Name of the damping term.
     values : mapping of str to float
         Values of the term's own parameters and references.
     less : mapping of str to float, optional
@@ -131,9 +135,10 @@ class _Form:
 def bound_other_forms(
     comparison: ModelComparison, result: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return 95 % upper limits of the energy fraction of each form that is not in the result's sum, by name.
+    """Return 95 % upper limits of the fraction of the energy loss for each form that the result's sum lacks, by name.
 
-    For friction with own parameters the limit is on the part beyond Coulomb friction.
+    For friction with own parameters the limit is on the part beyond Coulomb friction. It is 0 for a form without net
+    work. The result is empty if the motion escapes.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -179,7 +184,7 @@ def bound_other_forms(
 def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
     """Yield the forces of a term for which limits are computed, at low and high values of its own parameters.
 
-    If the term reduces to a simpler one, they are its differences from that.
+    If the term reduces to a simpler one, each force is the difference from the simpler term's.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
@@ -210,9 +215,10 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, displacements and velocities (2s − 1,) at a motion's nodes and half way between them.
+    """Return times, displacements and velocities, (2s − 1,) each, at a motion's s nodes and half way between them.
 
-    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it, so that friction acts.
+    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it (or after, if that is 0 too), so
+    that friction acts.
     """
     t, states = result.motion.refined
     step = np.diff(t)
@@ -230,9 +236,10 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
-    """Return the derivatives of the motion by the forms' coefficients at 0, (n, f); None where it escapes.
+    """Return the derivatives of the motion by the forms' coefficients at 0, (n, f); None if the motion escapes.
 
-    The motion is solved with all terms at once, as often as one term has different own parameters.
+    The motion is solved with all terms at once, as many times as the largest number of different own parameters of a
+    term.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

@@ -27,11 +27,11 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
 KNOT_LIMITS, CYCLES_PER_KNOT = (6, 24), 1.5
-"""Smallest and largest number of knots of g, and cycles between two knots."""
+"""Smallest and largest number of knots of g, and number of cycles between two knots."""
 CURVE_POINTS = 40
-"""Number of amplitudes in the curve."""
+"""Number of amplitudes in the damping curve."""
 CURVE_DRAWS = 1000
-"""Number of draws for the intervals."""
+"""Number of draws from which the intervals of the curve are computed."""
 MOST_STEPS, SETTLED_CHANGE = 25, 0.1
 """Largest number of Gauss–Newton steps. They end before if a step changes the motion by less than the second value:
 norm over all samples, in standard deviations of the noise."""
@@ -39,7 +39,7 @@ LARGEST_G = 50.0
 """There is no curve if any draw of |g| is larger: the linear model about the mode has failed (prior sds of g are at
 most 3)."""
 ALLOWED_GROWTH = 1.02
-"""A step is halved if it multiplies the sum of squares by more than this."""
+"""A Gauss–Newton step is halved if it multiplies the sum of squares by more than this."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class FreeCurve:
     Attributes
     ----------
     amplitude : ndarray, shape (a,)
-        Falling amplitudes, in rad or m.
+        Falling amplitudes, in rad or m; the rows of the other arrays are nan where no orbit has the amplitude.
     ratio : ndarray, shape (a, 3)
         Median and 95 % interval of the equivalent damping ratio.
     lost : ndarray, shape (a, 3)
@@ -64,9 +64,10 @@ class FreeCurve:
 def free_curve(
     comparison: ModelComparison, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
-    """Infer the damping ratio against amplitude under a restoring law; None where no motion fits the record.
+    """Infer the damping ratio against amplitude under a restoring law.
 
-    The fit starts at the damping ratios of `guess`, whose amplitudes fall.
+    The fit starts at the damping ratios of `guess`, whose amplitudes fall. Return None if no motion fits the record,
+    the linear model fails (`LARGEST_G`), or there are fewer than four half cycles.
     """
     data = comparison.data
     count = int(np.clip(round(data.cycles / CYCLES_PER_KNOT) + 1, *KNOT_LIMITS))
@@ -107,7 +108,10 @@ def free_curve(
 def _mode(
     comparison: ModelComparison, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]
 ) -> Linearisation | None:
-    """Linearise viscous damping times exp g about the joint mode of parameters and g, starting at the guessed curve."""
+    """Linearise viscous damping times exp g about the joint mode of parameters and g; None if the motion escapes.
+
+    The search starts at the damping ratios of `guess`.
+    """
     data, law = comparison.data, solver.restoring
     near = next(r for r in comparison.results if r.candidate.restoring == law)
     fitted, known = near.fit.parameters.named(near.fit.z), near.fit.parameters.known

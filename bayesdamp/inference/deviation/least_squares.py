@@ -14,14 +14,15 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""Marquardt's parameter: factors by which it falls and grows, the least value from which it grows, and the value from
-which no step is tried (conventional)."""
+"""Marquardt's parameter: the factors by which it falls and grows, the least value that is multiplied when it grows, and
+the value from which on no step is tried (conventional)."""
 MOST_STEPS = 40
 """Largest number of accepted steps (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-7
-"""Relative decrease of the sum of squares below which the search ends: in a window or a rough search, and at last."""
+"""Relative decrease of the sum of squares below which the search ends: ROUGH in a window or a rough search, CLOSE in
+the last search."""
 NOTHING = 0.1
-"""A step is tried only if the predicted decrease is this fraction of the one that ends a search."""
+"""A step is tried only if the predicted decrease is at least this fraction of the one below which the search ends."""
 LARGEST = 1e100
 """Derivative of a motion beyond which it depends chaotically on its start, and sums of squares overflow (conventional).
 """
@@ -61,7 +62,7 @@ class LeastSquaresFit:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of the solver's parameters, (k,)."""
+        """Return the values of the solver's parameters at the fit, (k,)."""
         return self.parameters.values(self.z)
 
     @property
@@ -142,7 +143,7 @@ def _search(
     noise: float,
     tolerance: float,
 ) -> LeastSquaresFit | None:
-    """Fit with motions that are solved to one tolerance. Return None as `fit` does."""
+    """Fit with motions that are solved to one tolerance. Parameters and None as of `fit`; y: values of one window."""
 
     def solve(z: np.ndarray) -> Motion | None:
         return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)

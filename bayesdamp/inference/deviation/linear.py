@@ -22,7 +22,7 @@ MEAN_G, MEAN_H = 0.03, 0.01
 """Means of the exponential priors of the sizes (standard deviations) of g and h, where the law is not exact."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
-"""Sizes of g and h in the grid."""
+"""Sizes (standard deviations) of g and h in the grid."""
 LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths of g and h in the grid, as fractions of the record's duration."""
 WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
@@ -50,9 +50,9 @@ class Grid:
     log_prior : ndarray, shape (c,)
         Log prior probability of each grid point.
     scales : ndarray, shape (c, 2n)
-        Sizes by which the columns of a root are multiplied: n times that of g, n times that of h.
+        Factors of the columns of a root: the size of g for the first n columns, that of h for the last n.
     lengths : ndarray of int, shape (c,)
-        Index into `roots` of each grid point.
+        Index of each grid point's pair of correlation lengths in `roots`.
     roots : ndarray, shape (p, 2n, 2n)
         Cholesky factors of the covariance of (g, h) for sizes of 1, one for each pair of correlation lengths.
     """
@@ -71,13 +71,16 @@ class Grid:
 
     @cached_property
     def sizes_of_h(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return one grid point for each pair of lengths and size of h, (b,), and the index of each point's, (c,)."""
+        """Return indices of grid points, (b,), one for each different combination of lengths and size of h.
+
+        Also return the index into this list of each grid point's combination, (c,).
+        """
         pairs = np.column_stack([self.lengths, self.size_h])
         _, first, own = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
         return first, own
 
     def only(self, places: np.ndarray) -> Grid:
-        """Return the grid of some of the points, given by their indices (k,)."""
+        """Return the grid with only the points at the indices `places`, (k,)."""
         names = ("size_g", "size_h", "log_prior", "scales", "lengths")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
 
@@ -132,7 +135,10 @@ def wide_grid(knots: int) -> Grid:
 
 
 def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
-    """Return no deviation with `PROBABILITY_EXACT`, and each size and length, with exponential prior of this mean."""
+    """Return the grid of one deviation: zero with `PROBABILITY_EXACT`, and each size with each length.
+
+    Sizes have an exponential prior of this mean, lengths equal probabilities.
+    """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     mass = np.diff(-np.exp(-edges / mean))
     share = (1 - PROBABILITY_EXACT) / len(lengths)
@@ -199,9 +205,9 @@ class LinearModel:
     target : ndarray, shape (K,)
         Right-hand side, in the record's unit.
     rest : float
-        Smallest sum of squares.
+        Smallest sum of squares, at root u = target.
     count : int
-        Number of values of the record.
+        Number of values of the record, n.
     positive : ndarray of bool, shape (d,)
         Which scores must not be negative.
     shared : ndarray of bool, shape (d,)
@@ -219,11 +225,11 @@ class LinearModel:
     damping: np.ndarray
 
     def squares(self, u: np.ndarray) -> np.ndarray:
-        """Return the sums of squares of draws u, (n, K): (n,)."""
+        """Return the sums of squared residuals of draws u, (n, K): (n,)."""
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
     def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
-        """Return the model in w where the old coordinates are u + matrix (w − u), (K,) and (K, K)."""
+        """Return the model in new coordinates w, where the old ones are u + matrix (w − u); u (K,), matrix (K, K)."""
         target = self.target - self.root @ (u - matrix @ u)
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
         return replace(model, rest=self.rest + model.rest, count=self.count)
@@ -272,9 +278,9 @@ class LinearPosterior:
     positive, shared : ndarray of bool, shape (d,)
         As of `LinearModel`.
     whole : callable
-        Returns the `Normals` at grid indices, under priors N(0, 1).
+        Function that returns the `Normals` at grid indices, under priors N(0, 1), before the cut-off at zero.
     damping_likelihood : callable, optional
-        Returns the likelihood of the damping's scores alone.
+        Function that returns the likelihood of the damping's scores alone; None if the model marks none.
     """
 
     log_each: np.ndarray
@@ -287,7 +293,10 @@ class LinearPosterior:
     damping_likelihood: Callable[[], DampingLikelihood] | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (k, K) and factors of the covariances (k, K, K) of components, before the cut-off at zero."""
+        """Return means (k, K) and factors of the covariances (k, K, K), before the cut-off at zero.
+
+        places: indices of the components, (k,).
+        """
         combos, rows = np.unique(self.combos[places], return_inverse=True)
         normals = self.whole(combos)
         if self.scales is None:
@@ -330,7 +339,10 @@ class LinearPosterior:
     def draws(
         self, positive: np.ndarray, count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u = (scores, g, h), (count, K); return also the component of each draw, (count,)."""
+        """Draw u = (scores, g, h), (count, K); return also the index of each draw's component, (count,).
+
+        positive: which scores must not be negative, (d,). Draws are ordered by component.
+        """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
         u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
@@ -339,7 +351,11 @@ class LinearPosterior:
     def crank_nicolson_step(
         self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u, (n, K), of combinations at places (n,) after one Crank–Nicolson step of a size up to 1."""
+        """Return draws u, (n, K), after one Crank–Nicolson step of a size up to 1 in their components.
+
+        places: index of each draw's component, (n,). The step ignores the cut-off at zero, so scores may become
+        negative.
+        """
         means, factors = self.means[places], self.factors[places]
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
         return means + np.sqrt(1 - step**2) * (u - means) + step * noise
@@ -361,7 +377,7 @@ def condense(
     r : ndarray, shape (n,)
         Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        As of `LinearModel`; by default no score is shared or of the damping.
+        As of `LinearModel`; by default no score is shared or belongs to the damping.
     """
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
@@ -388,8 +404,8 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 class Normals:
     """Normal posteriors at c grid points, where each score has the prior N(0, 1) and may be negative.
 
-    log: log evidence with the prior probability of the grid point, (c,). means (c, K), and factors of the covariances,
-    (c, K, K), of the scores alone, or of scores, g and h.
+    log: log of (evidence · prior probability of the grid point), (c,). means (c, K), and factors of the covariances,
+    (c, K, K): of the scores alone, or of scores, g and h.
     """
 
     log: np.ndarray
@@ -415,7 +431,7 @@ class _Triangles:
 
     @classmethod
     def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray) -> _Triangles:
-        """Factorise, with the unknowns in the order scores, g, h."""
+        """Factorise the information at each grid point, with the unknowns in the order scores, g, h; variance: (c,)."""
         d, total = model.positive.size, model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
         white = _whitened(model, grid)
@@ -444,7 +460,10 @@ class _Triangles:
 
 
 def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
-    """Return the model's matrix by scores and by g and h of size 1 with prior N(0, I), (p, K, K) (see `Grid.roots`)."""
+    """Return the model's matrix in coordinates of unit size with prior N(0, I), (p, K, K), for each of `Grid.roots`.
+
+    The coordinates are the scores, and the white noise from which each root makes g and h of size 1.
+    """
     d = model.positive.size
     white = np.repeat(model.root[None], len(grid.roots), axis=0)
     white[:, :, d:] = model.root[:, d:] @ grid.roots
@@ -517,7 +536,7 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute the posterior and the evidence of a linear model under white noise.
 
-    Each score has the prior N(0, 1), or N(0, σ²) where it is shared, with one σ of `SHARED_SIGMAS` for all of these.
+    Each score has the prior N(0, 1); shared scores have N(0, σ²) instead, with the same σ, one of `SHARED_SIGMAS`.
     Positive scores have half-normal priors.
 
     Parameters
@@ -543,7 +562,7 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the normal posteriors of scores, g and h at grid indices (k,)."""
+    """Return the normal posteriors of scores, g and h at the grid indices `combos`, (k,)."""
     return normals(model, grid.only(combos), variance, samples)
 
 
@@ -611,7 +630,8 @@ class _ScaledPriors:
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
         """Return indices of the grid points and scales with all but `LEFT_OUT` of the posterior probability, (m,) each.
 
-        Probabilities are from an upper bound of the evidence: that only the worst positive score must be ≥ 0.
+        Probabilities are from an upper bound of the evidence, for which only the least probable of the conditions
+        "score ≥ 0" is applied.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE
@@ -637,7 +657,10 @@ class _ScaledPriors:
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (m, K) and factors of the covariances (m, K, K) at grid points and scales, or `rows` of them."""
+        """Return means (m, K) and factors of the covariances (m, K, K) at grid points and scales.
+
+        rows: which of the K unknowns to return, by default all.
+        """
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]
         shrunk = 1.0 + extra * sizes**2

@@ -55,8 +55,8 @@ SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
 """Widths ε of friction, as fractions of the peak velocity, that are tried if none is given; log ε has a uniform
 prior."""
 BETWEEN, CLEAR = 4, 1.0
-"""Largest number of further widths, and nats by which the best width must be ahead of a neighbour for one between
-them."""
+"""Largest number of widths that are tried in addition, and the number of nats by which the best width must be ahead of
+a neighbour for another to be tried between them."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the default one to replace it."""
 SHARPER = 0.25
@@ -67,10 +67,11 @@ Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 ROUNDS = 2
 """Number of rounds that correct the averaged solution with the full equation of motion and refit."""
 REACH = 20.0
-"""Nats behind the best expected evidence (`ModelComparison.expected_evidence`) from which a candidate is not fitted (of
-385 candidates on 22 simulated records this left out 135, none of which was closer than 18 nats)."""
+"""A candidate is not fitted if its expected log evidence (`ModelComparison.expected_evidence`) is more than this many
+nats below the best (of 385 candidates on 22 simulated records this left out 135, none of which was closer than 18
+nats)."""
 BEHIND = f"its evidence is expected to be more than {REACH:g} nats below the best"
-"""Reason why such a candidate is not fitted."""
+"""Reason in `ModelComparison.refused` of a candidate that is not fitted because of `REACH`."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +85,18 @@ class CandidateResult:
     data : Data
         The record.
     solver : Solver
-        Solver of its motions.
+        Solver of the candidate's motions.
     fit : LeastSquaresFit
         The fit under exact laws.
     variance, exact_variance : float
-        Variance of the noise in the comparison, and if laws were exact.
+        Variance of the noise in the comparison, and if laws were exact, in the record's unit squared.
     exact_posterior : LinearPosterior
         The linear posterior under exact laws.
     linearisation, approximate_posterior : optional
         The linearisation about the mode with deviations, and its linear posterior; None where laws are assumed to be
         exact, or no motion with deviations stays close to the record.
     sampled : TemperedDraws, optional
-        MCMC draws with the exact motions in place of the linear model.
+        Draws by sequential Monte Carlo, with the exact motions in place of the linear model.
     """
 
     candidate: MotionCandidate
@@ -111,7 +112,7 @@ class CandidateResult:
 
     @property
     def posterior(self) -> LinearPosterior:
-        """Return the linear posterior with deviations where there is one, else that under exact laws."""
+        """Return the linear posterior with deviations if there is one, else that under exact laws."""
         return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
@@ -120,19 +121,22 @@ class CandidateResult:
         return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
-        """Return the grid of hyperparameters behind `posterior`."""
+        """Return the grid of hyperparameters behind `posterior`; `coarse`: one with fewer points."""
         return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
     @property
     def log_evidence(self) -> float:
-        """Return the log evidence in nats: that of trusted MCMC draws where there are any, else of `posterior`."""
+        """Return the log evidence in nats: that of trusted draws of `sampled` if there are any, else of `posterior`."""
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return self.posterior.log_evidence
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return the relative deviations of damping and frequency at the knots and the mode; None under exact laws."""
+        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the knots, at the mode.
+
+        (None, None) under exact laws.
+        """
         return (None, None) if self.linearisation is None else self.linearisation.deviations
 
     @property
@@ -170,7 +174,7 @@ class ModelComparison:
     data : Data
         The record.
     reference : Reference
-        Amplitude and frequency with which default priors scale.
+        Amplitude and frequency that set the scales of default priors.
     epsilon : float
         Width of friction, in rad/s or m/s.
     frictions : tuple of Friction
@@ -178,13 +182,14 @@ class ModelComparison:
     solvers : mapping of str to Solver
         Solver of the sum of all terms, by restoring law.
     variance, inflation : float
-        Variance of the noise, and the factor κ of correlated residuals that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ of correlated residuals that it contains.
     noise : SampleNoise
         Noise model of the samples.
     approximate : bool
         Whether laws may hold approximately.
     noise_known : bool
-        Whether the variance is the same if laws are exact: the noise's sd is given, or the noise is not Gaussian.
+        Whether the same variance is used if laws are exact, because the noise's sd is given or the noise is not
+        Gaussian.
     epsilon_known : bool
         Whether the width of friction is given.
     refused : mapping of MotionCandidate to str
@@ -223,7 +228,7 @@ class ModelComparison:
 
     @property
     def best(self) -> CandidateResult:
-        """Return the result of the candidate with the largest evidence."""
+        """Return the result of the candidate with the largest evidence, rivals excluded."""
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
@@ -236,17 +241,20 @@ class ModelComparison:
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
-        """Return whether a result has an evidence like the others: with deviations, unless no result has them."""
+        """Return whether a result's evidence is comparable: it includes deviations, or no result's evidence does."""
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
 
     def known_motion(self) -> dict[str, float]:
-        """Return the known ones of the best candidate's start values and restoring parameters."""
+        """Return the known (not inferred) start values and restoring parameters of the best candidate, by name."""
         solver, known = self.best.solver, self.best.fit.parameters.known
         return {n: v for n, v in known.items() if n in (*solver.names[solver.law_places], *START)}
 
     def exact_variance(self, fit: LeastSquaresFit) -> float:
-        """Return the variance of the noise, in the record's unit squared, if the laws of a fit were exact."""
+        """Return the variance of the noise, in the record's unit squared, if laws were exact: from a fit's residual.
+
+        If `noise_known`, it is `variance`.
+        """
         if self.noise_known:
             return self.variance
         degrees = max(self.data.y.size - fit.z.size, 1)
@@ -267,11 +275,11 @@ class ModelComparison:
         candidate : MotionCandidate
             The rival.
         solver : Solver
-            Solver with the terms of the rival and of the sum near which the fit starts.
+            Solver with the terms of the rival and of the sum `values`.
         reference : Reference
             Amplitude and frequency with which the priors scale.
         values : mapping of str to float
-            Parameters of that sum, by name.
+            Parameters, by name, of the sum near whose motion the fit starts.
         starts : sequence of mapping, optional
             Values of own parameters at which the fit may start; by default those of `start_values`.
         """
@@ -286,8 +294,8 @@ class ModelComparison:
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        Drop the terms that the candidate does not have from the linear model of a larger sum, `whole`. Return infinity
-        if the candidate has a term that `whole` does not have.
+        In the linear model of a larger sum, `whole`, the terms that the candidate does not have are dropped. Return
+        infinity if the candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -298,7 +306,7 @@ class ModelComparison:
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Linearise a candidate, starting from its fit, and compute its posterior and evidence."""
+        """Linearise a candidate, starting from its fit, and return its posterior and evidence."""
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
 
@@ -310,7 +318,10 @@ class ModelComparison:
         linearisation: Linearisation | None,
         exact_variance: float,
     ) -> CandidateResult:
-        """Compute posterior and evidence of a candidate that has been linearised about its mode."""
+        """Return posterior and evidence of a candidate that has been linearised about its mode.
+
+        With `linearisation` None, the result has only the posterior under exact laws.
+        """
         exact_posterior = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
         variances = exact_variance, exact_variance
         if linearisation is None:
@@ -343,7 +354,8 @@ def compare_candidates(
     candidates : iterable of MotionCandidate
         Damping sums under restoring laws.
     known : mapping or callable, optional
-        Values of parameters, which may include `noise_sd` and `epsilon`, or a function from a restoring law to them.
+        Values of parameters by name, which may include `noise_sd` and `epsilon`, or a function from a restoring law to
+        such a mapping.
     priors : mapping of str to Prior, optional
         Priors by parameter; the others have default priors.
     reference : Reference, optional
@@ -356,7 +368,7 @@ def compare_candidates(
     Returns
     -------
     ModelComparison
-        All candidates but the refused ones, without rivals.
+        Results of all candidates except the refused ones, without rivals.
 
     Raises
     ------
@@ -416,7 +428,7 @@ class NoiseChoice:
     Attributes
     ----------
     fits : _CandidateFits
-        Fits to the values that least squares use under this noise.
+        Fits to the record as adapted to this noise model.
     modes : mapping of str to tuple of Linearisation and float
         As `_CandidateFits.modes` returns them.
     frictions : tuple of Friction
@@ -424,7 +436,7 @@ class NoiseChoice:
     noise : SampleNoise
         Noise model of the samples.
     variance, inflation : float
-        Variance of the noise, and the factor κ that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ that it contains.
     noise_known : bool
         As of `ModelComparison`.
     """
@@ -519,7 +531,8 @@ class _CandidateFits:
     def known_under(self, law: str) -> Mapping[str, float]:
         """Return the known values of parameters under a restoring law.
 
-        Velocities and accelerations do not determine the position of the equilibrium, which is then fixed at 0.
+        Velocities and accelerations do not determine the position of the equilibrium, which is then fixed at 0 unless
+        it has a given value or prior.
         """
         stated, shift = self.known(law) if callable(self.known) else self.known, LAWS.get(law).shift
         if shift and self.data.quantity != "angle" and shift not in self.priors:
@@ -527,7 +540,7 @@ class _CandidateFits:
         return stated
 
     def _scales(self, law: str) -> dict[str, float]:
-        """Return the fixed reference values in the terms' forces; the equilibrium is that of a viscous fit."""
+        """Return the fixed reference values in the terms' forces, by name; the equilibrium is that of a viscous fit."""
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
             c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
@@ -545,19 +558,22 @@ class _CandidateFits:
 
     @property
     def fullest(self) -> list[MotionCandidate]:
-        """Return the fitted sum with most terms under each law: all terms, or all without own parameters."""
+        """Return, for each law, the sum of all terms if it is fitted, else that of all terms without own parameters."""
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return the fit of a candidate, which is made if there is none yet; None if it fails."""
+        """Return the fit of a candidate, which is computed if it does not exist yet; None if it fails."""
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
             self._fit(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
         return self.fits.get(c)
 
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
-        """Fit a candidate, starting at the fit of a larger sum; if this fails, at first guesses in growing windows."""
+        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, at guesses in growing windows.
+
+        The fit is stored in `fits`, or the reason of its failure in `refused`.
+        """
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
         start = initial_values(c, data, known)
@@ -573,7 +589,10 @@ class _CandidateFits:
             self.fits[c] = fit
 
     def corrected_solvers(self) -> dict[str, Solver]:
-        """Return averaged solvers corrected by the ODE, under each law at the fit with the most terms."""
+        """Return averaged solvers corrected by the ODE, by restoring law.
+
+        The correction is computed at the fit with the most terms. Laws for which it fails are left out.
+        """
         most = {
             c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
         }
@@ -589,7 +608,7 @@ class _CandidateFits:
     def refitted(
         self, data: Data | None = None, solvers: Mapping[str, Solver] | None = None
     ) -> _CandidateFits:
-        """Return all fits, repeated to other data or with other solvers."""
+        """Return a copy with all fits repeated to other data or with other solvers; a failed fit stays as it was."""
         other = copy(self)
         other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
         every = list(self.fits)
@@ -598,13 +617,16 @@ class _CandidateFits:
         return other
 
     def with_width(self, epsilon: float) -> _CandidateFits:
-        """Return the fits, repeated if their width of friction is not yet `epsilon`."""
+        """Return a copy with all fits repeated with the width of friction `epsilon`; self if it has it already."""
         if epsilon == self.epsilon:
             return self
         return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
 
     def modes(self) -> dict[str, tuple[Linearisation, float]]:
-        """Return the `fullest` candidates linearised about their modes, and their noise variances, by restoring law."""
+        """Return the `fullest` candidates linearised about their modes, and their noise variances, by restoring law.
+
+        Those that cannot be linearised are left out.
+        """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(
             lambda c: linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None), whole
@@ -625,8 +647,8 @@ class _CandidateFits:
         Returns
         -------
         tuple
-            Widths and their probabilities, empty without friction; and the most probable width, or the present one if
-            that is not `LEAD` nats behind.
+            Widths and their probabilities, empty if the best fit has no friction; and the width to use: the most
+            probable one if the present one is more than `LEAD` nats behind it, else the present one.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:
@@ -680,9 +702,9 @@ class _CandidateFits:
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
-    """Return the log of a further width to try, at the maximum of a parabola through the best width and its neighbours.
+    """Return the log of a further width to try: near the top of a parabola through the best width and its neighbours.
 
-    None where the best is the first or the last width, or is less than `CLEAR` nats ahead of both neighbours. `at`,
+    None if the best is the first or the last width, or is less than `CLEAR` nats ahead of both neighbours. `at`,
     `logs`: log widths and log likelihoods, (k,) each.
     """
     order = np.argsort(at)

@@ -78,7 +78,10 @@ class Parameters(Scores):
 
     @property
     def absorbs(self) -> tuple[bool, bool]:
-        """Return whether an inferred parameter acts like a constant g, and whether another acts like a constant h."""
+        """Return whether a parameter is inferred that acts like a constant g, and whether one acts like a constant h.
+
+        A coefficient acts like a constant g, stiffness like a constant h.
+        """
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
@@ -111,11 +114,14 @@ class Parameters(Scores):
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (d,): here z itself."""
+        """Return the standard normal scores at coordinates z, both (d,); in this class z itself."""
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return log prior density at z, (..., d), minus that of independent N(0, 1): here 0, (...)."""
+        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); in this class 0.
+
+        Only parameters that a subclass replaces count; half-normal and shared priors are left out.
+        """
         return np.zeros(z.shape[:-1])
 
 
@@ -131,7 +137,7 @@ class StraightParameters(Parameters):
     law : RestoringLaw
         The restoring law with its natural coordinates.
     places : ndarray of int, shape (b,)
-        Indices of v among all coordinates.
+        Indices of v among all d coordinates.
     at : tuple of str
         Names of the parameters whose scores v replaces.
     anchor, origin : ndarray, shape (b,)
@@ -148,7 +154,7 @@ class StraightParameters(Parameters):
     inverse_jacobian: np.ndarray
 
     def with_fixed(self, name: str, value: float) -> Self:
-        """Return these parameters with an inferred one, which v does not replace, fixed at a value."""
+        """Return these parameters with the inferred parameter `name` fixed at a value; v must not replace its score."""
         before = self.free_names.index(name) < self.places
         return replace(super().with_fixed(name, value), places=self.places - before)
 
@@ -211,7 +217,8 @@ class StraightParameters(Parameters):
 def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:
     """Return the parameters with straight coordinates about the anchor z, scores (d,).
 
-    None where the restoring law has no natural coordinates, or where one of their parameters is not inferred.
+    None if the restoring law has no natural coordinates, a parameter of them is not inferred, or their derivatives at z
+    are (nearly) singular.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")

@@ -32,7 +32,7 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""Nats behind the best up to which a candidate's averaged motion is corrected with the ODE."""
+"""Nats below the best log evidence up to which a candidate's averaged motion is corrected with the ODE."""
 
 
 def compare_signal(
@@ -102,7 +102,10 @@ def compare_signal(
 
 
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
-    """Return the comparison with the averaged motions of the best candidates corrected by the ODE at their modes."""
+    """Return the comparison with the averaged motions of candidates within `NEAR` corrected by the ODE at their modes.
+
+    A candidate whose correction fails stays as it was.
+    """
     top = comparison.best.log_evidence
 
     def correct(r: CandidateResult) -> CandidateResult:
@@ -121,7 +124,7 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error of the best candidate's averaged motion; None where motions are not averaged."""
+    """Return the error of the best candidate's averaged motion; None if motions are not averaged."""
     if comparison.data.averaged is None or not comparison.results:
         return None
     result, cycles = comparison.best, comparison.data.cycles

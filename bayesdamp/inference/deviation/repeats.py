@@ -2,10 +2,10 @@
 
 The coefficients of a record are those of the specimen times exp η, η ~ N(0, s²), where the spread s is inferred; own
 parameters of a term, such as an exponent, are the same in all records. Start, spring, offset, noise and deviations
-differ between records and are already integrate_factors out: each record only contributes the likelihood of its
-damping. The hyperparameters of the deviations are common to all records, because they belong to the damper.
+differ between records and are already integrated out: each record only contributes the likelihood of its damping
+parameters. The hyperparameters of the deviations are common to all records, because they belong to the damper.
 
-Given s and a grid point of the hyperparameters, coefficients and factors are integrate_factors out by Laplace's
+Given s and a grid point of the hyperparameters, coefficients and the factors exp η are integrated out by Laplace's
 approximation about the mode, which is exact for s = 0. The cut-off of coefficients at zero and their common prior scale
 are then treated as for one record (`linear.with_priors`).
 """
@@ -23,7 +23,7 @@ from bayesdamp.inference.deviation.linear import DampingLikelihood, Normals, wit
 from bayesdamp.priors import Prior, SharedHalfNormal
 
 SPREAD_SCALE = 0.1
-"""Scale of the half-normal prior of the spread s (conventional)."""
+"""Scale of the half-normal prior of the spread s, the sd of the log coefficients between records (conventional)."""
 SPREADS = np.geomspace(5e-4, 0.45, 27)
 """Grid of spreads; the prior probability beyond the last is below 1e-5. With half as many the upper end of a wide
 interval of the spread was a tenth to a fifth too large (measured)."""
@@ -32,9 +32,11 @@ SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.i
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
-"""Largest number of Gauss–Newton steps. They end before if the predicted gain is below the second value, in nats."""
+"""Largest number of Gauss–Newton steps. They end before if the predicted gain of the log posterior is below the second
+value, in nats."""
 NATS_BEHIND = 18.0
-"""A grid point is left out if it is this many nats behind the best, both at the smallest and at the largest spread."""
+"""A grid point of the hyperparameters is left out if its log evidence is this many nats below the best, both at the
+smallest and at the largest spread."""
 DERIVATIVE_STEP = 1e-5
 """Step of numerical derivatives of parameters by their scores, in scores."""
 
@@ -46,7 +48,7 @@ class RecordLikelihood:
     Attributes
     ----------
     names : tuple of str
-        The parameters of the damping.
+        Names of the k parameters of the damping.
     coefficients : ndarray of bool, shape (k,)
         Which of these parameters are coefficients.
     mode : ndarray, shape (k,)
@@ -95,15 +97,15 @@ class Repeats:
     Attributes
     ----------
     log_evidence : float
-        Log evidence in nats.
+        Log evidence of all records together, in nats.
     names : tuple of str
-        The parameters of the damping.
+        Names of the k parameters of the damping.
     draws : ndarray, shape (n, k)
         Draws of the specimen's parameters.
     spreads : ndarray, shape (n,)
-        The spread of each draw.
+        Spread s of each draw.
     combos : ndarray of int, shape (n,)
-        The grid index of each draw.
+        Index of each draw's grid point of the hyperparameters.
     """
 
     log_evidence: float
@@ -131,9 +133,9 @@ def join_runs(
     priors : mapping of str to Prior
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
-        Log prior probability of each grid point.
+        Log prior probability of each grid point of the hyperparameters.
     spread : float, optional
-        The spread, if it is known; 0 means that all records have the same coefficients.
+        The spread s, if it is known; 0 means that all records have the same coefficients.
     seed, draws : int
         Seed of the random stream, and number of draws.
 
@@ -181,10 +183,10 @@ def join_runs(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The likelihoods of n records at c grid points, as functions of parameters x = offset + scale z, scores z, (k,).
+    """The likelihoods of n records at c grid points, as functions of the damping's parameters x = offset + scale z.
 
-    log (n, c), slope (n, c, k), information (n, c, k, k): as of `DampingLikelihood`. which: marks the coefficients,
-    which the factor of a record multiplies, (k,).
+    z: scores, (k,). log (n, c), slope (n, c, k), information (n, c, k, k): as of `DampingLikelihood`. which: marks the
+    coefficients, (k,), which the factor exp η of a record multiplies.
     """
 
     log: np.ndarray
@@ -317,13 +319,13 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
-    """Return the scores of parameters (k,); ±6 for a value at or beyond the end of its prior."""
+    """Return the scores of parameter values (k,); ±6 for an infinite score, at the end of a prior, and 0 for nan."""
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)
 
 
 def _linear_maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters at scores z, (k,), and their derivatives; a half-normal prior is continued linearly below 0."""
+    """Return parameters at scores z, (k,), and their derivatives by z; half-normal priors continue linearly below 0."""
     values, slopes = np.empty(z.size), np.empty(z.size)
     for i, (prior, score) in enumerate(zip(priors.values(), z, strict=True)):
         if prior.reflected:

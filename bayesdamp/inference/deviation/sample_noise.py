@@ -26,7 +26,8 @@ from bayesdamp.types import Refusal, Signal
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
 """Noise models from which the best one is chosen by default."""
 LEAD_NATS = 5.0
-"""Nats by which the log evidence of another noise model must exceed that of Gaussian noise (conventional)."""
+"""Another noise model is chosen only if its log evidence exceeds that of Gaussian noise by this many nats
+(conventional)."""
 AUTOREGRESSION_ORDER = 8
 """Order of the autoregression with which `predictable_nats` predicts residuals from those before (conventional)."""
 REFITS = 2
@@ -97,10 +98,11 @@ def prepare_for_noises(
 def _choose_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
-    """Return the best noise model of residuals (m,), or Gaussian noise if its lead is small, and `predictable_nats`.
+    """Return the best noise model of residuals (m,), or Gaussian noise if its lead is small; and `predictable_nats`.
 
     The lead must also exceed the nats by which residuals can be predicted: predictable residuals may be a second mode
-    or the misfit of a law. Raises Refusal where none of the noise models applies.
+    or the misfit of a law. If Gaussian noise is among the models, correlated noise is never chosen. Noise models that
+    do not apply are left out; raises Refusal if none applies. fit_one: fits the noise model of this name to residuals.
     """
     models: list[FittedNoise] = []
     refused: list[str] = []
@@ -128,12 +130,12 @@ class AdaptedData:
     Attributes
     ----------
     data : Data
-        The record, with working residuals in place of residuals.
+        The record, with working residuals in place of residuals (under Gaussian noise unchanged).
     noise : SampleNoise
         The noise model.
     variance : float
-        Variance of equivalent white noise, in the record's unit squared, for each value of the data. Under Gaussian
-        noise 0, or if residuals are correlated, a lower bound of the variance near the oscillation.
+        Variance of equivalent white noise for each value of the data, in the record's unit squared. Under Gaussian
+        noise it is only a lower bound: 0, or for correlated residuals that of the noise near the oscillation.
     """
 
     data: Data
@@ -219,7 +221,7 @@ def adapt(
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
-    """Return the motion at every sample of the record, (m,); None where it escapes."""
+    """Return the linearised candidate's motion at every sample of the record, (m,); None if it escapes."""
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
@@ -242,6 +244,8 @@ def inflation(
     t: np.ndarray, left: np.ndarray, frequency: float, removed: int, variance: float | None = None
 ) -> float:
     """Return κ ≥ 1, the mean power of the residual near the oscillation divided by that of white noise.
+
+    It is 1 if fewer than three Fourier frequencies are in the band, or if the variance is 0.
 
     Parameters
     ----------

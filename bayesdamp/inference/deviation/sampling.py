@@ -28,8 +28,8 @@ MOST_ANCHORS = 3
 ANCHOR_CHANGE = 0.1
 """Straight coordinates are anchored again if they differ by more than this from the scores at the mode."""
 NATS_BEHIND = 5.0
-"""A candidate is sampled if its linear posterior is at most this many nats behind the best: more than sampling has
-changed any log evidence (measured)."""
+"""A candidate is sampled if its log evidence is less than this many nats below the best: more than sampling has changed
+any log evidence (measured)."""
 MOST_SAMPLED = 6
 """Largest number of candidates that are sampled (conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
@@ -69,7 +69,10 @@ class DrawSolver:
     correction: np.ndarray | float = 0.0
 
     def at(self, row: np.ndarray) -> np.ndarray | None:
-        """Return the motion of a draw, (K,), at the samples, (n,); None where it escapes."""
+        """Return the motion at the samples, (n,), for a row u = (scores, g, h), (K,), or scores alone, (d,).
+
+        None if the motion escapes or the scores have no finite parameters.
+        """
         d, n = self.parameters.free.size, self.solver.knots.size
         p = self.parameters.values(row[:d])
         if not np.all(np.isfinite(p)):
@@ -80,7 +83,7 @@ class DrawSolver:
 
 
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
-    """Return the solver for draws with the loosest tolerance that is accurate enough.
+    """Return the solver for draws with the loosest tolerance that is accurate enough, else with the usual one.
 
     Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the usual tolerance.
     This is checked at the mean of the linear posterior and at `TRIED_DRAWS` draws.
@@ -119,13 +122,16 @@ class LinearProposal:
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u, (count, K). Return also the index of each draw's hyperparameters, (count,)."""
+        """Draw u, (count, K); return also the index of each draw's mixture component (hyperparameters), (count,)."""
         return self.posterior.draws(self.parameters.positive, count, rng)
 
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws after a Crank–Nicolson step, (n, K). Its stationary distribution is this proposal."""
+        """Return draws u after a Crank–Nicolson step, (n, K), which leaves the distribution of this proposal unchanged.
+
+        combos: index of each draw's mixture component, (n,). Scores may become negative (see `inside`).
+        """
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
@@ -133,17 +139,20 @@ class LinearProposal:
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return u itself: draws are made in these coordinates."""
+        """Return u itself, because the draws of this proposal are in the coordinates of `parameters`."""
         return u
 
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
-        """Return the log importance weights of draws u, (n,), from the sums of squares of their motions, (n,)."""
+        """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
+
+        squares: sums of squared residuals of their motions, (n,). variance: of the noise.
+        """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior
 
 
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
-    """Return the proposal from which the sampling of a candidate starts: a linear posterior.
+    """Return the linear posterior from which the sampling of a candidate starts.
 
     It is in straight coordinates if the restoring law has any, and in slices if a damping term has a parameter of its
     own. Otherwise it is the candidate's own linear posterior.
@@ -187,9 +196,9 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
-    """Return the comparison after sampling its most probable candidates and rivals (`NATS_BEHIND`, `MOST_SAMPLED`).
+    """Return the comparison with draws in `sampled` of its most probable candidates and rivals.
 
-    They are chosen by the evidence of their linear models.
+    They are chosen by the evidence of their linear models (`NATS_BEHIND`, `MOST_SAMPLED`).
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
@@ -206,7 +215,10 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = SMC_DRAWS
 ) -> CandidateResult:
-    """Return a candidate's result with draws from its posterior with exact motions; equal seeds give equal draws."""
+    """Return a candidate's result with draws from its posterior with exact motions in `sampled`.
+
+    Equal seeds give equal draws.
+    """
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)
 

@@ -55,7 +55,7 @@ ESCAPED = (
 )
 """Message of the Refusal if a `Single` cannot be computed."""
 NEGLIGIBLE_PROBABILITY = 1e-8
-"""Grid points with a smaller probability under the linear posterior are left out."""
+"""Grid points with a smaller probability under the linear posterior are left out of the density in `Single.mode`."""
 LINEAR_DRAWS = 4000
 """Number of draws of the linear posterior: an end of an interval is accurate to a thirtieth of its width."""
 SEED_STEP = 1_000_003
@@ -110,9 +110,9 @@ class FitState:
     u : ndarray, shape (K,)
         Scores, g and h at the mode with deviations.
     variance, inflation : float
-        Variance of the noise, and the factor κ that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ of correlated residuals that it contains.
     exact_variance : float
-        Variance of the noise if laws are exact.
+        Variance of the noise if laws are exact, in the record's unit squared.
     epsilon : float
         Width of the smoothed sign in friction, in rad/s or m/s.
     frictions : tuple of Friction
@@ -273,17 +273,17 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """Return the sd that noise alone causes in each inferred parameter if laws are exact."""
+        """Return the sd that noise alone causes in each inferred parameter if laws are exact, by name."""
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
-        """Return g and h at the knots of draws u, (n, K): (n, k) each."""
+        """Return g (log deviation) and h at the knots of draws u, (n, K): (n, k) each."""
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
     @property
     def knots(self) -> Array:
-        """Return the times of the knots in the record, in s from the first sample."""
+        """Return the times of the knots in the record, in s from the first sample, (k,)."""
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
@@ -292,9 +292,9 @@ class Single:
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
-        """Return equivalent damping ratios at amplitudes (rad or m), from draws u (n, K).
+        """Return medians and intervals of equivalent damping ratios at amplitudes (rad or m), from draws u (n, K).
 
-        Their sds include the deviations and the sensor's relative error `sensor`.
+        They include the deviations and the sensor's relative error `sensor`.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
@@ -321,8 +321,8 @@ class Single:
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
         """Predict the second half of the record from draws of scores, (n, d), for the first half.
 
-        The deviations of the second half are drawn given those of the first. Raises Refusal where no motion can be
-        continued.
+        half: this candidate on the first half (`first_half`). Its deviations over the whole record are drawn given the
+        scores. Draws whose motion escapes are left out; raises Refusal if none remains.
         """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
@@ -342,10 +342,10 @@ class Single:
         return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Return the log likelihood of each value of the record under motions (..., n), in nats.
+        """Return the log likelihood of each value of the record under motions (..., n), in nats, (..., n).
 
-        Their sum is the log likelihood of the evidence: with κ > 1 the variance is κ times larger, and a value counts
-        as 1/κ of an independent one.
+        The sum over the values is the log likelihood in the evidence: with κ > 1 the variance is κ times larger, and a
+        value counts as 1/κ of an independent one.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
@@ -466,7 +466,7 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(
     data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
 ) -> Single:
-    """Return the candidate of a stored fit, with knots at given times (s from the start), by default those of the data.
+    """Return the candidate of a stored fit; knots: their times in s from the start, by default those of the data.
 
     Raises Refusal where the motion escapes, for example because the fit is of another record.
     """

@@ -83,11 +83,11 @@ class SlicedProposal:
     place : int
         Index of a among the scores.
     product : tuple of int, optional
-        Indices of c and s.
+        Indices of c and s; None without a parameter s.
     size : int
         Index of the score that t replaces: c or s.
     width : float
-        Width of each slice.
+        Width of each slice, in units of a.
     slices : tuple of Slice
         The slices, by rising `middle`.
     """
@@ -130,7 +130,10 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K). Return also the index of each draw's hyperparameters in its slice, (count,)."""
+        """Draw w, (count, K); return also the index of each draw's mixture component in its slice, (count,).
+
+        All draws have their a at the middle of a slice, and are ordered by slice.
+        """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
         for part, number in zip(self.slices, numbers, strict=True):
@@ -143,7 +146,11 @@ class SlicedProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws after a Crank–Nicolson step at fixed a, (n, K). Its stationary distribution is this proposal."""
+        """Return draws w after a Crank–Nicolson step at fixed a, (n, K), which leaves this proposal unchanged.
+
+        u: the draws w before the step. combos: index of each draw's component in its slice, (n,). Scores may become
+        negative (see `inside`).
+        """
         new = u.copy()
         for rows, part, off, others in self._split(u):
             others = part.posterior.crank_nicolson_step(others, combos[rows], step, rng)
@@ -185,7 +192,10 @@ class SlicedProposal:
         return u, log
 
     def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
-        """Return the log importance weights of draws w, (n,), from the sums of squares of their motions, (n,)."""
+        """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
+
+        squares: sums of squared residuals of their motions, (n,). variance: of the noise.
+        """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)
         linear, at_middle = np.empty(len(w)), w[:, :d].copy()
@@ -284,7 +294,11 @@ class _Search:
     width: float
 
     def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
-        """Return the slice with its middle at a, and the mode there, (K − 1,), searched from `start`; None if none."""
+        """Return the slice with its middle at a, and the mode of the other unknowns there, (K − 1,).
+
+        start: where the search for the mode starts, (K − 1,). None if no motion can be linearised there, or the
+        coefficient c is 0 at the mode of a product.
+        """
         result, data, solver = self.result, self.comparison.data, self.result.solver
         name = self.base.free_names[self.place]
         fixed = self.base.with_fixed(name, float(self.base.priors[name].value(np.asarray(a))))

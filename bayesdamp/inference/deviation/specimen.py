@@ -47,7 +47,8 @@ class RatioLikelihood(RecordLikelihood):
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
         """Return the log damping ratio at an amplitude for draws of the parameters, (n, k): (n,).
 
-        It is interpolated between the `amplitudes` of the record's damping curve, (a,).
+        It is interpolated between the `amplitudes` of the record's damping curve, (a,); beyond them it is that at the
+        nearest one.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -61,7 +62,7 @@ class RatioLikelihood(RecordLikelihood):
         return (1 - share) * ends[0] + share * ends[1]
 
     def with_order(self, names: tuple[str, ...]) -> RatioLikelihood:
-        """Return this likelihood with its parameters in the order of `names`."""
+        """Return this likelihood with its parameters in the order of `names`, or with only some of them."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
@@ -69,9 +70,10 @@ class RatioLikelihood(RecordLikelihood):
 
 
 def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLikelihood | None:
-    """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
+    """Return the likelihood of a candidate's damping parameters on one record, with its damping ratio per unit of each.
 
-    None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,).
+    None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,); rows
+    of the result are nan where no orbit has the amplitude.
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping_likelihood is None:
@@ -144,7 +146,7 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best sum under a restoring law; `NO_EVIDENCE` where there is none."""
+        """Return the log evidence of the best sum under a restoring law; `NO_EVIDENCE` if no sum has this law."""
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
@@ -162,9 +164,10 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence on this record alone of a damping for which `run_of` is None.
+        """Return the log evidence on this record of a damping for which `run_of` is None, in nats relative to the best.
 
-        Without one, return that of the sum `limit` (see `OtherForm.place`). The result is at least `NO_EVIDENCE`.
+        If the damping has no evidence on this record, return that of the sum `limit` (see `OtherForm.place`). The
+        result is at least `NO_EVIDENCE`.
         """
         own = self.log_evidence.get((damping, restoring))
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
@@ -182,7 +185,7 @@ class SpecimenComparison:
     log_evidence : mapping of Model to float
         Log evidence in nats, integrated once over the coefficients that all records have in common.
     probability : mapping of Model to float
-        Posterior probability of each damping and law.
+        Posterior probability of each damping (rivals included) and law.
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law.
     runs : mapping of Model to tuple of RatioLikelihood
@@ -206,7 +209,7 @@ class SpecimenComparison:
         return summarise(every, weight / weight.sum())
 
     def others(self) -> dict[str, float]:
-        """Return the probability of each rival, by its damping."""
+        """Return the total probability of each rival over all restoring laws, by its damping."""
         sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
         for (damping, _), p in self.probability.items():
             if damping in sums:
@@ -214,14 +217,20 @@ class SpecimenComparison:
         return sums
 
     def under(self, model: Model) -> list[RunComparison]:
-        """Return comparisons of the records with only one model, fitted jointly, at the specimen's reference."""
+        """Return comparisons of the records that contain only one model, each with log evidence 0.
+
+        Their likelihoods are at the specimen's reference.
+        """
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
             for record, run in zip(self.records, self.runs[model], strict=True)
         ]
 
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the specimen's damping ratio at an amplitude, over all models; return also the spreads, (n,)."""
+        """Draw the specimen's damping ratio at an amplitude, over all models; return also the spreads, both (count,).
+
+        The ratio is the geometric mean over the records.
+        """
         rng = np.random.default_rng(seed)
         models = [m for m in self.probability if m in self.repeats]
         shares = np.array([self.probability[m] for m in models])
@@ -304,7 +313,7 @@ def compare_runs(
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:
-    """Return the geometric mean of the records' references."""
+    """Return the geometric means of the amplitudes and the frequencies of the records' references."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
         for n in ("amplitude", "frequency")
@@ -321,7 +330,7 @@ def priors_of(
 
 
 def _largest(run: RecordLikelihood) -> float:
-    """Return the maximum of a record's log likelihood over all parameters and grid points."""
+    """Return the maximum of a record's log likelihood over all parameters and grid points, in nats."""
     x = run.likelihood
     scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))
     part = x.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])

@@ -37,7 +37,7 @@ FIRST_STEP, LEAST_STEP = 0.5, 0.02
 WANTED_ACCEPTANCE = 0.35
 """Acceptance rate to which the step is adapted."""
 MOST_TEMPERATURES = 30
-"""Largest number of values of β."""
+"""Largest number of values of β; if they do not reach 1, the draws are not trusted."""
 LEAST_RISE = 1e-6
 """Smallest increase of β."""
 LEAST_ACCEPTANCE = 0.05
@@ -84,7 +84,7 @@ class Proposal(Protocol):
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u, (count, K). Return also the index of each draw's hyperparameters, (count,)."""
+        """Draw u, (count, K); return also the index of each draw's hyperparameters, (count,)."""
         ...
 
     def crank_nicolson_step(
@@ -164,7 +164,8 @@ def _importance_resampled(
 ) -> TemperedDraws | None:
     """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
 
-    Return None if too many more are needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight.
+    Return None if too many more draws are needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight
+    (`LARGEST_PARETO_K`).
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < LEAST_EFFECTIVE:

@@ -43,14 +43,14 @@ law."""
 NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
 """Factors of the sd of the inferred noise over which the evidence is averaged if there are few readings."""
 NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
-"""The same for at least `MANY_READINGS` readings, which determine the noise better."""
+"""Factors in place of `NOISE_SCALES` for at least `MANY_READINGS` readings, which determine the noise better."""
 MANY_READINGS = 40
 """Number of readings from which `NOISE_SCALES_MANY` are used (conventional)."""
 MOST_POWER = 3.0
 """Largest exponent of a power law."""
 NEGLIGIBLE_WEIGHT = 1e-3
-"""A combination of hyperparameters with at most this weight, relative to the largest, is left out of a figure's
-curve."""
+"""A combination of hyperparameters with at most this weight, relative to the largest, is left out of
+`EnvelopeCandidate.curve`."""
 IMPROBABLE_EXACT = 0.1
 """If the exact law has less than this probability, its posterior is computed separately, because the posterior of the
 whole mixture leaves out improbable combinations."""
@@ -77,7 +77,7 @@ class Blocks:
     frequency
         Frequency of the oscillation in rad/s; None if it is not known.
     noises
-        Possible noises, each with the covariance of x, (n, n).
+        Possible noises, each with the covariance of x that it causes, (n, n).
     inverse
         Inverse Cholesky factor of the covariance that is used in fits, (n, n).
     """
@@ -96,7 +96,7 @@ class Blocks:
     def unit(self) -> float:
         """The rate in 1/s whose score is 1.
 
-        If the frequency is not known, the prior scales are centred on one over the duration.
+        If the frequency is not known, the geometric middle of the prior scales is at one over the duration.
         """
         if self.frequency is not None:
             return SCORE_RATIO * self.frequency
@@ -109,7 +109,7 @@ class Blocks:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """x at the start and at the end, as means over a thirtieth of the blocks."""
+        """Values of x at the start and at the end: means over the first and the last thirtieth of the blocks."""
         edge = max(1, self.x.size // 30)
         return float(self.x[:edge].mean()), float(self.x[-edge:].mean())
 
@@ -123,7 +123,8 @@ class EnvelopeCandidate:
     law
         The decay law of the sum.
     x0, rates, fit
-        The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); ln(A/A_ref), (n,).
+        The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); fitted ln(A/A_ref) at the
+        blocks, (n,).
     about
         Normal posteriors of the model linearised about the fit.
     posterior
@@ -155,7 +156,10 @@ class EnvelopeCandidate:
         return self.about.apply_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw rates in 1/s, (n, d), and the deviation at the knots, (n, KNOTS). exact: whether under the exact law."""
+        """Draw rates in 1/s, (count, d), and the deviation at the knots, (count, KNOTS).
+
+        exact: whether to draw from the posterior under the exact law.
+        """
         u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
@@ -193,12 +197,12 @@ class EnvelopeCandidate:
 
     @property
     def total(self) -> float:
-        """Log evidence of the mixture over all hyperparameters."""
+        """Log evidence of the mixture over all hyperparameters, in nats."""
         return self.posterior.log_evidence
 
     @property
     def total_exact(self) -> float:
-        """Log evidence of the exact law plus the log of its prior probability."""
+        """Log evidence under the exact law plus the log of its prior probability, in nats."""
         return self.exact.log_evidence
 
 
@@ -221,7 +225,7 @@ def fit_rates(
     white : ndarray, shape (n, n)
         Matrix that whitens the noise.
     begin : ndarray, optional
-        Rates at which the fit starts.
+        Rates at which the fit starts; by default equal parts of the mean rate.
 
     Returns
     -------
@@ -245,7 +249,10 @@ def _guess_start(blocks: Blocks) -> float:
 def _fit_with_priors(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
 ) -> LeastSquaresFit:
-    """Fit the parameters of a law with these priors, and x at the start, by least squares."""
+    """Fit the parameters of a law with these priors, and x at the start, by least squares.
+
+    begin: values of the law's parameters at which the fit starts.
+    """
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
     z = parameters.scores(dict(zip(names, map(float, (*begin, _guess_start(blocks))), strict=True)))
@@ -347,7 +354,7 @@ class FitPosteriors:
     positive: np.ndarray
 
     def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
-        """Return the posterior with half-normal priors on the rates; all these priors have one common, unknown scale.
+        """Return the posterior with half-normal priors on the rates, which have one common, unknown scale.
 
         which: mask of the combinations that are used, (c,); by default all.
         """
@@ -360,9 +367,10 @@ class FitPosteriors:
 def _posteriors_about(
     blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
-    """Return the decay for p (d + 1,), the parameters of a law and x at the start, and the posteriors about it.
+    """Return the decay at p, (d + 1,), and the posteriors linearised about it.
 
-    units: values of the parameters that have a score of 1, (d,). rates: whether the parameters are damping rates.
+    p: the d parameters of the law, and x at the start. units: values of the parameters that have a score of 1, (d,).
+    rates: whether the parameters are damping rates.
     """
     motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
     columns = motion.tangents * np.concatenate([units, [WIDE_SD], np.ones(KNOTS)])

@@ -32,7 +32,7 @@ MOST_WINDOW_CHANGES = 3
 LEAST_SHORTENING = 0.05
 """If the scatter shows a noise floor, the decay is cut there if this shortens it by at least this fraction."""
 FEW_READINGS = 40
-"""With fewer readings than this the window is not shortened."""
+"""With fewer readings than this the window of the decay is not shortened."""
 LEAST_BLOCKS_HELD = 30
 """A constant level at the start (a drive) is searched only in at least this number of blocks."""
 FIRST_END, END_STEP = 2, 3
@@ -43,7 +43,7 @@ LEAST_SCATTER = 0.02
 """Smallest scatter of ln A in the search for a constant level; it allows for errors of laws and detectors
 (conventional)."""
 EARLY_FRACTION = 0.1
-"""Fraction of the decay at its start that is tested against the rest."""
+"""Fraction of the decay at its start that is tested against the later part."""
 SURPRISE_SDS = 4.5
 """An early reading that is this many sds from its prediction does not belong to the decay; by chance once in 30,000
 records."""
@@ -60,7 +60,7 @@ class Curve:
     level, fit
         Levels in dB of the recorded power: means of the readings, and the best damping sum with its deviation.
     fit_sd, scatter
-        Standard deviations of the fit and of a mean of readings, in dB.
+        Posterior sd of the fit, and sd of the noise of a mean of readings, in dB.
     """
 
     t: np.ndarray
@@ -98,7 +98,7 @@ class Decay:
 
     @property
     def fall(self) -> float:
-        """Decrease of the level in dB."""
+        """Decrease of the level from the start to the end of the decay, in dB."""
         top, bottom = self.blocks.ends
         return (top - bottom) * NEPER
 
@@ -116,9 +116,10 @@ class Decay:
         return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
-        """Return the root mean square residual of a fit beyond the noise, and that of the noise.
+        """Return the root mean square residual of a fit, ln(A/A_ref) (n,), beyond the noise, and that of the noise.
 
-        Both are relative to the amplitude, and averaged with the squared amplitude as weight.
+        Both are relative to the amplitude, and averaged with the squared amplitude as weight. A constant offset is not
+        counted.
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
@@ -132,6 +133,8 @@ def free_decay(
     record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
     """Find the free decay of an envelope, down to its noise floor, and scale the damping sums to it.
+
+    A window that is given is used unchanged.
 
     Parameters
     ----------

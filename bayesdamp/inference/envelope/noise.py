@@ -29,7 +29,7 @@ FLOOR_KNOWN = 0.7
 """Prior standard deviation of the logarithm of the floor's power if the floor is visible after the decay; a record
 contains only a few independent values of a slow floor."""
 FLOOR_UNKNOWN = 2.5
-"""The same if no floor is visible."""
+"""Prior standard deviation of the logarithm of the floor's power if no floor is visible after the decay."""
 LOG_SCATTER_SD = 3.0
 """Prior standard deviation of the logarithm of a scatter; the prior is centred on an estimate from the differences of
 neighbouring readings."""
@@ -62,7 +62,7 @@ class Noise:
     constant, constant_sd
         Power of the constant part of the floor, and its standard deviation.
     each, apart
-        Number of readings in a mean, and the time between them in s.
+        Number of readings in a mean, and the time between two readings in s.
     log_weight, log_density
         Log prior probability among all noises, and log posterior density, up to constants.
     """
@@ -106,10 +106,11 @@ def _covariance(
     lag: np.ndarray, inverse: np.ndarray, thermal: np.ndarray, slow: float, each: float, apart: float,
     numbers: Sequence[float] | np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Return the covariance, (n, n), of means of `each` readings that are `apart` (s) apart.
+    """Return the covariance, (n, n), of the noise of ln A for means of `each` readings.
 
     lag: time differences in s, (n, n). inverse: 1/A, (n,). thermal: correlations of the slow part of the floor, whose
-    fraction is `slow`, (n, n). numbers: scatter, scatter_time, floor, floor_time, white, as in `Noise`.
+    fraction is `slow`, (n, n). apart: time between two readings in s. numbers: scatter, scatter_time, floor,
+    floor_time, white, as in `Noise`.
     """
     su, lu, floor, lv, white = numbers
     covariance = su * su * np.exp(lag / -lu)
@@ -157,7 +158,7 @@ def infer_noise(
     floor : NoiseFloor or None
         The noise floor after the decay, in units of A_ref².
     slow, slow_time, each
-        Attributes of the noise that are given.
+        Attributes of `Noise` that are not inferred.
     with_deviation : bool
         Whether to infer the size of a deviation too.
     begin : Noise, optional

@@ -23,10 +23,10 @@ SENSOR = 0.002
 """Relative standard deviation of every rate by errors that no record shows: linearity of the detector, and its clock
 (conventional)."""
 DRIFT = 0.1
-"""Drift or nonlinearity of a detector that reads dB over half of a decay (dB, sd), which the record does not show.
-Conventional: makers of analysers state 0.1 to 0.2."""
+"""Sd in dB of the drift or nonlinearity over half of a decay that a detector with readings in dB may have, and that the
+record does not show. Conventional: makers of analysers state 0.1 to 0.2."""
 POINTS_ALONG = 257
-"""Number of points along a fit, evenly spaced in ln A, at which means over the decay are computed."""
+"""Number of points along a fit, evenly spaced in ln A, from which means over the decay are computed."""
 LOSS_POINTS = 33
 """Number of amplitudes, evenly spaced in their logarithm, at which the rate of each term is stored."""
 WIDE_PRIOR = 3.0
@@ -45,13 +45,13 @@ class RateDraws:
     whole
         Mean rates in 1/s over the first half of the decrease in dB, without the deviation, (n,).
     energy
-        Fraction of the energy that each term dissipates, (n, terms).
+        Fraction of the dissipated energy by term, over the decay, (n, terms).
     deviation
         Root mean square over time of the relative deviation of the rate from the law, (n,).
     candidate
         Index of the candidate, (n,).
     rates
-        Rates in 1/s at the reference amplitude by term, for the draws that have the term.
+        Rates in 1/s at the reference amplitude by term; only the draws whose sum has the term.
     """
 
     at: np.ndarray
@@ -144,7 +144,7 @@ class RateLikelihood:
     reference
         ln of the reference amplitude in the record's unit (relative to 1 if the unit is dB).
     log_amplitudes
-        ln of amplitudes in this unit, (n,), increasing.
+        ln of amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
         ln of the rate of each term at these amplitudes, relative to that at the reference amplitude, (d, n).
     unit

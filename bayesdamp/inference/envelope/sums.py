@@ -53,8 +53,8 @@ POSTERIOR_POINTS = 24
 FIRST_ROUNDS = 6
 """Number of rounds of points in the search for the best fit of a sum whose terms have own parameters."""
 LEAST_RELATIVE_RATE = 0.01
-"""Smallest relative rate of a term at the reference amplitude, as a fraction of its largest along the decay. (A
-coefficient is measured by the rate at the reference amplitude.)"""
+"""Smallest rate of a term at the reference amplitude, as a fraction of its largest rate along the decay. (A coefficient
+is measured by the rate at the reference amplitude.)"""
 STEEPEST_POWER = 3.0
 """Largest power of the amplitude in dA/dt among the terms of the package (cubic damping)."""
 TABLE_MARGIN = 1.0
@@ -62,7 +62,7 @@ TABLE_MARGIN = 1.0
 POINTS_PER_ROUND = 16
 """Number of points in a round."""
 MOST_ROUNDS = 12
-"""Greatest number of rounds; a posterior that is a thousand times narrower than the prior needs eight."""
+"""Greatest number of rounds of points; a posterior that is a thousand times narrower than the prior needs eight."""
 ENOUGH_EFFECTIVE = 32.0
 """Effective number of points at which sampling ends."""
 VARIANCE_FACTOR = 1.5
@@ -91,7 +91,7 @@ COMPARED_AMPLITUDES = 65
 SAME_LAW_RMS = 1e-4
 """Two laws count as equal if the root mean square of their relative difference in rate is at most this."""
 EXCLUDED_NATS = 7.0
-"""Only sums that are at most this many nats behind the most probable one can be indistinguishable from it."""
+"""A sum that is more than this many nats behind the most probable one cannot count as indistinguishable from it."""
 EXPONENT_GRID = 3001
 """Number of grid values of the exponent of a power law."""
 NEGLIGIBLE_WEIGHT = 1e-5
@@ -128,7 +128,7 @@ class Sum:
 
     @property
     def log_prior(self) -> float:
-        """Log prior odds."""
+        """Log prior odds against a single term."""
         return float(np.log(odds(self.terms)))
 
     @property
@@ -142,7 +142,7 @@ class Sum:
         return sum(self.counts)
 
     def scores_of(self, scores: Sequence[float], term: int) -> tuple[float, ...]:
-        """Return the scores of one term's parameters from the scores of all terms."""
+        """Return the scores of the own parameters of term number `term` from `scores`, those of all terms."""
         first = sum(self.counts[:term])
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
@@ -160,8 +160,9 @@ class Sum:
         return TabulatedLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
-        """Return ln of the rate (1/s) at the reference amplitude for a coefficient of 1.
+        """Return ln of the rate (1/s) at the reference amplitude for a coefficient of 1 of term number `term`.
 
+        It is at least `LEAST_RELATIVE_RATE` of the largest rate along the decay. scores: of the term's own parameters.
         scale: amplitude and frequency, by default those of the sum.
         """
         loss = log_loss(self.each[term], scores, scale or self.scale)
@@ -291,7 +292,7 @@ def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSqu
 
 
 def _power(power: float) -> Shape:
-    """Return the relative rate for dA/dt proportional to a power of A."""
+    """Return the function x ↦ e^((power − 1) x): the relative rate at x = ln(A/A_ref) if dA/dt ∝ A^power."""
     return lambda x: np.exp((power - 1.0) * x)
 
 
@@ -337,7 +338,7 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
 
 
 def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
-    """Return a function from the scores of a sum's own parameters to its log evidence."""
+    """Return a function from the scores of the own parameters of a sum's terms to its log evidence in nats."""
     rates: np.ndarray | None = None
 
     def at(scores: tuple[float, ...]) -> float:
@@ -431,7 +432,7 @@ def importance_points(
 
 
 def _log_normal(points: np.ndarray, mean: np.ndarray, cholesky: np.ndarray) -> np.ndarray:
-    """Return the log density, (n,), of a normal distribution with Cholesky factor `cholesky`."""
+    """Return the log density at points (n, d), (n,), of a normal distribution with Cholesky factor `cholesky`."""
     z = np.linalg.solve(cholesky, (points - mean).T)
     log_det = np.log(np.diag(cholesky)).sum()
     return -0.5 * np.sum(z * z, axis=0) - log_det - 0.5 * mean.size * np.log(2 * np.pi)
@@ -446,9 +447,9 @@ class Ranking:
     sums, candidates
         The sums, and all their candidates.
     log_evidence
-        Log evidence plus log prior odds of each sum, with the deviation integrated out, (sums,).
+        Log evidence plus log prior odds of each sum in nats, with the deviation integrated out, (sums,).
     log_exact
-        The part of it under exact laws, including their prior probability, (sums,).
+        The part of `log_evidence` that is from exact laws, with the prior probability of exact laws included, (sums,).
     """
 
     sums: tuple[Sum, ...]
@@ -458,7 +459,7 @@ class Ranking:
 
     @property
     def probability(self) -> np.ndarray:
-        """Probability of each sum."""
+        """Probability of each sum, (sums,)."""
         return normalise(self.log_evidence)
 
     @property
@@ -540,7 +541,7 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class PowerFit:
-    """The power law dA/dt = -cA^p: exponent p, and `odds`, its log Bayes factor (nats) against all sums."""
+    """The power law dA/dt = -cA^p: exponent p, and `odds`, its log Bayes factor in nats against all sums together."""
 
     exponent: Quantity
     odds: float
@@ -555,7 +556,7 @@ def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
 
 
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
-    """Fit the term `power`, one power of the velocity; return a candidate for each point of its posterior."""
+    """Fit dA/dt by the term `power`, one power of the velocity; return a candidate for each point of its posterior."""
     return compare_sums(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
 
 

@@ -70,7 +70,7 @@ class EvidenceMethod(ABC):
         seed : int
             Seed of the random numbers.
         draws : Draws, optional
-            Draws of the posterior. If a method needs draws and gets none, it samples them.
+            Draws of the posterior, for methods that need them. Such a method samples them itself if it gets none.
         """
 
     def timed(
@@ -83,7 +83,7 @@ class EvidenceMethod(ABC):
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return the reason why nested sampling must decide: unreliable or different results. Return "" if they agree."""
+    """Return why the methods are unreliable or disagree, so that nested sampling must decide; "" if they agree."""
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"
@@ -99,7 +99,8 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     """Return the log evidence that is used for a model, from the results of one or more methods.
 
     It is that of nested sampling if this was run and is reliable; otherwise the mean of the reliable methods, weighted
-    by inverse variance. The outcome reports that no method is reliable, or that they disagree.
+    by inverse variance. If no method is reliable, it is the result with the smallest standard error; if none is finite,
+    the first. The outcome reports that no method is reliable, or that they disagree.
     """
     if not any(np.isfinite(e.log_evidence) for e in evidences):
         return replace(evidences[0], method=ADOPTED)

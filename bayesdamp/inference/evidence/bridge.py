@@ -21,13 +21,14 @@ PROPOSAL_DRAWS = 2000
 MOST_ITERATIONS = 1000
 """Largest number of iterations of the bridge."""
 BRIDGE_TOLERANCE = 1e-10
-"""Change of the log evidence (nats) at which the iteration ends."""
+"""The iteration ends when the log evidence changes by less than this, in nats."""
 OVERLAP_LIMIT = 0.1
-"""Overlap below which the result is unreliable (conventional)."""
+"""Overlap of posterior and fitted distribution (1 if equal) below which the result is unreliable (conventional)."""
 SMALL_OVERLAP = 0.3
-"""Overlap below which a curved ridge is straightened (conventional)."""
+"""Overlap of posterior and fitted distribution below which a curved ridge is straightened (conventional)."""
 SE_APART = 3.0
-"""The result is unreliable if its two halves differ by at least this many standard errors (conventional)."""
+"""The result is unreliable if the estimates from its two halves differ by at least this many standard errors
+(conventional)."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def _bridge_halves(
 
 
 def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:
-    """Compute the log evidence by iterating the optimal bridge (Meng and Wong), from log ratios posterior/proposal.
+    """Estimate the log evidence by iterating the optimal bridge (Meng and Wong), from log ratios posterior/proposal.
 
     Parameters
     ----------

@@ -14,17 +14,21 @@ from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
-"""Number of pilot draws by which a proposal is judged, and number of draws of the result."""
+"""Number of pilot draws by which a proposal is judged, and number of draws of the result (half as many with
+deviations)."""
 MOST_REFITS = 4
 """Greatest number of times that the proposal is fitted to its own weighted draws."""
 K_GOOD, K_LIMIT = 0.5, 0.7
 """Pareto shapes of the weights up to which they are good, and reliable (Vehtari et al., JMLR 25, 2024)."""
 LEAST_EFFECTIVE = 50
-"""Effective draws below which an evidence is unreliable (conventional)."""
+"""Effective number of draws below which an evidence is unreliable (conventional)."""
 
 
 def _are_good(log_weights: np.ndarray) -> bool:
-    """Return whether pilot weights are good; the limit allows for the scatter of their fitted shape, about 0.1."""
+    """Return whether the pilot draws' log weights, (n,), have a small Pareto shape and a large effective number.
+
+    The limit of the shape allows for the scatter of its estimate, about 0.1.
+    """
     return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT_DRAWS
 
 
@@ -107,9 +111,10 @@ class Importance(EvidenceMethod):
     def _truncated(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
     ) -> tuple[ReflectedT, Shear] | None:
-        """Return a proposal with the moments of the truncated normal distribution about the mode.
+        """Return a Student t with mean and 1.2 times the covariance of the truncated normal, and the same shear.
 
-        None if no bound is near. Near bounds, the reflected normal of the other proposal has wrong correlations.
+        The normal is that of `truncated_about`. None if no bound is near or the covariance is singular. (Near a bound,
+        a reflected Student t has wrong correlations.)
         """
         normal = truncated_about(target, mode, shear)
         if not normal.walls.size:
@@ -124,7 +129,7 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
-        """Return a proposal fitted to the weighted draws; None if too few of them have weight."""
+        """Return a proposal fitted to draws y, (n, d), with these log weights; None if too few of them have weight."""
         # The weights are truncated so that a single draw cannot dominate the fit.
         w = np.exp(log_weights - scipy.special.logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)

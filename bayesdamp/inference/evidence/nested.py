@@ -28,13 +28,13 @@ LIKELIHOODS_PER_CHECK = 20_000
 WIDE_FACTOR = 5.0
 """Width of the normal distribution about the mode from which a second run starts, as a multiple of the posterior's."""
 LIKELIHOODS_PER_BATCH = 250
-"""Number of likelihoods in a batch."""
+"""Number of likelihoods that are computed at a time."""
 MAX_GAP_NATS = 3.0
 """A run has missed the mode if the largest likelihood of all its points is more than this many nats below that of the
 mode. (Otherwise some of `EFFECTIVE_DRAWS` draws are within a nat of the mode.)"""
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_LOG_DENSITY = -1e300
-"""Log density of an unbounded motion: the sampler does not accept infinities."""
+"""Log density (nats) of an unbounded motion: the sampler does not accept infinities."""
 
 Map = Callable[[np.ndarray], np.ndarray]
 
@@ -115,7 +115,7 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 
 def _finite(log: np.ndarray) -> np.ndarray:
-    """Replace −∞ and nan by a very small log density."""
+    """Replace −∞ and nan in log densities by `LEAST_LOG_DENSITY`."""
     return np.maximum(np.nan_to_num(log, nan=-np.inf), LEAST_LOG_DENSITY)
 
 
@@ -124,8 +124,8 @@ def run_sampler(
 ) -> tuple[Sampler, bool]:
     """Run nautilus, and return the sampler and whether it finished.
 
-    points: map from the unit cube to scores. density: log density that is integrated. needed: nats by which the log
-    volume must decrease; the run ends early if this would take too many likelihoods.
+    points: map from the unit cube, (n, d), to scores, (n, d). density: log density of scores that is integrated, (n,).
+    needed: nats by which the log volume must decrease; the run ends early if this would take too many likelihoods.
     """
     from nautilus import Sampler
 

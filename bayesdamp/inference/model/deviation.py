@@ -86,7 +86,7 @@ class Deviation(NoiseModel):
         return along, scaled - self.basis @ along, white, each
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of residuals (m,), with the deviations integrated out."""
+        """Return the log density of residuals (m,) in nats, with the deviations integrated out."""
         _, across, _, each = self._parts(r)
         constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
@@ -105,11 +105,11 @@ class Deviation(NoiseModel):
         return np.concatenate([v - along @ self.basis.T, white], axis=-1)
 
     def combination_given(self, r: np.ndarray, rng: np.random.Generator) -> int:
-        """Draw a combination of hyperparameters given residuals (m,)."""
+        """Draw the index of a combination of hyperparameters given residuals (m,)."""
         return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the distribution for one combination of hyperparameters."""
+        """Return the distribution for the combination of hyperparameters with this index."""
         own = slice(combination, combination + 1)
         return replace(
             self,
@@ -120,7 +120,7 @@ class Deviation(NoiseModel):
         )
 
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations g and h at the knots, (k,), given residuals (m,)."""
+        """Draw the deviations, g and then h at the knots, (k,), given residuals (m,)."""
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]

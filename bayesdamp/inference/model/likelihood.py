@@ -77,7 +77,7 @@ class Likelihood:
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:
-        """Return this likelihood with the hyperparameters of the deviations fixed at one combination."""
+        """Return this likelihood with the hyperparameters of deviations fixed at the combination with this index."""
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
         return replace(self, target=replace(self.target, deviation=deviation))
@@ -156,7 +156,7 @@ class Likelihood:
         return self.log_noise(self.residual(z), z)
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
-        """Return the log likelihood at each of m points z, (m, d): shape (m,)."""
+        """Return the log likelihood (nats) at each of m points z, (m, d): shape (m,)."""
         return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
@@ -194,7 +194,7 @@ class Likelihood:
         return self._slope(self._shift_line(line, z), z)
 
     def _shift_line(self, line: Line, z: np.ndarray) -> Line:
-        """Return a linearised motion with its residual at scores z, (d,)."""
+        """Return the linearised motion with its residual at scores z, (d,); the other attributes are unchanged."""
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
         return Line(line.residual - away @ line.slopes, line.slopes, line.at)
@@ -237,7 +237,7 @@ class Likelihood:
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
-        """Return the log likelihood for parameter values by name."""
+        """Return the log likelihood (nats) for values of all parameters by name; −∞ if the motion is unbounded."""
         return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:

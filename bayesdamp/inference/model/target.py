@@ -32,11 +32,11 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Reference, Signal, System
 
 NEAR_ZERO_SCORE = 1e-12
-"""Score that replaces 0 in derivatives of reflected parameters, which do not exist at 0."""
+"""Score that replaces 0 in derivatives of parameters with half-normal priors, which do not exist at 0."""
 DIRECTION_STEP = 1e-6
 """Fraction of a step over which the direction in natural coordinates is measured by a difference."""
 EPSILON_RANGE = (0.0005, 0.05)
-"""Range of the default prior of ε, as fractions of the peak velocity."""
+"""Ends of the default prior of ε, the width of friction, as fractions of the peak velocity."""
 
 
 class Scores:
@@ -45,7 +45,7 @@ class Scores:
     priors: Mapping[str, Prior]
     """Priors of the inferred parameters, in the order of the scores."""
     known: Mapping[str, float]
-    """Values of the other parameters."""
+    """Values of the parameters that are not inferred."""
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
     """Values of the common prior scale of coefficients, in scores, all equally probable."""
 
@@ -74,7 +74,7 @@ class Scores:
         return precision
 
     def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw scores from the prior, (n, d); reflected scores are not negative."""
+        """Draw scores from the prior, (count, d); reflected scores are not negative."""
         z = rng.standard_normal((count, len(self.priors)))
         if self.shared.any():
             z[:, self.shared] *= rng.choice(self.scales, count)[:, None]
@@ -184,7 +184,7 @@ class Target(Scores):
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Indices, (k,), of the scores on which the motion depends; the others are parameters of the noise."""
+        """Indices, (k,), of the inferred parameters on which the motion depends; the others are of the noise."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
 
     @cached_property
@@ -197,7 +197,10 @@ class Target(Scores):
         return self.retract(self.oscillator.restoring, z, z + step)
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of parameter values, (d,), limited to ±6. A missing value gets the centre of its prior."""
+        """Return the scores of parameter values by name, (d,), limited to ±6.
+
+        A missing value gets the score 0, or ½ if it is reflected.
+        """
         z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
 
@@ -206,14 +209,14 @@ class Target(Scores):
         return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return all parameters, known and inferred, at scores z, (d,)."""
+        """Return all parameters, known and inferred, at scores z, (d,), by name."""
         values = self._given.copy()
         for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             values[name] = value(score, *numbers)
         return values
 
     def noise_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return the parameters and constants of the noise at scores z, (d,)."""
+        """Return the parameters and constants of the noise at scores z, (d,), by name."""
         values = self._noise_given.copy()
         for i in self.of_noise.tolist():
             name, value, numbers = self._maps[i]
@@ -287,7 +290,7 @@ def build_target(
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
-    """Return the default priors of damping terms: of the coefficients, then of the terms' further parameters."""
+    """Return the default priors of damping terms by name: of coefficients, then of the terms' own parameters."""
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]
     coefficients = {t.parameter: SharedHalfNormal(per_ratio=1.0 / t.ratio_per_unit(a, w)) for t in every}
@@ -295,7 +298,7 @@ def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prio
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
-    """Return the default prior of a parameter. Raises KeyError if the name has none.
+    """Return the default prior of the parameter `name`. Raises KeyError if it has none.
 
     Priors of angles are centred on the midline of the record and have twice its amplitude as standard deviation.
     Gravity may have either sign and be as large as the stiffness.

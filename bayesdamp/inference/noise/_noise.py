@@ -30,7 +30,7 @@ LEAST_INFORMATION = 0.3
 """Smallest observed information that is used, as a fraction of the expected one; by chance it can be negative
 (conventional)."""
 LARGEST_SCORE = 6.0
-"""Largest standard normal score at which a search for the noise parameters starts."""
+"""Largest absolute standard normal score at which a search for the noise parameters starts."""
 
 
 class NoiseModel(ABC):
@@ -54,16 +54,19 @@ class NoiseModel(ABC):
     """Whether the model allows for outliers, so that they are not reported as a misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the constants. Raises Refusal if the model does not apply to the record."""
+        """Return the constants by name. Raises Refusal if the model does not apply to the record."""
         return {}
 
     @abstractmethod
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return the default priors, which depend only on the features of the record, not on the damping model."""
+        """Return the default priors of the parameters by name.
+
+        They depend only on the features of the record, not on the damping model.
+        """
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters from residuals, (n,), as a start of a search."""
+        """Estimate the parameters from residuals, (n,), by name, as a start of a search."""
 
     @abstractmethod
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -71,10 +74,10 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log likelihood by each residual, shape (..., n)."""
+        """Return the derivative of the log density by each residual, shape (..., n)."""
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivatives of the log likelihood of residuals (n,) by the parameters, by central differences."""
+        """Return the derivatives of the log density of residuals (n,) by the parameters, by central differences."""
         slopes = {}
         for name in self.parameters:
             step = DERIVATIVE_STEP * abs(p[name])
@@ -113,7 +116,7 @@ class IndependentNoise(NoiseModel):
         """Return the log density of each residual in nats, shape (..., n); the values in p broadcast to r."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for the scale, with the noise of the record as its median and sigma 1."""
+        """Return a lognormal prior for the scale, with the roughness of the record as its median and sigma 1."""
         return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
@@ -121,7 +124,7 @@ class IndependentNoise(NoiseModel):
         return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Sum the log densities."""
+        """Return the sum of the log densities of the residuals in nats, shape (...)."""
         return np.sum(self.log_likelihoods(r, gaps, p), axis=-1)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -144,7 +147,7 @@ class IndependentNoise(NoiseModel):
 
 
 def by_sample(p: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Return the parameters with a last axis of length 1, so that they broadcast against residuals."""
+    """Return the parameters by name with a last axis of length 1, so that they broadcast against residuals."""
     return {name: np.asarray(value, float)[..., None] for name, value in p.items()}
 
 
@@ -160,9 +163,10 @@ class FittedNoise:
     name : str
         Name of the noise model.
     values : mapping of str to float
-        Values of its parameters and constants, in the unit of the record.
+        Values of its parameters and constants by name, with lengths in the unit of the record.
     log_evidence : float
-        Log density of the residuals in nats, integrated over the parameters by Laplace's approximation.
+        Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
+        search did not end at a maximum, nan without a fit.
     """
 
     name: str = GAUSSIAN
@@ -244,12 +248,12 @@ class SampleNoise:
 
     @property
     def likeliest(self) -> str:
-        """Name of the noise model with the largest evidence; it may be "correlated", which `name` never is."""
+        """Name of the noise model with the largest evidence; may be "correlated" although `name` is "gaussian"."""
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
     @property
     def ahead(self) -> float:
-        """Log Bayes factor (nats) of the answer's noise model against Gaussian noise; nan if one was not fitted."""
+        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if one was not fitted."""
         logs = {model.name: model.log_evidence for model in self.weighed}
         return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 

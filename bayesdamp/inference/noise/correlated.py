@@ -45,7 +45,7 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the innovations (r_i − ρ r_{i−1}), each divided by its standard deviation."""
+        """Return the innovations (r_i − ρ r_{i−1}), each divided by its standard deviation; the first is r_0/σ."""
         p = by_sample(p)
         return _innovations(r, *_decay(gaps, p)) / p["noise_sd"]
 
@@ -85,7 +85,7 @@ class CorrelatedNoise(NoiseModel):
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log conditional densities, from the precision matrix K⁻¹.
+        """Return the log density of each residual given all others, (..., n), from the precision matrix K⁻¹.
 
         Given all others, r_i is normal with mean r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and
         Vehtari, Comput. Stat. 36, 2021).
@@ -100,7 +100,7 @@ class CorrelatedNoise(NoiseModel):
         return -0.5 * score**2 - np.log(sd) + 0.5 * np.log(precision) - 0.5 * LOG_2PI
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw a stationary Ornstein–Uhlenbeck process at the times of the samples."""
+        """Draw a stationary Ornstein–Uhlenbeck process at the times of the samples, (n,)."""
         lost, fresh = _decay(gaps, by_sample(p))
         r = rng.standard_normal(gaps.size + 1)
         for i in range(gaps.size):

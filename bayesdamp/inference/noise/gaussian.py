@@ -28,7 +28,7 @@ class Gaussian(IndependentNoise):
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return Σ r²/σ³ − n/σ."""
+        """Return Σ r²/σ³ − n/σ, the derivative of the log density by noise_sd, by name."""
         sd = p["noise_sd"]  # divided one by one, because powers overflow at extreme values
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
@@ -38,7 +38,7 @@ class Gaussian(IndependentNoise):
         return -r / sd / sd
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw white noise with standard deviation σ."""
+        """Draw white noise with standard deviation σ, (n,)."""
         return p["noise_sd"] * rng.standard_normal(gaps.size + 1)
 
 

@@ -36,7 +36,7 @@ class QuantisedNoise(IndependentNoise):
         return top + log_fraction - np.log(p["noise_step"])
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative: the difference of the densities at both ends over the probability between them."""
+        """Return the derivative: the difference of the normal densities at both ends divided by the probability."""
         p = by_sample(p)
         sd, step = p["noise_sd"], p["noise_step"]
         _, log_fraction = _log_probability(r, sd, step)
@@ -54,7 +54,7 @@ class QuantisedNoise(IndependentNoise):
         return self.information_root(r, gaps, p)
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw normal noise with rounding; the motion is assumed anywhere within a step, with uniform probability."""
+        """Draw normal noise with the error of rounding, (n,); motions are assumed uniform within a step."""
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)
         return step * np.round((motion + normal) / step) - motion

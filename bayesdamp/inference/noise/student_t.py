@@ -25,7 +25,7 @@ class StudentT(IndependentNoise):
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the scale from the median absolute residual, and take six degrees of freedom."""
+        """Estimate the scale from the median absolute residual; the degrees of freedom are six."""
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -53,7 +53,7 @@ class StudentT(IndependentNoise):
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw from Student's t with ν degrees of freedom, times σ."""
+        """Draw from Student's t with ν degrees of freedom, times σ, (n,)."""
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 

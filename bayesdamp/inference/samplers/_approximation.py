@@ -86,7 +86,10 @@ def approximate_posterior(
 
 
 def _large_change(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
-    """Return a clause on the first parameter whose mean or sd the weights (n,) change too much; "" if there is none."""
+    """Return a clause on the first parameter whose mean or sd the weights (n,) change too much, else "".
+
+    values: draws by parameter. The limits are `MEAN_LIMIT` and `SD_LIMIT`.
+    """
     for name, draws in values.items():
         x = draws.reshape(-1)
         mean = float(weights @ x)

@@ -51,7 +51,7 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the warm-up draws; few if chains start with draws of a linear model, because nothing is adapted."""
+        """Return the number of warm-up draws: few if chains start with draws of a linear model (nothing is adapted)."""
         return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
 
 
@@ -72,7 +72,7 @@ class Sampler(ABC):
         """
 
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Sample, and add the duration.
+        """Return the result of `sample` with its duration.
 
         If the sampler returns no summaries, add a summary of each parameter, and an outcome that follows from these.
         """
@@ -184,7 +184,7 @@ def _order_seeds(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
 
 
 def compare_chains(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
-    """Return the start of each chain, with the largest difference of its means from those of all chains, in sds.
+    """Return for each chain its start, and the largest difference of its means from those of all chains, in sds.
 
     Parameters
     ----------

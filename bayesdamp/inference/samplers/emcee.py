@@ -22,7 +22,7 @@ STEPS_PER_BLOCK = 200
 OUTSIDE_LOG_DENSITY = -1e300
 """Log density outside the support. It is finite because emcee computes differences."""
 MOST_BLOCKS = 40
-"""Greatest number of blocks."""
+"""Greatest number of blocks of steps."""
 
 
 class Emcee(Sampler):

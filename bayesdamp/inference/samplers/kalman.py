@@ -22,7 +22,8 @@ HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
 MOST_PASSES = 20
 """Greatest number of passes over the record."""
 SETTLED_SDS = 0.01
-"""Change of the final mean from one pass to the next, in standard deviations, at which the filter has converged."""
+"""The filter has converged if the final mean changes from one pass to the next by less than this, in standard
+deviations."""
 STORED_TIMES = 300
 """Number of times at which running estimates are stored."""
 
@@ -31,7 +32,8 @@ STORED_TIMES = 300
 class OnlineEstimates:
     """Online estimates of the k scores that determine the motion.
 
-    means, sds (n, k): after each sample. covariance (k, k): after the last sample.
+    means, sds (n, k): of the scores after each sample; nan from where the filter diverged. covariance (k, k): of the
+    scores after the last sample.
     """
 
     means: np.ndarray
@@ -163,9 +165,9 @@ class Kalman(Sampler):
 
 
 def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
-    """Repeat the filter from the priors, with sigma points about the result of the pass before, until it converges.
+    """Return the last pass of the filter, which is repeated from the priors until its final mean converges.
 
-    Raises Refusal if it does not converge.
+    The sigma points of a pass are about the result of the pass before. Raises Refusal if it does not converge.
     """
     index = target.moving
     k, y = len(index), target.signal.y
@@ -206,7 +208,10 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
 
 
 def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and sd (m,) of a parameter whose score is normal; truncated at zero if it is reflected."""
+    """Return mean and sd, (m,), in natural units of a parameter whose score is normal with this mean and sd, (m,).
+
+    The score is truncated at zero if it is reflected.
+    """
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean
     log_inside = log_ndtr(mean / sd) if prior.reflected else np.zeros(mean.size)

@@ -29,13 +29,13 @@ LEAPFROG_STEP = 1.05
 """Step in whitened coordinates, slightly above π/3: four points then span half of a circle, where a trajectory ends.
 With a shorter step trajectories are twice as long, and the draws are not better."""
 LEAST_ACCEPTANCE = 0.5
-"""Mean acceptance below which sampling is repeated with another step or force (conventional)."""
+"""Mean acceptance probability below which sampling is repeated with another step or force (conventional)."""
 MOST_DIVERGENT = 0.002
 """Fraction of divergent transitions above which sampling is repeated; above 1 % the outcome reports them."""
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the step that are tried with the exact gradient."""
 MOST_DRAWS_FACTOR = 3
-"""Draws are added up to this multiple of the requested number."""
+"""Draws are added up to about this multiple of the requested number."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class WhitenedPosterior:
         return cls(likelihood, at, line, at.factor[reflected], at.centre[reflected])
 
     def log_density(self, u: np.ndarray) -> float:
-        """Return the log density; −∞ if the motion is unbounded."""
+        """Return the log density at u, (d,), up to a constant; −∞ if the motion is unbounded."""
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
@@ -139,7 +139,10 @@ class Chain:
         return tuple(map(np.array, zip(*rows, strict=True)))
 
     def transition(self, at: Point) -> tuple[Point, bool, int, float]:
-        """Return the next point, whether the trajectory diverged, its number of steps, and its mean acceptance."""
+        """Return the next point, whether the trajectory diverged, its number of steps, and its mean acceptance.
+
+        at: the present point; its momentum is not used.
+        """
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.force, at.log_density)
         self._initial_joint, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
         tree = _Subtree(at, at, at, at.joint, at.p.copy(), True)
@@ -243,7 +246,7 @@ def drift(
 
 
 def is_poor(posterior: Posterior) -> bool:
-    """Return whether sampling had too many rejections or divergences."""
+    """Return whether sampling had too many rejections (`LEAST_ACCEPTANCE`) or divergences (`MOST_DIVERGENT`)."""
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
 
@@ -344,7 +347,7 @@ class MixtureChain(Chain):
         self.mode, self.whole, self.given = mode, whole, given
 
     def under(self, combination: int) -> WhitenedPosterior:
-        """Return the posterior given a combination."""
+        """Return the posterior given the combination of hyperparameters with this index; it is kept in `given`."""
         if combination not in self.given:
             at = whitening_under(self.mode, combination, self.whole.at.shear)
             conditional = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
@@ -416,7 +419,7 @@ class Nuts(Sampler):
         exact : bool
             Whether the force is the exact gradient.
         factor : float
-            Factor of the usual step.
+            Factor of `LEAPFROG_STEP`.
 
         Returns
         -------

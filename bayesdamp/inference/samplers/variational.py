@@ -17,7 +17,7 @@ from bayesdamp.types import Posterior, Refusal
 FIRST_DECAY, SECOND_DECAY = 0.9, 0.999
 """Decay rates of Adam's first and second moments (the values of its authors)."""
 GRADIENT_DRAWS = 8
-"""Number of draws for a gradient."""
+"""Number of draws from which a gradient is estimated."""
 STEPS_PER_BLOCK = 50
 """Number of Adam steps between checks of convergence."""
 MOST_BLOCKS = 60
@@ -147,8 +147,8 @@ class Variational(Sampler):
 def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Optimise the normal distribution in unbounded coordinates.
 
-    Returns its mean (d,), its Cholesky factor (d, d), the number of steps and the bound in nats. Raises Refusal if it
-    does not converge.
+    Returns its mean (d,), its Cholesky factor (d, d), the number of steps and the evidence lower bound in nats. Raises
+    Refusal if it does not converge or reaches unbounded motions.
     """
     d = at.mean.size
     rng = np.random.default_rng(seed)
@@ -184,7 +184,10 @@ def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndar
 def _bound_gradient(
     mode: Mode, at: UnboundedMap, x: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
-    """Return estimates of the gradient of the bound by the parameters x, (k,), and of the bound in nats."""
+    """Return estimates of the gradient of the evidence lower bound by the parameters x, (k,), and of the bound in nats.
+
+    Both are nan if a motion is unbounded.
+    """
     d = at.mean.size
     factor = _factor(x, d)
     normal = rng.standard_normal((GRADIENT_DRAWS, d))
