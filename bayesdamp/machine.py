@@ -32,7 +32,7 @@ def cache_folder() -> Path:
 
 @contextmanager
 def kill_as_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt for signals that end a run (also if its terminal is closed), within this context.
+    """Make signals that end a run, or close its terminal, raise KeyboardInterrupt within this context.
 
     Signals that are already handled or ignored, as under `nohup`, are not changed. Outside the main thread nothing is
     done.

@@ -62,7 +62,7 @@ def fitting_of(sentence: str) -> FitStatus | None:
 
 
 def reason_of(sentence: str) -> str:
-    """Return the reason in a sentence, without the words of the status or fit at its beginning."""
+    """Return a sentence without the words of the status or fit at its beginning; unchanged without these."""
     for beginning in (*Status, *FitStatus):
         if beginning.value and sentence.startswith(f"{beginning.value}:"):
             return sentence.removeprefix(f"{beginning.value}:").lstrip()

@@ -170,9 +170,9 @@ def sources_below(package: str) -> list[str]:
 
 
 def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tuple[PluginModule, ...]:
-    """Read modules of plug-ins, without running them. Raises InputError if a file cannot be read.
+    """Return modules of plug-ins with their sources, in the order of `files`, each once; they are not run.
 
-    folder: folder of relative paths; by default the working folder.
+    folder: folder of relative paths; by default the working folder. Raises InputError if a file cannot be read.
     """
     modules: list[PluginModule] = []
     for file in dict.fromkeys(str(f) for f in files):

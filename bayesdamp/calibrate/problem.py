@@ -60,7 +60,7 @@ class Generator:
     blank: Target
 
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
-        """Draw parameters from the prior and a record with them.
+        """Return a record that is simulated with parameters drawn from the prior.
 
         If a trajectory is unbounded, the parameters are drawn again. The likelihood of such parameters is zero for
         every record, so that leaving them out of the prior does not change the posterior.

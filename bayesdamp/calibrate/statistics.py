@@ -23,7 +23,10 @@ def thin(draws: np.ndarray, count: int) -> np.ndarray:
 
 
 def histogram(ranks: np.ndarray, draws: int, bins: int) -> np.ndarray:
-    """Count ranks (n,) among `draws` draws in bins of equal size, (bins,). bins must divide draws + 1."""
+    """Return the numbers of ranks (n,) in bins of equal size, (bins,).
+
+    The ranks are among `draws` draws, from 0 to draws. bins must divide draws + 1.
+    """
     return np.bincount(np.asarray(ranks, int) * bins // (draws + 1), minlength=bins)
 
 

@@ -44,7 +44,7 @@ def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
 
 
 def _adjust(family: Iterable[Row]) -> list[Row]:
-    """Add Holm's adjusted p values to the rows of a family of tests."""
+    """Return the rows of a family of tests, with Holm's adjusted p values added as `p_holm`."""
     rows = list(family)
     for row, adjusted in zip(rows, statistics.holm([r["p"] for r in rows]), strict=True):
         row["p_holm"] = float(adjusted)

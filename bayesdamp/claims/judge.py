@@ -108,7 +108,10 @@ NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing
 
 
 def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
-    """Convert a judge of the comparison on records without noise to a judge of runs; NO_RUN without the comparison."""
+    """Return a judge of runs that applies `judge` to their comparison on records without noise.
+
+    Without this comparison it returns `NO_RUN`.
+    """
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
 
 
@@ -176,7 +179,7 @@ def period_drift(damping: str) -> float:
 
 
 def judge_all(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
-    """Judge all claims, in their order."""
+    """Return each claim with its judgement, in their order."""
     return [(claim, claim.judge(runs)) for claim in claims]
 
 

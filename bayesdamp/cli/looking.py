@@ -140,9 +140,10 @@ def view_envelope(
 
 
 def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
-    """Draw the curve y, (n,), over t, (n,), as rows of braille characters. Each has two columns and four rows of dots.
+    """Return the curve y (n,) against t (n,) as texts of braille characters, the top row first.
 
-    Each column of dots covers the range of all values in it, extended so that it touches the column before it.
+    Each character has two columns and four rows of dots. Each column of dots covers the range of all values in it,
+    extended so that it touches the column before it.
     """
     wide, high = 2 * columns, 4 * rows
     span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))

@@ -296,7 +296,7 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 
 
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
-    """Convert records to entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
+    """Return records as entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
     o = options
     signals = []
     for record in records:
@@ -325,7 +325,10 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
 
 
 def _with_command(error: InputError, path: Path, options: ReadingOptions) -> InputError:
-    """Add a command to an error of reading a file, which provides all the information that the file lacks."""
+    """Return an error of reading a file with a command in its message, which gives all that the file lacks.
+
+    If no option would help, the error is returned as it is.
+    """
     answers: dict[str, str] = {}
     refused, trial = error, options
     # Read the file with the likely value of the missing option; the next error may ask for another option.

@@ -267,7 +267,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
 
 
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
-    """Read the tables [[signal]], with [system] and [[sweep]]. Raises StudyError."""
+    """Return the signals of the tables [[signal]], with [system] and expanded by [[sweep]]. Raises StudyError."""
 
     def tables_of(name: str) -> list[dict[str, Any]]:
         entries = raw.get(name, [])
@@ -292,7 +292,7 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
 
 def _read_estimators(raw: object) -> Estimators:
-    """Read the table [estimators] with the tables of single estimators and variants. Raises StudyError."""
+    """Return the estimators of the table [estimators], with their own tables and variants. Raises StudyError."""
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
     variants: dict[str, str] = {}
@@ -328,7 +328,7 @@ def _read_estimators(raw: object) -> Estimators:
 def _read_published(
     path: Path, signals: Iterable[str], estimators: Iterable[str]
 ) -> tuple[PublishedResult, ...]:
-    """Read published results from a CSV file with the columns `_PUBLISHED`. Raises StudyError."""
+    """Return the rows of a CSV file with the columns `_PUBLISHED`. Raises StudyError if the file or a name is wrong."""
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
         missing = [c for c in _PUBLISHED if c not in (reader.fieldnames or ())]

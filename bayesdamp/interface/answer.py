@@ -251,7 +251,7 @@ def answer(
 
 
 def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
-    """Convert a comparison, its verdict and the arrays of its figure to an `Answer`."""
+    """Return the answer that consists of a comparison, its verdict and the arrays of its figure."""
     further: dict[str, np.ndarray] = {}
     terms = next(iter(comparison.solvers.values())).terms
     priors, posteriors, laws, fits = [], [], [], {}

@@ -535,7 +535,11 @@ def check_times(t: ArrayLike, quantity: str) -> Vector:
 
 
 def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Predict the motion if the fit assumes exact laws, at times (m,) within the record, after it, or before it."""
+    """Return the motion `wanted` of the best fit, for a fit with exact laws, and its standard deviation.
+
+    times (m,): in s from the first sample, within the record, after it, or before it. wanted: "angle", "velocity" or
+    "acceleration".
+    """
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
     osc, best = target.oscillator, target.all_values(mode.z)
@@ -557,7 +561,10 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
 
 
 def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Predict the motion if laws may hold approximately. Raises InputError outside the part that was fitted."""
+    """Return the motion `wanted` of the best fit, for a fit with deviations, and its standard deviation.
+
+    Raises InputError if one of the times (m,), in s, is outside the part of the record that was fitted.
+    """
     end = float(law.knots[-1])
     if not times.size:
         return Prediction(times, times, times, wanted, UNITS[signal.unit].of(wanted))

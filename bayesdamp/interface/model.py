@@ -498,7 +498,10 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
 def start_from_regression(
     signal: types.Signal, problem: Problem
 ) -> tuple[dict[Seed, Mapping[str, float]], str]:
-    """Estimate the parameters by the estimator `least_squares`. Return starting points, and its outcome."""
+    """Return the initial estimate of `least_squares` as a starting point, and its outcome.
+
+    There is no starting point if the estimate has no values.
+    """
     estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
     return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
 

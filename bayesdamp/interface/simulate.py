@@ -134,7 +134,7 @@ def simulate(
 def simulate_source(
     source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
 ) -> types.Signal:
-    """Simulate a record from the settings in a study.
+    """Return a record that is simulated from the settings in a study.
 
     Parameters
     ----------

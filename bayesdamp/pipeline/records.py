@@ -165,7 +165,7 @@ def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
 
 
 def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> RecordContent:
-    """Add to `content` the record's features, the reference of the priors, a value of ε if none is given, and remarks.
+    """Return `content` with the features, the reference of the priors, a value of ε if none is given, and remarks.
 
     Raises Refusal if the record shows no oscillation.
     """

@@ -160,7 +160,10 @@ class Run(ResultView):
         return self.folder / "report.html"
 
     def save(self, path: str | Path) -> Path:
-        """Copy the folder of the run to a new path, and return it. Raises InputError if the path exists."""
+        """Copy the folder of the run to a new path, and return it.
+
+        Raises InputError if the path exists or cannot be written.
+        """
         path = Path(path)
         try:
             shutil.copytree(self.folder, path, ignore=shutil.ignore_patterns(".lock", ".*.tmp"))
@@ -258,7 +261,10 @@ def run_study(
 
 
 def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskResult], law: str) -> Candidate:
-    """Join the results of a candidate's tasks; `law` is the restoring law if the name of the candidate has none."""
+    """Return the results of a candidate's tasks together.
+
+    key: record, repeat and name of the candidate. law: the restoring law if this name has none.
+    """
     record, repeat, name = key
     damping, restoring = types.candidate_parts(name)
     mode: ModeContent | None = None

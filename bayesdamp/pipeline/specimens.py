@@ -145,7 +145,10 @@ def summarise_draws(draws: Repeats) -> dict[str, Summary]:
 
 
 def compute_joint(specimen: Specimen) -> Product:
-    """Fit the records of a specimen jointly (`joint/SPECIMEN`). Raises Refusal if fewer than two have an answer."""
+    """Return the joint fit of a specimen's records, with its draws (`joint/SPECIMEN`).
+
+    Raises Refusal if fewer than two have an answer, or if no model was fitted to all of them.
+    """
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two of its records have an answer")
     rows, arrays = compare_candidates(specimen)

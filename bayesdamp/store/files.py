@@ -47,7 +47,10 @@ def is_disk_full(error: BaseException) -> bool:
 
 @contextmanager
 def name_in_errors(path: Path) -> Iterator[None]:
-    """Put this path into any OSError: on a full disk the error names no file, or only the temporary one."""
+    """Replace the file name in any OSError within this context by `path`.
+
+    On a full disk the error names no file, or only the temporary one.
+    """
     try:
         yield
     except OSError as error:
@@ -58,7 +61,10 @@ def name_in_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _write_temporary(path: Path, content: bytes) -> Iterator[Path]:
-    """Write the content to a temporary file, which the caller renames; remove it if anything fails."""
+    """Yield the path of a temporary file with the content, which the caller renames to `path`.
+
+    The file is removed if anything fails within this context.
+    """
     partial = temporary_path(path)
     try:
         with name_in_errors(path):

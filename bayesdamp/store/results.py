@@ -161,7 +161,7 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
 
 
 def open_lock(folder: Path) -> IO[str]:
-    """Open the lock file for reading and writing.
+    """Return the lock file, opened for reading and writing; it is created if it is missing.
 
     Raises InputError if it is a link (also a hard link) or a device, and OSError if it cannot be opened.
     """

@@ -227,7 +227,7 @@ def _contradict(
 
 
 def interval_of(q: Quantity, unit: str = "") -> Interval:
-    """Convert a quantity to an interval with a unit."""
+    """Return a quantity (median and 95 % interval) as an interval with a unit."""
     return Interval(q.value, q.low, q.high, unit)
 
 

@@ -78,7 +78,7 @@ class EnvelopeAnswer:
 
 
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
-    """Compare damping sums on a decay, and decide on the verdict.
+    """Compare damping sums on a decay, and return the verdict, the decay with its fit, and likelihoods of the rates.
 
     Parameters
     ----------
@@ -101,7 +101,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Draw rates with deviations and the sensor's error, and again under exact laws without that error."""
+        """Return draws of rates with deviations and the sensor's error, and draws with neither.
+
+        The second ones are under exact laws.
+        """
         whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 
@@ -360,7 +363,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 
 
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
-    """Compare damping sums with one set of coefficients for all records, times a factor for each record.
+    """Return the joint comparison of damping sums: one set of coefficients, times a factor for each record.
 
     The hyperparameters of g are common to the records. Return None where fewer than two records have a decay.
 
@@ -388,7 +391,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
 
 
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
-    """Decide on the verdict on a specimen; None where fewer than two records have a decay.
+    """Return the verdict on a specimen; None where fewer than two records have a decay.
 
     The logarithm of Q, or of the decay rate, is pooled over the records.
 

@@ -48,7 +48,7 @@ class PooledMean:
 
 
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
-    """Pool values of records that differ by a normal random effect with an unknown spread.
+    """Return mean and spread of values of records that differ by a normal random effect.
 
     The prior of the spread is half-Cauchy, that of the mean is flat. For a single value the spread is 0.
 
@@ -107,7 +107,7 @@ def specimen(
     sensor: float = SENSOR,
     seed: int = 0,
 ) -> Verdict:
-    """Decide on a specimen: one damping for all records, times a factor for each record with an inferred spread.
+    """Return the verdict on a specimen: one damping for all records, times a factor for each with an inferred spread.
 
     Parameters
     ----------

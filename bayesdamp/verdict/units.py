@@ -42,7 +42,10 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """Convert displacements and energies among the arrays of `inference.deviation.findings.picture` to a unit."""
+    """Return the arrays of `inference.deviation.findings.picture`, displacements and energies in another unit.
+
+    Other arrays, such as damping ratios, are not changed.
+    """
     scale = unit.displacement.scale
 
     changed = dict(arrays)

@@ -43,7 +43,7 @@ class StudyCandidate:
 
     @cached_property
     def record(self) -> StudyRecord:
-        """The stored record."""
+        """The stored record, which is read from the store at the first use."""
         return StudyRecord(self.study, self.spec, self.store.read(f"signal/{self.spec.name}/{self.repeat}"))
 
     @property

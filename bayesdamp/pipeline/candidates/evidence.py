@@ -137,7 +137,11 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
 
 
 def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
-    """Average the damping against amplitude over models (`averaged/bench/0`). Raises Refusal if that is impossible."""
+    """Return the damping against amplitude, averaged over models (`averaged/bench/0`).
+
+    Raises Refusal if a model has no evidence, if no model has draws, or if those with draws have less than
+    `LEAST_COVERED` of the probability.
+    """
     models, record = study.compare(spec), f"{spec.name}/0"
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]

@@ -107,11 +107,11 @@ def marginals(
     model
         Name of the model.
     draws
-        Draws of each sampler.
+        Draws, of any shape, by sampler and parameter; the first sampler is filled.
     units
-        Units of the parameters.
+        Units, by parameter.
     truth
-        True values of the parameters; nan if not known.
+        True values, by parameter; nan if not known.
     damping
         Names of the damping coefficients, which are never negative.
     """

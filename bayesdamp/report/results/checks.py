@@ -64,7 +64,10 @@ def sampling_sentence(comparison: Agreement) -> str:
 
 
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
-    """Compare the answer from sequential Monte Carlo with that from linear approximations; empty without sampling."""
+    """Return a check that compares the answer from sequential Monte Carlo with that from linear approximations.
+
+    The list is empty without sampling, or if the record is not a free decay or no law describes it.
+    """
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
         return []
@@ -222,7 +225,7 @@ class RecordChecks:
                 )
 
     def _ratios(self) -> Iterator[Check]:
-        """Compare the damping ratios from the chains with those of the answer."""
+        """Yield a check that compares the damping ratios from the chains with the answer's; none without both."""
         v = self.verdict
         drawn = self._drawn_ratios(v) if v is not None else None
         if v is None or drawn is None:
@@ -336,7 +339,10 @@ class RecordChecks:
                 )
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
-        """Compare the probabilities from the study's evidence with those of the answer."""
+        """Yield checks that compare the probabilities from the study's evidence with those of the answer.
+
+        There are none if the study has no evidence besides that of the answer.
+        """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return
         run, signal, repeat, v = self.run, self.signal, self.repeat, self.verdict

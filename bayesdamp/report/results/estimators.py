@@ -119,7 +119,7 @@ def true_models(run: RunFolder) -> dict[str, str]:
 
 
 def compare_estimators(run: RunFolder) -> EstimatorComparison:
-    """Compare the estimators on the signals with published errors, or else on all simulated signals."""
+    """Return the errors of the estimators on the signals with published errors, or else on all simulated signals."""
     printed = run.study.get("published") or []
     truths, with_figures = true_models(run), {p["signal"] for p in printed}
     signals = [s for s in run.signals if s in truths and (s in with_figures or not with_figures)]

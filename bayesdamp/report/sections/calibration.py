@@ -216,7 +216,7 @@ class RecoveredSection(Section):
         return run.info.get("kind") == "model recovery"
 
     def render(self, run: RunFolder) -> str:
-        """Return expected against observed probabilities, and the confusion of models."""
+        """Return expected against observed probabilities, and the confusion of models, of each series."""
         result = run.info["result"]
         parts: list[object] = [paragraph(sentence) for sentence in MODELS_EXPLAINED]
         for name, title in SERIES.items():

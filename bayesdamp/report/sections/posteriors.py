@@ -295,7 +295,7 @@ def _sentences(mode: ModeContent) -> list[str]:
 
 
 def _listing(seeds: Iterable[Seed]) -> str:
-    """List starting points by their source and stage."""
+    """Return a list in words of starting points, by their source and stage."""
     names = []
     for seed in seeds:
         details = [words.stage(seed.stage)] if seed.stage else []
@@ -305,7 +305,7 @@ def _listing(seeds: Iterable[Seed]) -> str:
 
 
 def _starting_points(climbs: Sequence[SearchContent]) -> str:
-    """List the starting points of searches at the beginning of a sentence."""
+    """Return a list in words of the starting points of searches, for the beginning of a sentence."""
     text = _listing(seed for c in climbs for seed in (c.seed, *c.same))
     return text[:1].upper() + text[1:]
 
