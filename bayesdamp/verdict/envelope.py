@@ -257,7 +257,7 @@ def _coefficients_with_own(
 
 
 def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
-    """Return a coefficient from its draws (n,), and draws (m,) under exact laws."""
+    """Return a coefficient from its draws (n,), and from draws (m,) under exact laws, as `estimate_of` does."""
     return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
 
 

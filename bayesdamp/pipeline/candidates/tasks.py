@@ -49,7 +49,8 @@ COMPUTE = {
     "evidence": compute_evidence,
     "sensitivity": compute_sensitivity,
 }
-"""Functions that compute a task from a seed, by the kind of task; the seed follows from the task's name."""
+"""Functions of a candidate, a method (or kind of sensitivity) and a seed that compute a task, by the kind of task. Only
+"mode" is computed without these (`compute`); the seed follows from the task's name."""
 
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
