@@ -64,9 +64,9 @@ class _Prior(BaseModel):
     reflected: bool = Field(default=False, exclude=True, init=False, repr=False)
 
     def _begin(self, **numbers: float) -> None:
-        """Validate the numbers of a prior that is created in Python. Raises InputError with a message of one line.
+        """Validate the numbers of a prior that is created in Python, and set its fields.
 
-        Tables of study files are validated directly by pydantic.
+        Raises InputError with a message of one line. Tables of study files are validated directly by pydantic.
         """
         try:
             super().__init__(**numbers)
@@ -245,7 +245,7 @@ class SharedHalfNormal(_Prior):
         return -shared_precision(z**2, 1) * z / (SCORE_RATIO * self.per_ratio)
 
     def describe(self) -> str:
-        """Return the prior in words, for tables."""
+        """Return the prior in words, for tables; it is the same text for every coefficient."""
         return (
             f"half-normal on the damping ratio, its scale shared by the terms and unknown between "
             f"{LEAST_SCALE:g} and {MOST_SCALE:g}"
@@ -385,7 +385,7 @@ class LogNormal(_Prior):
             return np.log(np.asarray(x, float) / self.median) / self.sigma
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return log N(log x; log median, sigma²) − log x at x > 0, −∞ below."""
+        """Return log N(log x; log median, sigma²) − log x at x > 0, −∞ elsewhere."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.median)
         inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
@@ -494,8 +494,9 @@ FURTHER_TERM = 0.125
 ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor nearly as many records are
 decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
-"""Prior odds of all other forms of damping together, relative to a single term (conventional), and the number of sums
-of the paper's terms with such a form. Each of these sums has the same share of the odds, however many are compared."""
+"""Prior odds of all rivals (sums with another form of damping) together, relative to a single term (conventional), and
+the number of rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are
+compared."""
 
 
 def odds(damping: Sequence[str], other: bool = False) -> float:

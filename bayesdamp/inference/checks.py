@@ -33,7 +33,7 @@ from bayesdamp.outcomes import P_LIMIT, FitStatus
 from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
 
 PREDICTIVE_DRAWS = 200
-"""Number of draws for the predictive check."""
+"""Number of posterior draws for the predictive check, and number of series of noise that they are compared with."""
 FORECAST_DRAWS = 50
 """Number of draws of Laplace's approximation for a forecast, and number of draws whose motions are computed at a time.
 With 50, the part of the predictive standard deviation that comes from the parameters is accurate to a tenth."""
@@ -62,7 +62,7 @@ record is a misfit (conventional)."""
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the autocorrelation of x, (..., n), at lags 0 to `lags`, (..., lags + 1)."""
+    """Return the autocorrelation of x, (..., n), about its mean at lags 0 to `lags`, (..., lags + 1); 1 at lag 0."""
     x = x - x.mean(axis=-1, keepdims=True)
     size = scipy.fft.next_fast_len(x.shape[-1] + lags, real=True)
     power = np.abs(np.fft.rfft(x, size, axis=-1)) ** 2
@@ -291,17 +291,17 @@ class Prediction:
 
     @property
     def rms(self) -> float:
-        """Root mean square error, in the unit of the record."""
+        """Root mean square of `error`, in the unit of the record."""
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
     def expected(self) -> float:
-        """Root mean square of the predictive standard deviation, in the unit of the record."""
+        """Root mean square of `sd`, in the unit of the record: the value of `rms` that is expected."""
         return float(np.sqrt(np.mean(self.sd**2)))
 
     @property
     def coverage(self) -> float:
-        """Fraction of the samples inside their 95 % intervals."""
+        """Fraction of the m samples inside their predictive 95 % intervals."""
         return float(np.mean(np.abs(self.error) < HALF_INTERVAL * self.sd))
 
 

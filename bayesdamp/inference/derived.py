@@ -77,7 +77,7 @@ class Motions:
 
     @cached_property
     def _rest(self) -> np.ndarray:
-        """Equilibria, rad or m."""
+        """Equilibria for all draws, in rad or m."""
         return rest_position(self.osc, self._numbers, self.near)
 
     @cached_property
@@ -102,13 +102,13 @@ class Motions:
         return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
-        """Return the cycle at an amplitude, which may differ between draws."""
+        """Return the undamped cycle at an amplitude in rad or m, which may differ between draws."""
         amplitudes = np.broadcast_to(np.asarray(amplitude, float), self.shape)
         return cycle(self.osc, self._numbers, amplitudes, self.near)
 
     @cached_property
     def cycle(self) -> Cycle:
-        """The cycle at the reference amplitude."""
+        """The undamped cycle at the reference amplitude."""
         return self.at(self.amplitude)
 
     @property
@@ -220,10 +220,10 @@ def curves_against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
-    """Return the equivalent damping ratio ΔE/(4πE)."""
+    """Return the equivalent damping ratio ΔE/(4πE) of a cycle for all draws."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 
 def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
-    """Return the logarithmic decrement ΔE/(A dE/dA)."""
+    """Return the logarithmic decrement ΔE/(A dE/dA) of a cycle at amplitude A for all draws."""
     return np.asarray(at.energy_lost / (amplitude * at.energy_slope))

@@ -23,7 +23,8 @@ LEAST_DRAWS = 4
 """Least number of draws in a chain for which diagnostics are computed; with fewer they are nan (conventional)."""
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
-"""Largest R̂ and smallest effective sample size of reliable draws (recommended by Vehtari et al.)."""
+"""RHAT_LIMIT is the largest R̂, and ESS_LIMIT the smallest effective sample size, of reliable draws (recommended by
+Vehtari et al.)."""
 
 
 def rhat(draws: np.ndarray) -> float:
@@ -38,19 +39,19 @@ def rhat(draws: np.ndarray) -> float:
 
 
 def ess_bulk(draws: np.ndarray) -> float:
-    """Return the effective sample size of the rank-normalised draws (section 4.2)."""
+    """Return the effective sample size of the rank-normalised draws, (chain, draw) (section 4.2)."""
     return _ess(_normalised(_split(draws))) if _usable(draws) else float("nan")
 
 
 def ess_tail(draws: np.ndarray) -> float:
-    """Return the smaller of the effective sample sizes of the 5 % and the 95 % quantile (section 4.3)."""
+    """Return the smaller effective sample size of two quantiles of draws, (chain, draw): 5 % and 95 % (section 4.3)."""
     if not _usable(draws):
         return float("nan")
     return min(_ess(_split(draws <= np.quantile(draws, level)).astype(float)) for level in (0.05, 0.95))
 
 
 def effective_mean(draws: np.ndarray) -> float:
-    """Return the effective sample size of the mean (section 3.2)."""
+    """Return the effective sample size for the mean of draws, (chain, draw) (section 3.2)."""
     return _ess(_split(draws)) if _usable(draws) else float("nan")
 
 
@@ -65,13 +66,16 @@ def _usable(draws: np.ndarray) -> bool:
 
 
 def _split(draws: np.ndarray) -> np.ndarray:
-    """Return the first and last halves of all chains as chains of their own."""
+    """Return the first and last halves of all chains as chains of their own, (2 · chain, draw / 2)."""
     half = draws.shape[1] // 2
     return np.vstack((draws[:, :half], draws[:, -half:]))
 
 
 def _normalised(draws: np.ndarray) -> np.ndarray:
-    """Return the normal quantiles of the ranks among all draws (14); ties get their mean rank."""
+    """Return the normal quantiles of the ranks among all draws, (chain, draw), by formula (14).
+
+    Ties get their mean rank.
+    """
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
     return scipy.special.ndtri((ranks - 3 / 8) / (draws.size + 1 / 4))

@@ -34,7 +34,8 @@ SMALLEST_SCORE = 1e-9
 LONGEST_STEP = 3.0
 """Largest change of a score in one step, in prior standard deviations."""
 HOPELESS_GAIN = 1e-7
-"""After a failed step with a smaller expected gain than this, in nats, no shorter step is tried."""
+"""After a failed step whose expected gain of the log density is smaller than this, in nats, no shorter step is
+tried."""
 MOST_STEPS = 60
 """Greatest number of steps of a search."""
 MOST_CHANGE = 0.01
@@ -43,7 +44,7 @@ sds of the mode; farther from the mode the limit is proportional to the decrease
 NEAR_SDS = 3.0
 """Distance from the mode within which motions must be accurate, in posterior sds."""
 FINER_FACTOR = 0.01
-"""Factor of the tolerance for the accurate solution with which the error of a motion is measured."""
+"""The error of a motion is measured against one with this fraction of its tolerance."""
 NEGLIGIBLE_NATS = 15.0
 """Values of the common prior scale whose log evidence is this far below the best one (nats) are left out; together they
 add less than 1e-5."""
@@ -228,7 +229,7 @@ class Mode:
 
     @property
     def tolerance(self) -> float:
-        """Largest error of a motion, in the unit of the record."""
+        """Largest allowed error of a motion, in the unit of the record."""
         return self.likelihood.tolerance
 
     @property
@@ -269,11 +270,11 @@ class Mode:
 
     @property
     def stored(self) -> StoredMode:
-        """The stored form of the mode."""
+        """The values of the mode that are stored; `restore_mode` rebuilds it."""
         return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
 
     def sd(self) -> np.ndarray:
-        """Return the Laplace standard deviations of the scores, (d,)."""
+        """Return the sds of the scores in the normal approximation with the covariance of `factor`, (d,)."""
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 

@@ -29,7 +29,7 @@ GRID_SDS = 9.0
 LARGEST_TAU = 4.0
 """Largest τ, in units of the prior scale of m; the probability beyond is below 1e-4."""
 FAR_FROM_ZERO = 8.0
-"""The truncation of a normal density at zero is ignored if its centre is this many of its sds away."""
+"""A normal density of `Kernels` is not reflected at zero if its centre is at least this many of its sds from zero."""
 GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
 """Grid of a specimen's coefficient: number of points, and half-width in sds of its likelihood; and number of draws of
 (m, τ)."""
@@ -42,7 +42,7 @@ FEW_SPECIMENS = 5
 
 @dataclass(frozen=True)
 class Sample:
-    """Posterior draws of a coefficient of one specimen, their log weights and log prior densities, (n,) each."""
+    """Posterior draws (`values`) of one specimen's coefficient, their log weights and log prior density, (n,) each."""
 
     name: str
     values: np.ndarray
@@ -119,7 +119,7 @@ class Kernels:
             return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
 
         def inside(centre: float) -> np.ndarray:
-            """Return this integral over θ ≥ 0."""
+            """Return the log of the integral of `overlap` over θ ≥ 0 only."""
             top = (m * width**2 + centre * tau**2) / variance
             return overlap(centre) + scipy.special.log_ndtr(top * np.sqrt(variance) / (width * tau))
 

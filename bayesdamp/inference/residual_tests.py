@@ -124,7 +124,10 @@ def find_spectral_line(
 
 
 def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
-    """Return the description of the largest peak in the spectrum of residuals (n,), as in `SpectralLine.words`."""
+    """Return words for the largest peak in the spectrum of residuals (n,), as in `SpectralLine.words`.
+
+    t: times in s, (n,). period: of the oscillation, in s.
+    """
     _, cycles, across = _extent(t, period)
     return _largest_peak(residual, cycles, across).words
 

@@ -17,7 +17,7 @@ from bayesdamp.types import Refusal, Seed
 SAME_MODE = 1.0
 """Two searches whose ends are closer than this, in posterior sds, reached the same mode (conventional)."""
 COARSEST_ERROR = 1.0
-"""Largest error of a motion in a search, in standard errors of the mean of all samples (conventional)."""
+"""Tolerance of a motion in a search, in standard errors of the mean of all samples (conventional)."""
 MOST_RESIDUAL = 1.5
 """Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
 the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
@@ -31,7 +31,7 @@ SAME_START = 1e-4
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
-    """Draw starts from the prior. Return parameter values in natural units by seed."""
+    """Draw `count` starts from the prior; return for each, by its `Seed`, parameter values in natural units by name."""
     draws = target.prior_draws(count, np.random.default_rng(seed))
     return {
         Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
@@ -190,7 +190,7 @@ def find_mode(
 
 
 def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
-    """Return the start at scores z, (d,), with noise parameters estimated from the residuals there."""
+    """Return the start at scores z, (d,), with noise parameters from the residuals there if they are finite."""
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
     if np.all(np.isfinite(r)):

@@ -29,7 +29,7 @@ from bayesdamp.priors import (
 from bayesdamp.types import OK, Evidence, NestedRatio, Refusal
 
 PRIOR_FACTORS = np.geomspace(0.1, 10.0, 9)
-"""Factors of the scale of the priors: two decades."""
+"""Factors by which the scales of the priors of damping coefficients are multiplied: two decades."""
 LEAST_EFFECTIVE = 400.0
 """Effective number of reweighted draws below which new draws are made under the scaled prior (conventional)."""
 MOST_NATS = 5.0
@@ -119,7 +119,7 @@ def evidence_by_prior_width(
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in varied}
 
     def evidence_at(factor: float, seed: int) -> tuple[float, float, float, bool, bool]:
-        """Return a row of `Widths` for one factor."""
+        """Return log_evidence, stderr, effective, anew and trusted of `Widths` for one factor."""
         others = {n: p for n in varied if (p := scale_prior(priors[n], factor)) is not None}
         weights = log_weights.copy()
         for name, other in others.items():
@@ -291,7 +291,7 @@ def density_at_zero(
     c = np.zeros(POLYNOMIAL_DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log ∫ exp(c·basis), and mean and covariance of the basis under this density."""
+        """Return log ∫ exp(c·basis) over [0, 1], and mean and covariance of the basis under this density."""
         log_f = c @ basis
         most = log_f.max()
         mass = node_weights * np.exp(log_f - most)

@@ -13,7 +13,7 @@ from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
 GRADIENT_STEP = 0.01
-"""Step of the differences of gradients that give the Hessian, in posterior sds."""
+"""Step of the differences of gradients that give the Hessian in `laplace`, in posterior sds."""
 LEAST_INSIDE = 0.02
 """If a smaller fraction of normal draws is inside the walls, the sampler of `numerics.orthant` replaces rejection."""
 MOMENT_DRAWS = 20_000
@@ -39,7 +39,7 @@ class TruncatedNormal:
         return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Return independent draws, (n, d)."""
+        """Return n independent draws, (n, d)."""
         factor = np.linalg.cholesky(self.covariance)
         draws = np.empty((0, self.mean.size))
         while len(draws) < n:

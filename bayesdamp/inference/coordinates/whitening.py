@@ -33,11 +33,11 @@ STEP_FACTOR = 1.6
 RIDGE_END_NATS = 16.0
 """The ridge is followed until the log density is this many nats below its maximum: 5.7 sds of a normal distribution."""
 MOST_STEPS = 60
-"""Greatest number of steps to each side."""
+"""Greatest number of steps along the ridge to each side of the mode."""
 LEAST_STEPS = 4
-"""With at most this number of points on the ridge, the map is the identity."""
+"""If at most this number of points on the ridge can be computed, `NoiseMap` is the identity."""
 PARTS_PER_STEP = 8
-"""Number of parts of each step, on which the log density is interpolated."""
+"""Number of parts into which the interpolation of the log density divides each step along the ridge."""
 LARGEST_LEVEL = 4.5
 """Level score up to which the map of the noise is tabulated; beyond, it is linear."""
 LINEAR_END = 1000.0
@@ -52,10 +52,11 @@ VISIBLE_BEND = 0.02
 """A ridge is straightened only if, one sd from the mode, its distance from its tangent is at least this, in posterior
 sds."""
 SECOND_DIFFERENCE_STEP = 0.3
-"""Step of second differences, in posterior sds. They extend to 0.6 sds from the mean of the truncated distribution,
-which is about one sd or more from the wall."""
+"""Step of the second differences that give Hessians, in posterior sds. They extend to 0.6 sds from the mean of the
+truncated distribution, which is about one sd or more from the wall."""
 LEAST_CURVATURE = 0.1
-"""Smallest curvature that is used in any direction, as a fraction of the Gauss–Newton curvature."""
+"""Smallest curvature of the log posterior that is used in any direction, as a fraction of the Gauss–Newton
+curvature."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ class NoiseMap:
         return np.log(self._rate(level[..., self.second])[..., 0])
 
     def volume_slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `log_volume`, (d,), at level scores (d,)."""
+        """Return the derivatives of `NoiseMap.log_volume` by level scores, (d,), at level scores (d,)."""
         slope = np.zeros(level.size)
         if self.table is not None:
             x = level[self.second]
@@ -179,13 +180,13 @@ class NoiseMap:
 
     @cached_property
     def _rate(self) -> PPoly:
-        """Derivatives of `table` by the level score."""
+        """Derivatives of `table` by the level score of the second parameter."""
         assert self.table is not None
         return self.table.derivative()
 
     @cached_property
     def _second_derivative(self) -> PPoly:
-        """Second derivatives of `table` by the level score."""
+        """Second derivatives of `table` by the level score of the second parameter."""
         return self._rate.derivative()
 
 
@@ -339,12 +340,12 @@ class Shear:
         return self.noise.log_volume(self.level(straight))
 
     def volume_slope(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `log_volume`, (d,), at one point (d,)."""
+        """Return the derivatives of `Shear.log_volume` by straight scores, (d,), at one point (d,)."""
         slope = self.noise.volume_slope(self.level(straight))
         return slope + slope @ self._bending(straight)
 
     def _bending(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the quadratic form, (d, d), at one point (d,)."""
+        """Return the derivatives of the quadratic form by straight scores, (d, d), at one point (d,)."""
         bending = np.zeros((straight.size, straight.size))
         bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
         return bending
@@ -538,9 +539,9 @@ def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return the truncated normal of straight scores with the centre and covariance of `expansion`.
+    """Return the truncated normal of straight scores whose covariance is that of `expansion`.
 
-    Its log density has the gradient of the log posterior at that centre.
+    Its log density has the gradient of the log posterior at the centre of `expansion`.
     """
     at, factor = expansion(target, mode, shear)
     covariance = factor @ factor.T

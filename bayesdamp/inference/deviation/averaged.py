@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 MOST_CYCLES = 1200.0
-"""Largest number of cycles for which the ODE is fitted if averaged motions are not accurate: the Jacobian then takes 1
-GB (measured)."""
+"""Largest number of cycles for which the ODE is solved instead if averaged motions are not accurate: the Jacobian then
+takes 1 GB (measured)."""
 FEWEST_CYCLES = 400.0
 """Number of cycles from which on a record is averaged (conventional)."""
 BLOCKS = 64
@@ -54,7 +54,8 @@ UNSURE = 0.25
 """The number of cycles in a hole counts as known if its distance from a whole number plus three sds is at most this
 (conventional)."""
 FOLLOWED = 8
-"""Number of windows in each piece of the spline that follows a wandering phase; their noise hardly shifts it."""
+"""Number of windows (`WINDOW`) in each piece of the spline that follows a wandering phase; the noise of so many windows
+hardly shifts it."""
 OVERTONES = 3
 """Largest multiple of the frequency that is also removed from a block."""
 BENT = 3.0
@@ -132,7 +133,8 @@ class Averaging:
 class _Curves:
     """Phase in rad and log amplitude against time in s.
 
-    phase, log_size: splines. steps: times in s, and what the phase grows by there, in rad, in addition to its spline.
+    phase, log_size: splines. steps: pairs of a time in s and the step in rad that is added to the spline of the phase
+    after it.
     """
 
     phase: BSpline
@@ -446,7 +448,10 @@ def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
-    """Return the least-squares cubic spline, with the given knots, of values at times t, (m,); weight: 1/sd of each."""
+    """Return the least-squares cubic spline, with the given knots, of values at times t, (m,).
+
+    weight: 1/sd of each value, up to a factor, (m,).
+    """
     return scipy.interpolate.make_lsq_spline(t, values, knots, 3, w=weight / weight.max())
 
 

@@ -101,7 +101,7 @@ class Linearisation:
 
     @property
     def squares(self) -> float:
-        """Return the sum of the squared residuals, in the record's unit squared."""
+        """Return the sum of the squares of `residual`, in the record's unit squared."""
         return float(np.sum(self.residual**2))
 
     def variance(self, data: Data) -> float:
@@ -282,7 +282,7 @@ def _solve(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model about a fit under exact laws."""
+    """Return the linear model of scores about a fit under exact laws, without deviations."""
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
 

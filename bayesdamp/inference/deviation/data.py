@@ -20,17 +20,17 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Reference, Signal
 
 A_CYCLE = 80
-"""Least number of means in a cycle where neighbouring samples are averaged. Motions are averaged over the same windows,
+"""Least number of means in a cycle, if neighbouring samples are averaged. Motions are averaged over the same windows,
 so this number sets the cost and not the answer."""
 HOLE = 2.0
-"""Gap between samples, in lengths of a window, from which no window includes it (conventional)."""
+"""Gap between samples, in lengths of a window, from which on no window extends over it (conventional)."""
 LEAST = 0.05
 """Fraction of the first amplitude at which the used part of a record ends. Laws that hold to a few per cent over a
 decade of amplitudes do not hold over two, and below this the sensor's step and static friction dominate."""
 FEWEST_CYCLES = 4.0
-"""Least number of cycles that are used, however small they are."""
+"""Least number of cycles of a record that are used, however small their amplitudes are."""
 SOLVED = 1e-6
-"""Error of a motion, as a fraction of the amplitude."""
+"""Error of a motion by the ODE solver, as a fraction of the amplitude."""
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
 """Noise models under which amplitudes and phases are least-squares estimates; their noise is measured by their own
 scatter."""

@@ -31,8 +31,8 @@ TOTAL_DRAWS = 4000
 COVERED_PROBABILITY = 0.99
 """Draws are from the most probable candidates, as many as are needed for this total probability."""
 MOST_DISTINCT_DRAWS = 200
-"""Largest number of different draws of a candidate whose terms have own parameters: each needs a quadrature of the
-work."""
+"""Largest number of different draws of a candidate whose terms have own parameters, because each needs a quadrature of
+the work."""
 DRIFT_SDS = 5.0
 """A drift of this many standard deviations is significant: one false alarm in 400 records of `LEAST_CYCLE_MEANS`
 cycles, far fewer with more cycles."""

@@ -51,16 +51,16 @@ NEGLIGIBLE = 7.0
 ALIKE = 0.25
 """Posterior probability between two neighbouring exponents above which another is added between them."""
 ENOUGH = 20
-"""Number of exponents from which no more are added."""
+"""Number of exponents at which the search for further ones ends."""
 LEVELS = (np.arange(400) + 0.5) / 400
-"""Probabilities at which quantiles are returned; they serve as draws."""
+"""Probabilities at which quantiles of the exponent are returned; the quantiles serve as draws."""
 POINTS = 3001
 """Number of points of the interpolated posterior."""
 
 
 @dataclass(frozen=True)
 class _At:
-    """The log evidence at one exponent, in nats, and the mode: its fit, and u = (scores, g, h)."""
+    """The fit at one exponent: log evidence in nats, the fit itself, and u = (scores, g, h) at the mode."""
 
     log_evidence: float
     fit: LeastSquaresFit
@@ -103,7 +103,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     sd = float(np.std(draws[:, place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
-        """Fit at exponent p, starting at the mode of another exponent; None where this fails."""
+        """Fit at exponent p, starting at the mode of another exponent (None: at that of `top`); None if this fails."""
         priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
         fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
         solver = power_solver(comparison, p)

@@ -43,8 +43,8 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Ratio, sum_probabilities
 
 SENSOR = 0.002
-"""Relative standard deviation of the sensor's linearity and clock, added to that of every damping ratio
-(conventional)."""
+"""Relative standard deviation of every damping ratio from the sensor's linearity and clock (conventional); the draws
+include it."""
 CURVE_AMPLITUDES = 12
 """Number of amplitudes in a damping curve."""
 PROBABLE_RIVALS = 1e-3

@@ -34,15 +34,15 @@ REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
 ALONE = "power"
 """The form that replaces a whole sum."""
 BEHIND = 7.0
-"""Nats behind the best sum beyond which a sum gets no rival with own parameters (its posterior probability would be
-below 1 in 1,000)."""
+"""A sum whose log evidence is more than this many nats below the best gets no rival with own parameters (its posterior
+probability would be below 1 in 1,000)."""
 FEW = 1000
 """Number of posterior draws from which an upper limit is computed."""
 SCORES = (-1.0, 1.0)
 """Scores of a form's own parameters at which upper limits are computed; the largest limit counts."""
 LEAST_WORK = 1e-6
-"""Net work, relative to the sum of the absolute work on either side of rest, below which a form dissipates no
-energy."""
+"""A form dissipates no energy if its net work is at most this fraction of the sum of its absolute work on either side
+of rest."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:

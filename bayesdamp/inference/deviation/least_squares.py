@@ -24,10 +24,10 @@ the last search."""
 NOTHING = 0.1
 """A step is tried only if the predicted decrease is at least this fraction of the one below which the search ends."""
 LARGEST = 1e100
-"""Derivative of a motion beyond which it depends chaotically on its start, and sums of squares overflow (conventional).
-"""
+"""Derivative of a motion by a score beyond which it depends chaotically on its start, and sums of squares overflow
+(conventional)."""
 FIRST_CYCLES = 2.0
-"""Length of the first window, in cycles."""
+"""Length of the first window in which a record is fitted, in cycles."""
 SEARCHED = 1e-7
 """Error of an integration step, as a fraction of the amplitude, in rough searches and for Jacobians. Larger errors miss
 the corners of friction (measured: at 1e-6 an upper limit is a tenth too low)."""

@@ -17,7 +17,7 @@ from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PROBABILITY_EXACT = 0.8
-"""Prior probability that a law holds exactly."""
+"""Prior probability that a law holds exactly, separately for damping (g = 0) and restoring force (h = 0)."""
 MEAN_G, MEAN_H = 0.03, 0.01
 """Means of the exponential priors of the sizes (standard deviations) of g and h, where the law is not exact."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
@@ -30,9 +30,9 @@ WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
 WIDE_LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths of g for the damping curve without a law."""
 JITTER = 1e-6
-"""Variance added to a covariance of size 1, so that it has a Cholesky factor (conventional)."""
+"""Variance added to the diagonal of a covariance with variance 1, so that it has a Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
-"""Smallest and largest number of knots."""
+"""Smallest and largest number of knots of a deviation."""
 Size = tuple[float, float, float]
 """Size and correlation length of a deviation, and their log prior probability."""
 NO_DEVIATION: Size = (0.0, 1.0, 0.0)
@@ -66,7 +66,7 @@ class Grid:
 
     @property
     def factors(self) -> np.ndarray:
-        """Return factors F of the covariances F Fᵀ of (g, h), (c, 2n, 2n)."""
+        """Return factors F, (c, 2n, 2n), of the covariances F Fᵀ of (g, h) at each grid point."""
         return self.roots[self.lengths] * self.scales[:, None, :]
 
     @cached_property
@@ -128,7 +128,10 @@ def grid_of(
 
 @lru_cache(maxsize=8)
 def wide_grid(knots: int) -> Grid:
-    """Return the grid for damping without a law: all `WIDE_SIZES` of g are equally probable; h has its coarse grid."""
+    """Return the grid for damping without a law, for a number of knots.
+
+    All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally probable; h has the grid of `grid_of` with `coarse`.
+    """
     mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
     of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
     return _combine(knots, of_g, _with_none(SIZES_H[::2], MEAN_H, LENGTHS[::2]))
@@ -153,7 +156,10 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
 def _combine(
     knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
 ) -> Grid:
-    """Return the grid of all combinations of hyperparameters of g and of h, with independent priors."""
+    """Return the grid of all combinations of hyperparameters of g and of h, with independent priors.
+
+    absorbed: as of `grid_of`.
+    """
     weights = np.ones(knots)
     weights[:1] = weights[-1:] = 0.5
     # Subtracts the mean over the record of a function that is linear between knots (trapezoidal rule).
@@ -188,10 +194,11 @@ differences of squares keep at least five digits (measured)."""
 SMALL = 12
 """Size of a triangular matrix up to which `numpy.linalg.inv` inverts it."""
 NEGLIGIBLE = 30.0
-"""Nats behind one grid point and scale from which others are left out."""
+"""A combination of grid point and scale is left out if its log evidence is this many nats below an estimate of the
+best."""
 LEFT_OUT = 1e-3
-"""Total posterior probability of the grid points and scales that are left out: this lowers every log evidence by a
-thousandth of a nat."""
+"""Total posterior probability of the combinations of grid point and scale that are left out: this lowers every log
+evidence by a thousandth of a nat."""
 
 
 @dataclass(frozen=True)
@@ -318,7 +325,10 @@ class LinearPosterior:
         return self._every[1]
 
     def only(self, which: np.ndarray) -> LinearPosterior:
-        """Return the posterior of the marked components, (m,) of bool, without the likelihood of the damping."""
+        """Return the posterior with only the marked components, (m,) of bool.
+
+        Its log evidence is that of these components, and it has no likelihood of the damping.
+        """
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
         total = float(np.logaddexp.reduce(log))
@@ -644,7 +654,7 @@ class _ScaledPriors:
         return combos[places], scales[places]
 
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Return an upper bound of the log evidence at grid points and scales, (m,)."""
+        """Return an upper bound of the log evidence with the cut-off at zero, at grid points and scales, (m,)."""
         log = self.log[combos, scales]
         if not self.inside.size:
             return log

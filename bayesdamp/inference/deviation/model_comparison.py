@@ -58,10 +58,11 @@ BETWEEN, CLEAR = 4, 1.0
 """Largest number of widths that are tried in addition, and the number of nats by which the best width must be ahead of
 a neighbour for another to be tried between them."""
 LEAD = 3.0
-"""Nats by which another ε must be ahead of the default one to replace it."""
+"""The default width ε is replaced by another only if that has a log posterior density at least this many nats
+larger."""
 SHARPER = 0.25
-"""Ratio of the variances under the noise's own model and by least squares, below which ε is chosen again under that
-model: by least squares, values that are rounded to coarse steps do not determine ε."""
+"""If the variance under the chosen noise model is less than this fraction of the least-squares one, ε is chosen again
+under this model: by least squares, values that are rounded to coarse steps do not determine ε."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 """Known values of parameters by name, or a function that returns them for a restoring law."""
 ROUNDS = 2
@@ -223,7 +224,7 @@ class ModelComparison:
 
     @property
     def samples(self) -> float:
-        """Return the effective number of independent values in the record."""
+        """Return the effective number of independent values in the record: their number divided by κ."""
         return self.data.y.size / self.inflation
 
     @property
@@ -237,7 +238,7 @@ class ModelComparison:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the damping terms of all candidates."""
+        """Return the damping terms of all candidates, rivals excluded."""
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
@@ -551,7 +552,7 @@ class _CandidateFits:
         return self.reference.scales(rest)
 
     def fit_fullest(self, law: str) -> None:
-        """Fit the sum of the terms without own parameters, and from there the sum of all terms."""
+        """Fit the sum of the terms without own parameters, and from there the sum of all terms; keep both in `fits`."""
         if self.plain and self.plain != self.terms:
             self._fit(MotionCandidate(self.plain, law), None)
         self._fit(MotionCandidate(self.terms, law), self.fits.get(MotionCandidate(self.plain, law)))

@@ -105,7 +105,7 @@ class Parameters(Scores):
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of values by name, (d,); ±6 for a value at or beyond the end of its prior."""
+        """Return the scores of values by name, (d,); ±6 for an infinite score (at the end of a prior), 0 for nan."""
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
@@ -192,7 +192,10 @@ class StraightParameters(Parameters):
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); −∞ outside the prior."""
+        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); −∞ outside the prior.
+
+        Only the coordinates v count.
+        """
         return np.apply_along_axis(self._log_prior_ratio, -1, z)
 
     def _log_prior_ratio(self, z: np.ndarray) -> float:

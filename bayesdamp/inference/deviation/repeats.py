@@ -86,7 +86,7 @@ class RecordLikelihood:
         return RecordLikelihood(tuple(priors), which, values, changed)
 
     def plus_nats(self, nats: float) -> Self:
-        """Return the likelihood with a constant added to its logarithm."""
+        """Return the likelihood with a constant, in nats, added to its logarithm."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
 

@@ -35,18 +35,18 @@ MOST_SAMPLED = 6
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
 """Tolerances for draws, tried in turn: errors of an integration step, as fractions of the amplitude."""
 LARGEST_ERROR = 0.05
-"""Largest error of a motion: norm over all samples, in standard deviations of the noise. It changes no parameter by
-more than this fraction of the parameter's sd."""
+"""Largest allowed error of a draw's motion: norm over all samples, in standard deviations of the noise. It changes no
+parameter by more than this fraction of the parameter's sd."""
 TRIED_DRAWS = 4
-"""Number of draws for which the error is checked."""
+"""Number of draws for which the error of motions is checked."""
 
 
 @dataclass(frozen=True)
 class DrawSolver:
     """Solve the motions of draws with a loose tolerance and a common correction.
 
-    The correction is the difference that the usual tolerance makes for one of the motions. It is nearly the same for
-    all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
+    The correction is the difference that the tolerance of fits (`TOLERANCE`) makes for one of the motions. It is nearly
+    the same for all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
 
     Attributes
     ----------
@@ -83,10 +83,11 @@ class DrawSolver:
 
 
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
-    """Return the solver for draws with the loosest tolerance that is accurate enough, else with the usual one.
+    """Return the solver for draws with the loosest tolerance that is accurate enough.
 
-    Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the usual tolerance.
-    This is checked at the mean of the linear posterior and at `TRIED_DRAWS` draws.
+    Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the tolerance of fits
+    (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is enough. This is checked at the mean of the linear
+    posterior and at `TRIED_DRAWS` draws.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -227,7 +228,7 @@ def sampled_result(
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(w: np.ndarray) -> np.ndarray:
-        """Return the log importance weights of draws w, (n, K): (n,)."""
+        """Return the log importance weights of draws w, (n, K), from the proposal `start`: (n,)."""
         return start.log_ratio(w, np.array(at_once(squares, start.scores(w))), result.variance)
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32

@@ -159,7 +159,7 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """Return the posterior mode, with the density of the parameters from which deviations are integrated out.
+        """Return the posterior mode of the parameters, with the likelihood from which deviations are integrated out.
 
         Raises Refusal where the motion with deviations escapes.
         """
@@ -229,7 +229,7 @@ class Single:
 
     @property
     def known(self) -> dict[str, float]:
-        """Return the values of known parameters, of the width of friction if a term switches, and of the noise."""
+        """Return by name the known parameters, those of the noise, and the width of friction if a term switches."""
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
         known = {n: v for n, v in self.state.known.items() if n in own}
@@ -287,7 +287,7 @@ class Single:
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Return the energy-weighted means of |g − mean| and |h − mean| over the record, for draws u (n, K)."""
+        """Return the energy-weighted means over the record of |g − mean| and |h − mean|, (n,) each; u: draws (n, K)."""
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
@@ -353,7 +353,7 @@ class Single:
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """Draw u from the prior, (count, K)."""
+        """Draw u = (scores, g, h) from the prior, (count, K)."""
         grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
         z = self.result.fit.parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())

@@ -27,7 +27,7 @@ ONE_SLICE_SD = 0.05
 LARGEST_SCORE = 4.0
 """Largest |a|, in prior sds (conventional)."""
 LAST_NATS = 8.0
-"""Slices are added on a side until the evidence of one is this many nats below the best (conventional)."""
+"""Slices are added on a side until the log evidence of one is this many nats below the best slice (conventional)."""
 MOST_SLICES = 12
 """Largest number of slices on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
@@ -105,7 +105,7 @@ class SlicedProposal:
 
     @property
     def _logs(self) -> np.ndarray:
-        """Return the log evidence of each slice, including the prior probability of a in the slice, (k,)."""
+        """Return the log evidence of each slice plus the log prior probability of a in the slice, (k,)."""
         prior = -0.5 * self._middles**2 - 0.5 * np.log(2 * np.pi)
         return np.array([s.posterior.log_evidence for s in self.slices]) + prior + np.log(self.width)
 
@@ -277,7 +277,7 @@ def _product_and_size(
 
 
 def _log_weight(part: Slice) -> float:
-    """Return a slice's log evidence plus the log prior density of a, up to a constant."""
+    """Return a slice's log evidence plus the log prior density of a at its middle, up to a constant."""
     return part.posterior.log_evidence - 0.5 * part.middle**2
 
 

@@ -20,7 +20,7 @@ from bayesdamp.types import Reference
 DERIVATIVE_STEP = 1e-4
 """Step of numerical derivatives by a term's own parameter, relative to its value (at least 1e-3) or in its unit."""
 NO_EVIDENCE = -60.0
-"""Log evidence, relative to the best on a record, of a candidate without evidence on this record, in nats."""
+"""Log evidence in nats, relative to the best on a record, that a candidate without evidence on this record gets."""
 NATS_BEHIND = 25.0
 """A candidate is not fitted jointly if even the product of its largest likelihoods on all records is this many nats
 behind the best."""
@@ -202,7 +202,10 @@ class SpecimenComparison:
     reference: Reference
 
     def spread(self) -> dict[str, float]:
-        """Summarise the spread between records (sd of their log factors), averaged over the joint fits."""
+        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the joint fits.
+
+        The spread is the sd of the records' log factors.
+        """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
         weight = np.concatenate([np.full(n, p / n) for n, p in sizes])

@@ -21,7 +21,7 @@ from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 SMC_DRAWS = 300
 """Default number of draws (conventional)."""
 EFFECTIVE_FRACTION = 0.5
-"""β is increased until the effective number of draws is this fraction of the draws (conventional)."""
+"""β is increased until the effective number of draws has fallen to this fraction of the draws (conventional)."""
 LEAST_EFFECTIVE = 0.15
 """If the effective fraction of the first draws is at least this, importance sampling with more draws costs less than
 moves (conventional)."""
@@ -31,7 +31,7 @@ LARGEST_PARETO_K = 0.7
 """Importance sampling is not reliable if the Pareto shape of the largest weights is above this (Vehtari et al.,
 2024)."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
-"""Number of moves of every draw at each β < 1, and at β = 1."""
+"""Number of moves of every draw at each β < 1, and number at β = 1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
 """Initial and smallest step of a move, in posterior standard deviations."""
 WANTED_ACCEPTANCE = 0.35
@@ -76,11 +76,11 @@ class TemperedDraws:
 
 
 class Proposal(Protocol):
-    """A posterior from which draws are made, with random steps that leave it unchanged."""
+    """A linear posterior from which draws are made, with random steps that leave it unchanged."""
 
     @property
     def log_evidence(self) -> float:
-        """Log evidence in nats."""
+        """Log evidence of the linear posterior, in nats."""
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -38,8 +38,8 @@ FIT_SCALE = 30.0
 """Scale of a half-normal prior of the rates during a fit, in mean rates of the record. It keeps the fit
 well-conditioned if two terms have nearly the same effect, and is not part of the evidence."""
 WIDE_SD = 100.0
-"""Standard deviation of wide normal priors: of ln A at the start, the same in all sums, and in the fit of a power
-law."""
+"""Standard deviation of wide normal priors: that of ln A at the start, which is the same in all sums, and those in the
+fit of a power law."""
 NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
 """Factors of the sd of the inferred noise over which the evidence is averaged if there are few readings."""
 NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
@@ -187,12 +187,12 @@ class EnvelopeCandidate:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of the damping terms."""
+        """Names of the damping terms of the sum."""
         return self.law.terms
 
     @property
     def name(self) -> str:
-        """Name of the sum."""
+        """Name of the sum: its terms, joined by +."""
         return "+".join(self.law.terms)
 
     @property
@@ -242,7 +242,7 @@ def fit_rates(
 
 
 def _guess_start(blocks: Blocks) -> float:
-    """Return a first estimate of x at the start."""
+    """Return a first estimate of x at the start: the mean over the first twentieth of the blocks."""
     return float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
 

@@ -38,7 +38,8 @@ LEAST_BLOCKS_HELD = 30
 FIRST_END, END_STEP = 2, 3
 """Ends of a constant level that are tried: from block FIRST_END to half of all blocks, in steps of END_STEP."""
 HELD_MISFIT = 0.75
-"""A constant level at the start is accepted if it multiplies the sum of squares by less than this (conventional)."""
+"""A constant level at the start is accepted only if the sum of squares with it is less than this fraction of that
+without it (conventional)."""
 LEAST_SCATTER = 0.02
 """Smallest scatter of ln A in the search for a constant level; it allows for errors of laws and detectors
 (conventional)."""
@@ -103,12 +104,12 @@ class Decay:
         return (top - bottom) * NEPER
 
     def amplitude(self, x: float) -> tuple[float, str]:
-        """Return the amplitude for x = ln(A/A_ref) in the unit of the record, and the unit."""
+        """Return the amplitude for x = ln(A/A_ref), and its unit: that of the record."""
         value, unit = self.record.amplitude((x + self.reference) * NEPER)
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return the curve of a fit, given as ln(A/A_ref) with its standard deviation, (n,) each."""
+        """Return the curve of a fit in dB, for figures; fit, sd: ln(A/A_ref) at the blocks and its sd, (n,) each."""
         b, t = self.blocks, self.record.t[self.window.start : self.window.stop]
         # The times of the blocks start at the middle of the first block.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)

@@ -18,7 +18,7 @@ from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
-"""Number of draws, from all candidates together."""
+"""Number of draws of rates, from all candidates together."""
 SENSOR = 0.002
 """Relative standard deviation of every rate by errors that no record shows: linearity of the detector, and its clock
 (conventional)."""

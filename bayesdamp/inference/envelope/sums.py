@@ -58,9 +58,9 @@ is measured by the rate at the reference amplitude.)"""
 STEEPEST_POWER = 3.0
 """Largest power of the amplitude in dA/dt among the terms of the package (cubic damping)."""
 TABLE_MARGIN = 1.0
-"""A law is tabulated up to this distance in ln A beyond the readings, at both ends."""
+"""A decay law is tabulated up to this distance in ln A beyond the readings, at both ends."""
 POINTS_PER_ROUND = 16
-"""Number of points in a round."""
+"""Number of points in a round of importance sampling."""
 MOST_ROUNDS = 12
 """Greatest number of rounds of points; a posterior that is a thousand times narrower than the prior needs eight."""
 ENOUGH_EFFECTIVE = 32.0
@@ -95,7 +95,7 @@ EXCLUDED_NATS = 7.0
 EXPONENT_GRID = 3001
 """Number of grid values of the exponent of a power law."""
 NEGLIGIBLE_WEIGHT = 1e-5
-"""Components of a mixture with at most this weight, relative to the largest, are left out."""
+"""Components of the mixture in `mixture_interval` with at most this weight, relative to the largest, are left out."""
 Sums = tuple[tuple[str, ...], ...]
 
 
@@ -480,7 +480,7 @@ class Ranking:
 
     @property
     def exact(self) -> float:
-        """Posterior probability of exact laws."""
+        """Posterior probability of exact laws, over all sums together."""
         return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
 
     @property
@@ -505,7 +505,7 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
     """Compute the probabilities of sums from all their candidates."""
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
-        """Add the evidence of the candidates of each damping sum; logs: of all candidates."""
+        """Return the log of the summed evidence of each damping sum's candidates, (sums,); logs: of all candidates."""
         each_sum = [[z for z, c in zip(logs, candidates, strict=True) if c.name == s.name] for s in sums]
         return np.array([np.logaddexp.reduce(each) for each in each_sum])
 
@@ -548,7 +548,7 @@ class PowerFit:
 
 
 def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
-    """Fit a power law, and compare its evidence with that of the damping sums."""
+    """Fit a power law, and compare its evidence with that of the damping sums in the ranking."""
     log_z, mean, variance = power_law_evidence(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)

@@ -19,7 +19,8 @@ deviations)."""
 MOST_REFITS = 4
 """Greatest number of times that the proposal is fitted to its own weighted draws."""
 K_GOOD, K_LIMIT = 0.5, 0.7
-"""Pareto shapes of the weights up to which they are good, and reliable (Vehtari et al., JMLR 25, 2024)."""
+"""Pareto shapes of the weights: up to K_GOOD they are good, up to K_LIMIT still reliable (Vehtari et al., JMLR 25,
+2024)."""
 LEAST_EFFECTIVE = 50
 """Effective number of draws below which an evidence is unreliable (conventional)."""
 

@@ -9,7 +9,8 @@ from bayesdamp.types import Evidence
 
 NORMAL_DIAGNOSTIC = "no draws: right where the posterior is normal"
 LINEAR_DIAGNOSTIC = "of the linear model: parameters and deviations integrated out about the best motion"
-"""Diagnostics of the evidence, without and with deviations from the laws."""
+"""NORMAL_DIAGNOSTIC is the diagnostic of the evidence under exact laws, LINEAR_DIAGNOSTIC with deviations from the
+laws."""
 
 
 class LaplaceEvidence(EvidenceMethod):
@@ -26,7 +27,10 @@ class LaplaceEvidence(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by Laplace's approximation at the mode, without an error."""
+        """Compute the evidence by Laplace's approximation at the mode, without an error.
+
+        `seed` and `draws` are not used.
+        """
         return Evidence(
             model=model,
             method=self.name,

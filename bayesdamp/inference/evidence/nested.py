@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LIVE_POINTS = 500
 """Number of live points (conventional)."""
 EFFECTIVE_DRAWS = 2500
-"""Effective draws at which a run ends; the log evidence then has an error of 0.02 nats."""
+"""Effective number of draws at which a run ends; the log evidence then has an error of 0.02 nats."""
 MAX_LIKELIHOODS = 400_000
 """Number of likelihoods after which a run gives up."""
 LIKELIHOODS_PER_CHECK = 20_000
@@ -58,7 +58,7 @@ class NestedSampling(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance nested sampling."""
+        """Compute the evidence by importance nested sampling; `draws` are not used."""
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
@@ -69,7 +69,7 @@ class NestedSampling(EvidenceMethod):
         factor = WIDE_FACTOR * mode.factor
 
         def over_prior(z: np.ndarray) -> np.ndarray:
-            """Return the log of prior times likelihood, divided by the standard normal density."""
+            """Return the log of (prior times likelihood / standard normal density) at scores z, (n, d): (n,)."""
             return _finite(likelihood.log_posteriors(z) - standard_normal(z))
 
         def over_normal(z: np.ndarray) -> np.ndarray:

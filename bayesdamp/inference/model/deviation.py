@@ -128,7 +128,7 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _conditional(self) -> np.ndarray:
-        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the motion."""
+        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the parameters."""
         information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
         return np.linalg.inv(np.linalg.cholesky(information))
 
@@ -146,7 +146,7 @@ class Deviation(NoiseModel):
         return across + self.basis @ white[int(np.argmax(each))]
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Raise Refusal, because samples are independent only given the deviations."""
+        """Raise Refusal: residuals are independent only given the deviations, so they have no separate densities."""
         raise Refusal("samples are independent only given the deviations")
 
 

@@ -83,7 +83,7 @@ class Likelihood:
         return replace(self, target=replace(self.target, deviation=deviation))
 
     def on(self, part: slice) -> Likelihood:
-        """Return the likelihood of a part of the samples, on the motion from the first sample of the record."""
+        """Return the likelihood of a part of the samples only; its motion starts at the first sample of the record."""
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
@@ -102,7 +102,7 @@ class Likelihood:
 
     @cached_property
     def motions(self) -> Trajectories:
-        """Motions at the times of the samples, up to the last one that is used."""
+        """Solver of the motion at the times of the samples, up to the last one that is used."""
         if self.target.deviation is not None:
             return self.target.deviation.motions
         signal = self.target.signal
@@ -160,7 +160,7 @@ class Likelihood:
         return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
-        """Return log prior plus log likelihood at scores z, (d,); −∞ if the motion is unbounded."""
+        """Return log prior plus log likelihood in nats at scores z, (d,); −∞ if the motion is unbounded."""
         return self.log_likelihood(z) + self._prior(z)[0]
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
@@ -241,7 +241,10 @@ class Likelihood:
         return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
-        """Return the log likelihood and its derivatives by the inferred parameters, (d,), which are 0 if it is −∞."""
+        """Return the log likelihood for parameter values by name, and its derivatives by the inferred parameters, (d,).
+
+        The derivatives are 0 if the log likelihood is −∞.
+        """
         motion, slopes = self._solved(p)
         value = self._log_density(self.y - motion, p)
         if not np.isfinite(value):
@@ -270,13 +273,13 @@ class Likelihood:
         return tuple(self.target.names[i] for i in self.target.moving)
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log posterior at scores z, (d,), where the motion was linearised, and its gradient, (d,)."""
+        """Return the log posterior and its gradient, (d,), at scores z, (d,); `line`: the motion linearised at z."""
         value = self.log_noise(line.residual, z)
         if not np.isfinite(value):
             return -np.inf, self._prior(z)[1]
         return value + self._prior(z)[0], self._slope(line, z)
 
     def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient of the log posterior at scores z, (d,), where the motion was linearised."""
+        """Return the gradient of the log posterior, (d,), at scores z, (d,); `line`: the motion linearised at z."""
         by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self.target.noise_values(z))
         return self._prior(z)[1] + self.target.rates(z) * by_parameters

@@ -34,7 +34,7 @@ from bayesdamp.types import Reference, Signal, System
 NEAR_ZERO_SCORE = 1e-12
 """Score that replaces 0 in derivatives of parameters with half-normal priors, which do not exist at 0."""
 DIRECTION_STEP = 1e-6
-"""Fraction of a step over which the direction in natural coordinates is measured by a difference."""
+"""Fraction of a step over which a finite difference measures its direction in natural coordinates."""
 EPSILON_RANGE = (0.0005, 0.05)
 """Ends of the default prior of ε, the width of friction, as fractions of the peak velocity."""
 
@@ -174,7 +174,7 @@ class Target(Scores):
 
     @cached_property
     def noise_model(self) -> NoiseModel:
-        """The noise model, which includes the deviations, if any."""
+        """The distribution of the residuals: `deviation` if there is one, else the noise model `noise`."""
         return NOISES.get(self.noise) if self.deviation is None else self.deviation
 
     @property

@@ -25,7 +25,8 @@ GAUSSIAN, CORRELATED = "gaussian", "correlated"
 EVIDENCE_STEP = 0.02
 """Step of the second differences for the evidence, in standard normal scores of the noise parameters."""
 INFORMATION_STEP = 0.3
-"""Step of the differences that give the observed information, in median absolute residuals (conventional)."""
+"""Largest change of a residual by the differences that give the observed information, in median absolute residuals
+(conventional)."""
 LEAST_INFORMATION = 0.3
 """Smallest observed information that is used, as a fraction of the expected one; by chance it can be negative
 (conventional)."""
@@ -128,11 +129,11 @@ class IndependentNoise(NoiseModel):
         return np.sum(self.log_likelihoods(r, gaps, p), axis=-1)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of each residual; it does not depend on the others."""
+        """Return the log density of each residual in nats, (..., n); it does not depend on the other residuals."""
         return self.log_density(r, by_sample(p))
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of each log density by central differences."""
+        """Return the derivative of each log density by its residual, (..., n), by central differences."""
         p = by_sample(p)
         above, below = r + DERIVATIVE_STEP * p["noise_sd"], r - DERIVATIVE_STEP * p["noise_sd"]
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)

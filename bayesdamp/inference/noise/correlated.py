@@ -13,8 +13,8 @@ from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features
 
 FASTEST, SLOWEST = 5e-4, 2.0
-"""Range of the correlation time, in periods. Noise that is correlated over more than two periods acts like an offset of
-the sensor, so that a wrong restoring law can fit the record."""
+"""Ends of the prior of the correlation time, in periods of the oscillation. Noise that is correlated over more than two
+periods acts like an offset of the sensor, so that a wrong restoring law can fit the record."""
 
 
 class CorrelatedNoise(NoiseModel):
@@ -30,14 +30,17 @@ class CorrelatedNoise(NoiseModel):
     noise_time."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for noise_sd about the noise of the record, and a log-uniform one for noise_time."""
+        """Return a lognormal prior for noise_sd, and a log-uniform one for noise_time, by name.
+
+        The median of noise_sd is the roughness of the record.
+        """
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
             "noise_time": LogUniform(low=FASTEST * features.period, high=SLOWEST * features.period),
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate noise_sd from the residuals, and noise_time from their correlation at lag 1."""
+        """Estimate noise_sd from the residuals, and noise_time in s from their correlation at lag 1."""
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
             "noise_sd": float(np.sqrt(np.mean(r**2))),

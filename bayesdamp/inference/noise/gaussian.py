@@ -23,7 +23,7 @@ class Gaussian(IndependentNoise):
         return -0.5 * np.square(r / p["noise_sd"]) - (np.log(p["noise_sd"]) + 0.5 * LOG_2PI)
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −Σ r²/(2σ²) − n log(√(2π) σ)."""
+        """Return −Σ r²/(2σ²) − n log(√(2π) σ), (...), the log density of all residuals."""
         sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
@@ -33,7 +33,7 @@ class Gaussian(IndependentNoise):
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −r/σ²."""
+        """Return −r/σ², (..., n)."""
         sd = by_sample(p)["noise_sd"]
         return -r / sd / sd
 

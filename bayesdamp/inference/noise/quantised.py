@@ -23,7 +23,7 @@ class QuantisedNoise(IndependentNoise):
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the recording step of the signal. Raises Refusal if it has none."""
+        """Return the recording step of the signal as `noise_step`. Raises Refusal if it has none."""
         if not signal.step > 0:
             raise Refusal(
                 "the record has no recording step, so quantised noise is the same as gaussian noise"
@@ -31,7 +31,7 @@ class QuantisedNoise(IndependentNoise):
         return {"noise_step": signal.step}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return log [Φ((step/2 − r)/σ) − Φ((−step/2 − r)/σ)]/step."""
+        """Return log{[Φ((step/2 − r)/σ) − Φ((−step/2 − r)/σ)]/step}."""
         top, log_fraction = _log_probability(r, p["noise_sd"], p["noise_step"])
         return top + log_fraction - np.log(p["noise_step"])
 

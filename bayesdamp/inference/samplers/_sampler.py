@@ -91,7 +91,7 @@ class Sampler(ABC):
 
 @dataclass(frozen=True)
 class Start:
-    """The start of a chain: its seed, and the distances of seed and start from the centre, in standard deviations."""
+    """The start of a chain: its seed, and the distances of seed and start from the centre, in posterior sds."""
 
     seed: Seed
     seed_distance: float

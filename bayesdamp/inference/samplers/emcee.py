@@ -18,7 +18,7 @@ from bayesdamp.types import OK, Posterior
 ENSEMBLES = 2
 """Number of independent ensembles."""
 STEPS_PER_BLOCK = 200
-"""Steps between checks of whether there are enough draws."""
+"""Number of steps between checks of whether there are enough draws."""
 OUTSIDE_LOG_DENSITY = -1e300
 """Log density outside the support. It is finite because emcee computes differences."""
 MOST_BLOCKS = 40

@@ -127,7 +127,11 @@ class Kalman(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from the final distribution of the filter. Raises Refusal for exact friction or other noise."""
+        """Return draws from the final distribution of the filter. Raises Refusal if the filter does not apply.
+
+        It does not apply to exact friction (ε = 0), deviations from the laws, or other than Gaussian noise, and if it
+        diverges or does not converge.
+        """
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
                 "kalman needs ε above 0, because sigma points cannot represent sticking; give epsilon, or leave it free"

@@ -141,7 +141,8 @@ class Chain:
     def transition(self, at: Point) -> tuple[Point, bool, int, float]:
         """Return the next point, whether the trajectory diverged, its number of steps, and its mean acceptance.
 
-        at: the present point; its momentum is not used.
+        at: the present point; its momentum is not used. The acceptance is the mean probability of accepting a point of
+        the trajectory.
         """
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.force, at.log_density)
         self._initial_joint, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
@@ -159,7 +160,10 @@ class Chain:
         return tree.chosen, self._diverged, self._steps, self._accepted / max(self._steps, 1)
 
     def _build(self, end: Point, direction: int, depth: int) -> _Subtree:
-        """Extend the trajectory at one end by 2^depth points; fewer if it turns back or diverges."""
+        """Return a new part of the trajectory of 2^depth points beyond `end`; fewer if it turns back or diverges.
+
+        direction: 1 forwards in time, −1 backwards.
+        """
         if depth == 0:
             # A leapfrog step. Any function of the position may serve as the force: the step is reversible and preserves
             # volume in any case.
@@ -186,7 +190,10 @@ class Chain:
 
     @staticmethod
     def _join(tree: _Subtree, new: _Subtree, forwards: bool, chosen: Point) -> _Subtree:
-        """Join two parts. The result goes on unless it, or a part across the join, turns back (U-turn criterion)."""
+        """Return the join of two parts. It goes on unless it, or a part across the join, turns back (U-turn criterion).
+
+        forwards: whether `new` is later than `tree`. chosen: the point that is sampled from the join.
+        """
         early, late = (tree, new) if forwards else (new, tree)
         momentum = early.momentum + late.momentum
         goes_on = (
@@ -199,7 +206,7 @@ class Chain:
 
 
 def _ends_move_apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
-    """Return whether both ends still move apart. momentum: sum of the momenta between them."""
+    """Return whether both ends still move apart. momentum: sum of the momenta of all points from first to last."""
     return float(first.p @ momentum) > 0 and float(last.p @ momentum) > 0
 
 
@@ -310,7 +317,7 @@ class ChainRun:
         )
 
     def continue_chains(self, count: int) -> ChainRun:
-        """Return the run with `count` more draws of each chain."""
+        """Return the run with `count` more draws of each chain after those that it has."""
         more = [
             chain.sample(u[-1], float(log_density[-1]), count)
             for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)
@@ -384,7 +391,7 @@ class Nuts(Sampler):
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Run chains that start near the mode; extend or repeat them if they are not good enough."""
+        """Return draws of chains that start near the mode; extend or repeat the chains if they are not good enough."""
         at = whitening_of(target, mode)
         run, posterior = self._extend(mode, settings, self.run_chains(mode, at, settings, not at.good))
         if posterior.outcome != OK or is_poor(posterior):

@@ -21,7 +21,7 @@ GRADIENT_DRAWS = 8
 STEPS_PER_BLOCK = 50
 """Number of Adam steps between checks of convergence."""
 MOST_BLOCKS = 60
-"""Greatest number of blocks."""
+"""Greatest number of blocks of Adam steps."""
 FIRST_RATE = 0.04
 """Adam's first learning rate."""
 SETTLED_CHANGE = 0.1
@@ -133,7 +133,10 @@ class Variational(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of the nearest normal distribution, with importance weights. Raises Refusal if it diverges."""
+        """Return draws of the nearest normal distribution, with importance weights.
+
+        Raises Refusal if the optimisation does not converge.
+        """
         at = UnboundedMap.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)
         n, d = settings.chains * settings.draws, mean.size
@@ -209,7 +212,7 @@ def _bound_gradient(
 
 
 def _factor(x: np.ndarray, d: int) -> np.ndarray:
-    """Return the Cholesky factor, (d, d), from the parameters x, (k,), of a normal distribution."""
+    """Return the Cholesky factor, (d, d), of the covariance, from the parameters x, (k,), of a normal distribution."""
     factor = np.diag(np.exp(x[d : 2 * d]))
     factor[np.tril_indices(d, -1)] = x[2 * d :]
     return factor
