@@ -44,7 +44,7 @@ class Expression:
 
     @property
     def is_variable(self) -> bool:
-        """Whether the expression depends on the velocity."""
+        """Return whether the expression depends on the velocity."""
         return any(atoms for atoms, _ in self.terms)
 
     def __add__(self, other: Expression) -> Expression:

@@ -219,7 +219,7 @@ def checked_features(signal: Signal) -> Features:
 
 
 def has_noise(signal: Signal, features: Features) -> bool:
-    """Return whether a record has enough noise for a likelihood."""
+    """Return whether a record has enough noise for a likelihood: more than `NO_NOISE` times its amplitude."""
     return noise_level(signal) > NO_NOISE * float(np.abs(features.turning_amplitudes).max())
 
 
@@ -399,7 +399,10 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _fit_spline(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
-    """Fit a spline of degree 7 (less if the samples are few) with these inner knots by least squares."""
+    """Fit a spline of degree 7 (less if the samples are few) with these inner knots by least squares.
+
+    Raises Refusal if that is not possible.
+    """
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap allow only a lower degree
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
         try:

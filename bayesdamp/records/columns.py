@@ -176,7 +176,7 @@ class _Block:
 
     @property
     def values(self) -> list[Column]:
-        """Return the columns that contain neither times nor sample numbers."""
+        """Return the columns with as many values as times that contain neither times nor sample numbers."""
         size = self.time.values.size if self.time is not None else None
         return [
             c

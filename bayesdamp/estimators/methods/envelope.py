@@ -52,7 +52,7 @@ class Envelope(Estimator[EnvelopeOptions]):
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for dry_position, whose friction slope has no effect on an envelope."""
+        """Return a reason for dry_position, whose friction slope has no effect on an envelope; None for other terms."""
         if "dry_position" in damping:
             return (
                 "the slope of dry_position's friction takes no energy, so that an envelope does not show it"

@@ -225,7 +225,10 @@ def _propagate(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarr
 def _decoded_stderr(
     decode: Callable[[np.ndarray], dict[str, float]], c: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """Return standard errors of the restoring parameters `decode(c)`, by finite differences."""
+    """Return standard errors, by name, of the restoring parameters `decode(c)`, by finite differences.
+
+    covariance: that of the coefficients c (k,), (k, k).
+    """
     decoded = decode(c)
     gradient = {name: np.zeros(c.size) for name in decoded}
     for j in range(c.size):

@@ -48,7 +48,7 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: NeuralOdeOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Train a network for the force in the equation of motion, and project it on the damping terms."""
+        """Train a network for the damping force, and return the coefficients of its projection on the damping terms."""
         optional_package("torch")
         optional_package("torchdiffeq")
         from bayesdamp.estimators.networks import shooting

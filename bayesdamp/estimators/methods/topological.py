@@ -63,7 +63,10 @@ class Pairs:
     floor: float
 
     def choose_lifetimes(self) -> tuple[float, float, int]:
-        """Return L_0, L_n and n with L_n/L_0 nearest the optimal ratio; L_n is the last if all ratios are larger."""
+        """Return lifetimes L_0 (the first) and L_n, and the number n of periods between them.
+
+        L_n is that with L_n/L_0 nearest to `OPTIMAL_RATIO`, or the last one if all ratios are larger.
+        """
         lifetimes = self.p - self.v
         ratio = lifetimes / lifetimes[0]
         i = ratio.size - 1
@@ -78,7 +81,7 @@ class Topological(Estimator[TopologicalOptions]):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for sums of terms and for terms without a formula for the decrease of lifetimes."""
+        """Return a reason for sums of terms and for terms other than those of the paper; None for one of these."""
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PAPER_TERMS:

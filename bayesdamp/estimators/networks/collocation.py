@@ -104,7 +104,7 @@ class Collocation(ScaledRecord):
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
-        """Return the weighted misfits of a known angle and velocity at the start, (2,)."""
+        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where they are not known."""
         motion = self.motion(x, self.begin_inputs).diagonal()
         return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
 

@@ -98,12 +98,12 @@ class Shooting(ScaledRecord):
         return self.force_unit * (hidden * last).sum(-1)
 
     def paths(self, x: Tensor) -> Tensor:
-        """Return angle and velocity at the nodes, (nodes, segments, 2)."""
+        """Return angle and velocity at the nodes of each segment, (nodes, segments, 2), for unknowns x (k,)."""
         starts = x[self.physical :].reshape(self.segments, 2)
         return _runge_kutta(lambda state: self._rate(x, state), starts, self.nodes)
 
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return the rates (n, 2) of angle and velocity (n, 2) for unknowns x (k,), or (n, k)."""
+        """Return the time derivatives (n, 2) of angle and velocity, `state` (n, 2), for unknowns x (k,), or (n, k)."""
         angle, velocity = state.unbind(-1)
         values = x[..., self.count : self.physical] * self.free_units
         restoring = self.restoring_force(self.rest + self.a * angle, values) / (self.a * self.w**2)

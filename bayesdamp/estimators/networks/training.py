@@ -97,7 +97,7 @@ class DenseNetwork:
         return sum(outputs * (inputs + 1) for inputs, outputs in itertools.pairwise(self.sizes))
 
     def draw(self, rng: np.random.Generator) -> Tensor:
-        """Draw first weights (k,): matrices of variance 1/inputs (Glorot's for equal sizes), and biases."""
+        """Draw first weights (k,): matrices of variance 1/inputs (Glorot's for equal sizes), biases of sd `BIAS`."""
         weights = torch.from_numpy(rng.standard_normal(self.count))
         for matrix, bias in self._layers(weights):
             matrix /= matrix.shape[1] ** 0.5

@@ -56,7 +56,11 @@ def quintic(before, after, step, order):
 
 @compiled
 def end_of_step(times, node, t, first):
-    """Return the end of the range of increasing times t, from index `first` on, that lie in the step after a node."""
+    """Return the index after the last of the increasing times t that lie in the step after node number `node`.
+
+    first: index of the first time in this step. times: times of all nodes, (s,). Times after the last node count to the
+    last step.
+    """
     end = first
     if node == times.size - 2:
         return t.size
@@ -67,7 +71,11 @@ def end_of_step(times, node, t, first):
 
 @compiled
 def at_times(times, states, t, order):
-    """Return the order-th derivative (0 to 2) at increasing times t, (n,); nodes: times (s,), states (s, 3 or 4)."""
+    """Return the order-th time derivative (0 to 2) of the solution at increasing times t, (n,).
+
+    times: times of the nodes, (s,). states: value, slope, curvature (and factor k, see `quintic`) at the nodes, (s, 3
+    or 4).
+    """
     values, first = np.empty(t.size), 0
     for node in range(times.size - 1):
         end = end_of_step(times, node, t, first)
@@ -108,7 +116,11 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
 
 @compiled
 def slopes_at_times(times, slopes, columns, t, order):
-    """Return `at_times` for the tangents `slopes[:, columns]`, slopes (s, k, 3 or 4), with shape (n, columns.size)."""
+    """Return, like `at_times`, the order-th time derivative of tangents at times t, (n, columns.size).
+
+    slopes: value, slope, curvature (and factor k) of all tangents at the nodes, (s, k, 3 or 4). columns: indices of the
+    wanted tangents.
+    """
     k, four = columns.size, slopes.shape[2] > 3
     values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):

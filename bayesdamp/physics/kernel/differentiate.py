@@ -125,7 +125,11 @@ class _Lines:
         return name
 
     def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
-        """Return derivatives by the chain rule: the sum over parts of factor (partial derivative) times slopes."""
+        """Append the lines of the chain rule; return the names of the derivatives, by seed.
+
+        parts: for each argument of an operation the text of the partial derivative, and the argument's own derivatives,
+        by seed. The result is the sum of their products.
+        """
         slopes_by_seed: dict[str, str] = {}
         for factor, slopes in parts:
             if not slopes:

@@ -226,7 +226,7 @@ class Solver:
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver at other times t, (n,), in s from 0 and within the knots, for another quantity."""
+        """Return a solver without windows for another quantity at other times t, (n,), in s, within the knots."""
         return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property
@@ -380,7 +380,7 @@ class Solver:
         return out[:, layout.terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
-        """Return ε for dry friction, and ε for steep continuous forces, which is never 0 (see `ROUNDED`)."""
+        """Return the ε of dry friction, and the ε of steep continuous forces, which is never 0 (see `ROUNDED`)."""
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
 

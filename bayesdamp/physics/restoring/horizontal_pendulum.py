@@ -72,7 +72,7 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k, kθ_s and γ, without those that are known."""
+        """Return the regression for k, γ and kθ_s; known k and γ are left out, and kθ_s if θ_s is known."""
         names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
         lever = theta if spring is None else theta - spring

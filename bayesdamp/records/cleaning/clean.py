@@ -27,9 +27,9 @@ from bayesdamp.units import UNITS
 OFFSET_SIGMAS = 3.0
 """An offset is significant from this many standard errors on (conventional)."""
 HARMONICS = 3
-"""Number of harmonics in the model from which the sensor's zero is estimated."""
+"""Number of harmonics in the model from which the sensor's zero is estimated (conventional)."""
 MOST_POWERS = 6
-"""Highest degree of the polynomials of time in this model; the degree is half the number of cycles up to that."""
+"""Highest degree of the polynomials of time in this model; below it the degree is half the number of cycles."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a local harmonic fit by more than this many standard deviations."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
@@ -50,7 +50,7 @@ TONE_BURST = (
     "from damping; give a record without excitation, or the start and stop of a free decay in this one"
 )
 MOST_SAMPLES = 100_000
-"""The number of samples of a longer record is reduced (decimation)."""
+"""The number of samples of a record with more than this is reduced by decimation (conventional)."""
 SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
 """Number of samples a cycle after decimation, and the smallest number for records with very many cycles."""
 PASS_BAND = 0.7
@@ -59,7 +59,7 @@ pass."""
 ATTENUATION = 90.0
 """Attenuation of the filter in dB above the new Nyquist frequency. Its ripple in the pass band is as small: 3e-5."""
 PRESERVED_DENSITY = 1e-3
-"""Frequencies with at least this fraction of the largest spectral density (−30 dB) are preserved."""
+"""Frequencies with more than this fraction of the largest spectral density (−30 dB) are preserved (conventional)."""
 MAX_STEPS_OFF = 2.0
 """A record is decimated only if its stamps differ from a uniform clock by at most this many steps."""
 

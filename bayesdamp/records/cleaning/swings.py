@@ -171,7 +171,7 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 
 
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices of swings before which the range (k,) jumps, so that a new stretch begins there."""
+    """Return the indices of the swings with which a new stretch begins, because their range jumps. ranges: (k,)."""
     change = ranges[2:] - ranges[:-2]
     rises = change > np.maximum(MAX_RISE * ranges[:-2], 4 * floor)
     falls = -change > np.maximum(MAX_FALL * ranges[:-2], 4 * floor)

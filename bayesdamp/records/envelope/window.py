@@ -257,7 +257,7 @@ def power_law_holds(levels: Levels, at: int) -> bool:
 
 
 def fit_power_law(levels: Levels, begin: int) -> DecayFit:
-    """Fit dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on."""
+    """Return the fit of dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on."""
     t, y = levels.t, levels.y
     start, stop = int(levels.edges[begin]), y.size
     scale = float(y[start:].max())
@@ -403,7 +403,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
 
 
 def _refuse_small(drop: float) -> None:
-    """Raise Refusal if the fall `drop` in dB is too small."""
+    """Raise Refusal if the fall `drop` in dB is below `LEAST_DROP`."""
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
 

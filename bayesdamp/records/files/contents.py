@@ -65,7 +65,7 @@ class Column:
 
     @property
     def label(self) -> str:
-        """Return the name with its unit."""
+        """Return the name with its unit in brackets, or the name alone if no unit is stated outside of it."""
         unit = UNITS[self.unit].of(self.quantity) if self.unit in UNITS and self.quantity else self.unit
         return f"{self.name} ({unit})" if self.name and unit else self.name
 

@@ -96,7 +96,7 @@ _MATLAB_STEP = "Ts"
 
 
 def _normalise_unit(text: str) -> str:
-    """Return the text of a unit in small letters, without blanks, brackets and signs of powers."""
+    """Return the text of a unit in a form for comparison: `m/s²`, `m / s^2` and `M/S2` all give `m/s2`."""
     return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
 
 
@@ -212,7 +212,10 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
 
 
 def split_run(column: Column) -> tuple[str, str]:
-    """Return a column's name without the mark of its run, and the label of the run ("" if there is none)."""
+    """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
+
+    Without a run the name is unchanged, and the label "".
+    """
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:
         bare = bare.removeprefix(f"{column.run}.")  # a list in which each element is a run

@@ -110,7 +110,10 @@ class Walk:
 
 
 def unit_and_rate(attributes: Mapping[str, Fact]) -> dict[str, Any]:
-    """Return the `unit` and the `rate` that an array's attributes state, as keyword arguments of `Column`."""
+    """Return the `unit` ("" for none) and the `rate` in Hz (None for none) that an array's attributes state.
+
+    They are keyword arguments of `Column`.
+    """
     rate = sampling_rate(attributes)
     return {"unit": stated_unit(attributes), "rate": rate[0] if rate else None}
 

@@ -323,7 +323,7 @@ class LawFree:
 
 @once_per_record
 def law_free(signal: Signal) -> LawFree:
-    """Fit and smooth the amplitude and frequency of a record. Raises Refusal if it has too few cycles."""
+    """Return the smoothed amplitude and frequency of a record. Raises Refusal if it has too few cycles."""
     windows = sinusoids(signal)
     # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
     # oscillation is not visible within a window, only between windows.
@@ -368,7 +368,7 @@ def amplitude_curves(signal: Signal) -> Curves:
 
 
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
-    """Fit a polynomial in time to log amplitudes (k,)."""
+    """Return a polynomial in scaled time (−1 to 1), fitted to log amplitudes (k,) with weights from their errors."""
     degree = min(DEGREE, max(sizes.size // STARTS_PER_WINDOW, 1))
     return np.polynomial.Polynomial.fit(windows.scaled_times, sizes, degree, w=1 / windows.errors)
 

@@ -159,7 +159,10 @@ def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Return the derivatives of `columns @ c` by angular frequency and decay rate of each mode in turn, (n, 2k)."""
+    """Return the derivatives of `columns @ c` by angular frequency and decay rate of each mode in turn, (n, 2k).
+
+    columns: result of `_columns`. c: its coefficients, (1 + 2k,).
+    """
     slopes = np.empty((t.size, c.size - 1))
     for i in range(1, c.size, 2):
         pair = columns[:, i : i + 2]
@@ -203,7 +206,10 @@ def _add_mode(
         return _residuals(few, few_y, (z * scale).reshape(-1, 2))
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the residuals, (n, 2k + 2), after Golub and Pereyra."""
+        """Return the derivatives of the residuals by the scaled frequencies and rates z, (n, 2k + 2).
+
+        The formula is that of Golub and Pereyra.
+        """
         columns = _columns(few, (z * scale).reshape(-1, 2))
         inverse = np.linalg.pinv(columns)
         c = inverse @ few_y

@@ -17,7 +17,7 @@ LEAST_SAMPLES = 9
 """A window about a turning point is widened until it has this many samples, which determine a sinusoid with changing
 amplitude, phase and midline."""
 GRID_POINTS = 81
-"""Number of points on a fitted curve among which its extremum is searched."""
+"""Number of points on a fitted curve among which its extremum is searched (conventional)."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class MatlabReader(Reader):
 
 
 def _refuse_large_elements(path: Path) -> None:
-    """Raise InputError if the compressed elements unpack to too much, zlib.error if they are damaged."""
+    """Raise InputError if the elements unpack to more than LARGEST_FILE bytes, zlib.error if they are damaged."""
     with path.open("rb") as file:
         head = file.read(128)
         if not head.startswith(b"MATLAB 5.0"):
