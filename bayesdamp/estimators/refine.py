@@ -41,7 +41,8 @@ to their last digits, and the sum of squares is smooth along combinations that t
 STEPS = 400
 """Greatest number of Levenberg–Marquardt steps."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
-"""Factors of the damping parameter. They are large because the residuals are nearly linear near the minimum."""
+"""Factors of λ, Levenberg's and Marquardt's damping. They are large because the residuals are nearly linear near the
+minimum."""
 SMALL_CHANGE, SMALL_STEP, SMALL_GAIN = 1e-9, 1e-13, 1e-12
 """The search has converged if a step changes the residuals by this fraction of their norm, the parameters by this
 fraction of their values, or lowers the sum of squares by this fraction."""

@@ -33,7 +33,8 @@ NO_NOISE = 1e-6
 KNOTS_PER_PERIOD = 4.0
 """Knots of the smoothing spline in a period, which preserve the oscillation and its second harmonic."""
 EDGE = 1.5
-"""Knot spacings at each end of a smoothing spline that are not used, because its derivatives are inaccurate there."""
+"""Length at each end of a smoothing spline, in knot spacings, that is not used, because derivatives are inaccurate
+there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 """Fewest samples in a period (conventional)."""
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}

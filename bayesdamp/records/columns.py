@@ -31,11 +31,11 @@ MIN_SAMPLES = 10
 MAX_STILL_LEVELS = 3
 """A column with at most this many different values is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative that a quantity is."""
+"""Order of the time derivative of the displacement, by quantity; "" is an unknown quantity."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 # The following limits are conventional.
 RATE_TOLERANCE = 0.01
-"""A sampling rate that the user gives is reported if it differs by more than this from that of the file, relatively."""
+"""A sampling rate that the user gives is reported if it differs by more than this fraction from that of the file."""
 _MAX_BACKWARD = 0.02
 """In a column of times, at most this fraction of the steps goes back in time."""
 _MUCH_LARGER = 10.0

@@ -39,7 +39,7 @@ FIRST_EPOCH = 1e8
 """Times in s from this number (three years) on count from an epoch such as 1970; times are then counted from the first
 sample (conventional)."""
 FROM_FIRST = "Times are counted from the first sample"
-"""Start of the note on times that counted from an epoch."""
+"""First words of the note that says that a file's times count from an epoch."""
 
 ColumnName = str | int
 """A column, by name or by number from 1."""

@@ -23,13 +23,13 @@ _ANGLE = re.compile(
 """Column names that may stand for an angle; a column without a name may be an angle too."""
 # An angle counts as wrapped (jumping by a whole turn) under these conditions; all values are conventional.
 MIN_JUMPS = 3
-"""Smallest number of jumps."""
+"""Smallest number of jumps of a wrapped angle."""
 JUMP_TOLERANCE = 0.1
 """A step counts as a jump if it differs from a turn by less than this fraction of a turn."""
 MAX_SPAN = 1.001
-"""Largest range of the wrapped values, in turns."""
+"""Largest range of the values of a wrapped angle, in turns."""
 MAX_STEP = 0.25
-"""Largest step other than the jumps, in turns."""
+"""Largest step of a wrapped angle other than the jumps, in turns."""
 MAX_EXCESS = 1.5
 """A jump differs from a turn by at most this multiple of the largest other step, because the angle also changes between
 the two samples."""

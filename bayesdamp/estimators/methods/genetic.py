@@ -41,7 +41,7 @@ cent."""
 CHANGE = 1e-5
 """Relative step of the differences in Newton's method."""
 PHASES, NEWTON = 24, 3
-"""Phases of a cycle in a harmonic balance, and Newton steps to its solution."""
+"""Number of phases of a cycle in a harmonic balance, and number of Newton steps to its solution (conventional)."""
 
 
 class GeneticOptions(Options):

@@ -47,7 +47,7 @@ MOST_SAMPLES = 2000
 MOST_STRETCHES = 48
 """Largest number of stretches of a record (conventional)."""
 TOLERANCE = 1e-6
-"""Largest error of a simulated record, as a share of the amplitude."""
+"""Largest numerical error of a simulated record, as a fraction of the amplitude."""
 LEAST_DECAY = 0.01
 """Smallest fall of the logarithm of the amplitude over the record; it is assumed if the record itself shows less."""
 FLOOR = 1e-3

@@ -42,7 +42,8 @@ TESTED = 2
 FLOOR = 1e-4
 """Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the amplitude."""
 END = 0.5
-"""Periods at each end of a smoothed piece that the regression leaves out, because splines are inaccurate there."""
+"""Length at each end of a smoothed piece, in periods, that the regression leaves out, because splines are inaccurate
+there."""
 MOST_CANCELLATION = 10.0
 """Largest sum of the sizes of all terms, in units of the size of the acceleration. In a solution above it, large terms
 cancel each other and fit noise."""

@@ -47,7 +47,7 @@ WIDTHS = (0.75, 1.0, 1.5, 2.0)
 ROUNDS = 3
 """Number of fits; each one uses weights from the coefficients of the one before."""
 SUBDIVIDED = 15
-"""Points between neighbouring samples over which a discontinuous function is averaged."""
+"""Number of points in the interval around each sample over which a discontinuous function is averaged."""
 
 
 class WeakSindyOptions(Options):

@@ -30,7 +30,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem, Refusal, Signal
 
 REAL = torch.float64
-"""Every tensor states its precision, so that torch's own default stays as it is."""
+"""Precision of every tensor; each states it, so that torch's own default stays unchanged."""
 MOST_SAMPLES = 750
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 BIAS = 0.5
@@ -155,7 +155,7 @@ _GLOBALS: dict[str, Any] = {
     "float": lambda x: x,
     "pow": pow,
 }
-"""The meaning of names in a kernel on tensors."""
+"""Global names with which a kernel is evaluated on tensors."""
 
 
 @lru_cache(maxsize=256)

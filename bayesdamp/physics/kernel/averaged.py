@@ -221,7 +221,7 @@ class AveragedSolver(Solver):
 
     @cached_property
     def _solvers(self) -> dict[int, tuple[Solver, np.ndarray]]:
-        """Return a cache: by b, the solver for the first b blocks and the time order of their points; empty at first."""
+        """Return a cache, empty at first: by b, the solver for b blocks and the time order of their points."""
         return {}
 
     def _plain(self, t: np.ndarray, knots: np.ndarray) -> Solver:

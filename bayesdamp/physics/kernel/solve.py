@@ -28,7 +28,7 @@ NONE, PARAMETERS, ALL = 0, 1, 2
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
 """The damping terms that share one kernel, which is compiled once."""
 SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
-"""The restoring laws that share this kernel."""
+"""The restoring laws that share one kernel with the terms in `SHIPPED`."""
 
 
 @dataclass(frozen=True)

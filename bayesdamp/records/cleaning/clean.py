@@ -29,7 +29,8 @@ OFFSET_SIGMAS = 3.0
 HARMONICS = 3
 """Number of harmonics in the model from which the sensor's zero is estimated (conventional)."""
 MOST_POWERS = 6
-"""Highest degree of the polynomials of time in this model; below it the degree is half the number of cycles."""
+"""Highest degree of the polynomials of time in the model of the sensor's zero; the degree is half the number of cycles,
+limited to this (conventional)."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a local harmonic fit by more than this many standard deviations."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0

@@ -32,8 +32,8 @@ allowance for the error of the fitted line."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
 """Seconds in the units in which a file may write its times."""
 MOST_STEPS_OFF = 8
-"""A uniform clock is not chosen automatically if a stamp is further from it than this many median steps (above zero);
-then the record may contain a pause (conventional)."""
+"""A uniform clock is not chosen automatically if a stamp is further from it than this many times the median of the
+steps above zero; then the record may contain a pause (conventional)."""
 MIN_ROUNDED_STEPS = 8
 """Stamps count as rounded only if at least this many steps differ from the usual one, because a single missing or
 repeated row also changes the step. Eight such faults at random are as evenly spaced in 0.24 % of records (8!/8⁸)."""

@@ -28,7 +28,8 @@ MAX_FALL = 0.35
 """A hand that stops the motion is assumed if the range of a swing falls by more than this fraction within a cycle,
 unless it already fell so fast before."""
 JUMP_RATIO = 3.0
-"""Such a rise or fall must be this many times larger than the changes of the range in the cycles before."""
+"""A rise above MAX_RISE or a fall above MAX_FALL counts only if it is more than this many times larger than the changes
+of the range in the cycles before."""
 SWINGS_PER_WINDOW = 4
 """At a break of the decay rate, two windows of this many swings before it are compared with two after it."""
 MIN_RATE_CHANGE = 0.4

@@ -37,7 +37,8 @@ FEWEST_A_CYCLE = 4.0
 CLEAR_SHARE = 0.85
 """If a period explains more than this fraction of the record's variance, no other period is tried."""
 MOST_HEAD_SWINGS = 24
-"""Most swings at the start of a stretch that are compared with the later ones (and at most half of them)."""
+"""Largest number of swings at the start of a stretch that are compared with later ones; at most half of its swings
+are."""
 START_MARGIN = 0.2
 """If a hand releases the body within a swing, the start is later than the release by this fraction of a swing."""
 HAND_REACH = 0.25
@@ -55,7 +56,8 @@ MAX_DELAY, REST_FRACTION = 1.0, 0.2
 """After a start that the user gives, a free decay must begin within this many periods; before the decay the body counts
 as at rest if its swings are below this fraction of the first swing of the decay."""
 FEW_TURNS = 30
-"""With at most this many turning points, the start may be within a swing, to gain half a swing."""
+"""In a decay with at most this many turning points, the start may lie between two turning points, to use half a swing
+more."""
 AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
 """Number of swings that are averaged to measure a rise, and largest rise that noise can cause, as a fraction of the
 largest swing."""

@@ -48,13 +48,13 @@ CONSTANT_FLOOR_SD = 0.3
 """Relative standard deviation of the constant part of the floor during the decay, because it is measured only after the
 decay."""
 MOST_BLOCKS = 600
-"""Number of blocks into which a record is averaged."""
+"""Largest number of blocks into which a record is averaged."""
 COARSE_BLOCKS = 72
-"""Number of blocks among which the straightest descent is searched."""
+"""Largest number of blocks in which the straightest descent is searched."""
 LEAST_REMAINING = 0.4
 """The start of a decay is rejected if less than this fraction of the fall in dB of the straightest descent remains."""
 SURE_DROP = 8.0
-"""Larger falls in dB can only be a decay."""
+"""A fall by more dB than this can only be a decay."""
 SPARSE_READINGS = 60
 """A record with fewer readings is a table, in which no release and no floor is searched."""
 MISFIT_WEIGHT = 20.0
@@ -64,7 +64,7 @@ SHORTEST_LINE = 10
 START_ROUNDS = 4
 """Most rounds of the search for the start."""
 LINE_FRACTION = 0.12
-"""Length of the short lines with which the release is found, as a fraction of the decay's duration."""
+"""Length of the short lines with which the release is found, as a fraction of the straight descent's duration."""
 LINES_AHEAD = 2
 """The usual misfit is the median over this many lengths of short lines ahead, because it grows towards the floor."""
 SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
@@ -79,7 +79,7 @@ the first eighth of the decay by at least the second number (for random phases i
 SMOOTHED_BLOCKS = 7
 """Number of blocks over which the level is averaged for the comparison with the floor."""
 LEVEL_RATE = 0.15
-"""A short line with less than this multiple of the rate after it is never part of the decay."""
+"""A short line that falls at less than this fraction of the rate after it is never part of the decay."""
 SLOPE_CHANGES = 3.0
 """A short line whose slope is outside SLOWEST_RATE and FASTEST_RATE is not part of the decay if the slope also differs
 from the rate after it by more than this multiple of the usual change of the slope."""

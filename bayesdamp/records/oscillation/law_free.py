@@ -46,7 +46,7 @@ OUTLIER_SDS = 6.0
 ROUNDING_SD = 0.29
 """Standard deviation of a rounding error, as a fraction of the recording step: 1/√12."""
 LEAST_ERROR = 1e-5
-"""Smallest relative error of an amplitude, which is that of the fitted model (conventional)."""
+"""Smallest relative error of an amplitude: the error of the fitted sinusoid as a model (conventional)."""
 NUGGET = 1e-3
 """Fraction of an amplitude's error variance that is assumed independent between windows, so that the correlation matrix
 is regular."""

@@ -24,7 +24,7 @@ MIN_SEPARATION = 0.6
 """A new mode is searched only if its start frequency differs from those of the present modes by at least this, in units
 of 1 / (duration of the record)."""
 PADDING = 4
-"""Factor of length to which a record is padded with zeros before its spectrum is computed."""
+"""Before its spectrum is computed, a record is padded with zeros to this many times its length (conventional)."""
 MOST_SEARCHED = 6_000
 """Most samples for a search. From a longer record so many are drawn at random (which avoids aliasing); the result is
 then judged on all samples (conventional)."""
@@ -47,7 +47,7 @@ after the rise."""
 RISE_SIGMAS = 3.0
 """A rise counts if it exceeds this many standard deviations of a sample's noise."""
 SUCCESSIVE_PERIODS = 2
-"""Number of successive periods that must rise together."""
+"""Number of successive periods whose ranges must all be larger, so that a rise counts."""
 GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
 """A second oscillation that falls below the first number, as a fraction of the first oscillation, within the second
 number of cycles is only a transient."""
@@ -57,7 +57,7 @@ one's."""
 HOLE_IN_PERIOD = 0.2
 """Periods that contain a gap longer than this fraction of the period are not used, because a peak may be missing."""
 MIN_CYCLES = 3.0
-"""Smallest number of cycles of the slower mode for a decision."""
+"""With fewer cycles of the slower (or only) mode, a record counts neither as two oscillations nor as steady."""
 DRIFT_CYCLES = 8.0
 """A smaller, slower oscillation that does not decay and has fewer cycles than this is a drift of the baseline."""
 RATE_SIGMAS = 3.0
@@ -71,7 +71,8 @@ RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
 """In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
 of times, and each time over at least the third number of periods."""
 MIN_RISING_FRACTION = 0.25
-"""Smallest fraction of the record in which it rises: random excitation gives a half, repeated releases little."""
+"""Smallest fraction of an excited record in which the amplitude rises: random excitation gives a half, repeated
+releases little."""
 MIN_RANGE_SIGMAS = 20.0
 """An oscillation that stays constant must have a range of at least this many standard deviations of a sample's
 noise."""
