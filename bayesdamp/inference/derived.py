@@ -46,7 +46,7 @@ class Motions:
     Attributes
     ----------
     osc : Oscillator
-        Its damping terms and restoring law.
+        The oscillator: damping terms and restoring law.
     values : mapping of str to float or ndarray
         All parameters of the oscillator, as scalars or arrays of the same shape.
     near : float

@@ -133,7 +133,7 @@ def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
 
 
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
-    """Return the duration of a record (s), its number of cycles, and the half width of a band in frequency steps."""
+    """Return the duration of a record (s), its number of cycles, and the half width of a band (unit: 1/duration)."""
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
     return length, length / period, int(np.clip(length / period / 3, 0, BAND_NEIGHBOURS))
 
@@ -296,7 +296,9 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
 
 
 def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
-    """Return the response of the recorded quantity to a small force of each form in `FORMS`, (forms, n).
+    """Return the response of the recorded quantity to the force of each form in `FORMS`, (forms, n).
+
+    The force is −`Form.force`, and the response is linear, as to a small force.
 
     Parameters
     ----------

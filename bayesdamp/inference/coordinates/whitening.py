@@ -551,8 +551,8 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     """Return whitened coordinates of a posterior given one combination of the hyperparameters of its deviations.
 
-    The coordinates have the moments of the truncated normal at the mode. combination: index of the combination in the
-    grid.
+    The coordinates have the moments of the truncated normal at the mode. combination: index among the combinations of
+    `Target.deviation`.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)

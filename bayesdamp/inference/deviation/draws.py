@@ -215,7 +215,7 @@ class Orbit:
     energy : float
         Energy per unit of inertia, relative to rest at the equilibrium.
     x, speed, width : ndarray, shape (n,)
-        Positions, speeds, and quadrature weights dx.
+        Positions (rad or m) at quadrature points, speeds there, and quadrature weights dx.
     """
 
     energy: float
@@ -278,8 +278,8 @@ def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float
 def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
     """Return the frequency at an amplitude, in rad/s, by harmonic balance: from the first harmonic of the force.
 
-    It needs only a few forces, and is accurate enough for the change of the frequency with the law's parameters (N. M.
-    Krylov and N. N. Bogoliubov, 1943).
+    It is 0 if this harmonic does not pull back. It needs only a few forces, and is accurate enough for the change of
+    the frequency with the law's parameters (N. M. Krylov and N. N. Bogoliubov, 1943).
     """
     force = by_kernel(LAWS.get(restoring).kernel, law)
     pull = float(force(rest + amplitude * _COSINES) @ _COSINES)

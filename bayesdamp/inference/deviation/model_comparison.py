@@ -659,7 +659,10 @@ class _CandidateFits:
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
-            """Fit with a width, and return ε, the log likelihood, and the values of the terms' parameters."""
+            """Fit with a width; return ε, the log likelihood, and the values of the terms' parameters, or None.
+
+            share: the width as a fraction of the peak velocity. None if the fit fails.
+            """
             own = replace(solver, epsilon=share * peak)
             fit = refit(own, self.data, near)
             if fit is None:

@@ -110,6 +110,8 @@ def sample_posterior(
 ) -> TemperedDraws:
     """Draw from the posterior with exact motions, and compute its evidence.
 
+    If the motions of all first draws escape, the log evidence is −∞ and the draws are not trusted.
+
     Parameters
     ----------
     ratio : callable

@@ -312,7 +312,8 @@ def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarr
     Returns
     -------
     log_evidence, mean, variance : ndarray, shape (b,)
-        Log evidence, and mean and variance of p, for each combination of hyperparameters.
+        Log of the evidence times the prior probability, and mean and variance of p, for each combination of
+        hyperparameters.
     """
     begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=WIDE_SD)
     p = _fit_with_priors(

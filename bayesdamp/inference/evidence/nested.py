@@ -73,7 +73,10 @@ class NestedSampling(EvidenceMethod):
             return _finite(likelihood.log_posteriors(z) - standard_normal(z))
 
         def over_normal(z: np.ndarray) -> np.ndarray:
-            """Return the log of prior times likelihood, divided by the density of the wide normal about the mode."""
+            """Return log(prior times likelihood / density of the wide normal), (n,), at scores z, (n, d).
+
+            The normal is about the mode, with the Cholesky factor `factor` of its covariance.
+            """
             left = np.linalg.solve(factor, (z - best).T)
             log = likelihood.folded(z) - standard_normal(left.T) + np.linalg.slogdet(factor)[1]
             return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), log, -np.inf))

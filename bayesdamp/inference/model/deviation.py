@@ -26,6 +26,8 @@ from bayesdamp.types import Refusal
 class Deviation(NoiseModel):
     """The distribution of record minus motion: white noise of known variance plus the effect of deviations.
 
+    It replaces the noise model. Its methods do not use their arguments `gaps`, `p` and `features`.
+
     Attributes
     ----------
     motions : Trajectories

@@ -61,10 +61,10 @@ class QuantisedNoise(IndependentNoise):
 
 
 def _log_probability(r: np.ndarray, sd: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return log Φ(near) and log (1 − Φ(far)/Φ(near)); near and far are the ends of the interval around |r|, in sds.
+    """Return log Φ(near) and log (1 − Φ(far)/Φ(near)), where near = (step/2 − |r|)/sd and far = (−step/2 − |r|)/sd.
 
-    Their sum is the log probability of the interval, log [Φ(near) − Φ(far)]. It is computed in the lower tail, where
-    differences of probabilities are accurate.
+    Their sum is the log probability of the interval around |r|, log [Φ(near) − Φ(far)]. It is computed in the lower
+    tail, where differences of probabilities are accurate.
     """
     top = log_ndtr((0.5 * step - np.abs(r)) / sd)
     bottom = log_ndtr((-0.5 * step - np.abs(r)) / sd)

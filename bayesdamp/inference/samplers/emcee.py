@@ -55,7 +55,7 @@ class Emcee(Sampler):
             return np.where(inside, values, OUTSIDE_LOG_DENSITY)
 
         def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-            """Draw from the Student t about the mode, and return the log Metropolis–Hastings factors."""
+            """Return draws from the Student t about the mode, (n, d), and log Metropolis–Hastings factors, (n,)."""
             old, new = at.straight(u), proposal.draw(rng, len(u))
             moved = np.linalg.solve(at.factor, (new - at.centre).T).T
             return moved, proposal.log_density(old) - proposal.log_density(new)
