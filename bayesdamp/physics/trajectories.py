@@ -124,7 +124,7 @@ class Trajectories:
     def motion(self, p: Mapping[str, float]) -> Motion | None:
         """Return the solver's `Motion`, with derivatives by all parameters in `kernel_names`.
 
-        Return None if the trajectory escapes.
+        Return None if the trajectory escapes or there is no equilibrium.
         """
         return self._solve(p, _epsilon(p), PARAMETERS)
 

@@ -1,12 +1,13 @@
-"""Recurrent network from a record to its damping (paper, section 3.7).
+"""Estimate the damping of a record with a recurrent network (paper, section 3.7).
 
-An LSTM or GRU is trained on simulated records of the same oscillator, at the record's own times: damping drawn evenly
-in its logarithm over a wide range about the record's mean decay, noise about the record's own, start and restoring
-parameters as known or else about what the record shows. Record and simulations are presented in the same way: the
-logarithm of the amplitude, demodulated over each half-cycle, and its step from the one before. The network answers with
-the logarithm of the coefficient. Its first answer sets a narrower range, some times as wide as its error on simulated
-records that it was not trained on, in which it is trained further; this repeats until the range is no wider than a few
-per cent. (The alternative, a network for the one-step dynamics, has no parameter to be read off directly.)
+An LSTM or GRU is trained on simulated records of the same oscillator at the record's own times. The logarithm of their
+damping coefficient is uniform in a wide range about the value that the record's mean decay suggests; their noise is
+similar to the record's; start and restoring parameters have their known values, or vary about those that the record
+shows. The input of the network is, for each half cycle, the logarithm of the amplitude and its difference from the half
+cycle before; its output is the place of the coefficient's logarithm in the range. The output for the record is the
+centre of a narrower range, whose width is a multiple of the network's error on simulated test records. The network is
+trained further in this range, and so on until the range is about ±10 %. (The alternative, a network for the one-step
+dynamics, does not contain the coefficient as a number.)
 """
 
 from __future__ import annotations

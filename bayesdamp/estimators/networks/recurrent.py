@@ -19,7 +19,8 @@ class RecurrentNetwork:
     """A recurrent layer over sequences, and a linear one from its last state to the answer.
 
     cell: "lstm" (Hochreiter & Schmidhuber 1997, with the forget gate of Gers, Schmidhuber & Cummins 2000) or "gru" (Cho
-    and others 2014). units: in the recurrent layer. inputs: numbers in each step of a sequence.
+    and others 2014). units: number of units in the recurrent layer. inputs: number of values in each step of a
+    sequence.
     """
 
     cell: str

@@ -40,7 +40,7 @@ BLANKS = " "
 _GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
 """Separators of names that contain blanks: wide gaps, or any blanks except those before a unit in brackets."""
 EXAMINED_LINES = 100
-"""Number of lines in the middle of a text from which the separator and the number of columns are determined
+"""Number of lines in the middle of a text by which it is decided whether its rows begin with a number
 (conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
 """Words that loggers write in place of a missing number."""
