@@ -358,7 +358,7 @@ class AmplitudeSolver:
 
     @property
     def frequency(self) -> float:
-        """Return one over the duration, in 1/s, in place of a frequency, because nothing oscillates."""
+        """Return 1/duration, in 1/s, in place of a frequency, because nothing oscillates."""
         return 1.0 / self.duration
 
     def solve(

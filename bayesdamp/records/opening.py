@@ -1,4 +1,4 @@
-"""Open a file with the reader for its format, and report any problem of the file as an error of one line.
+"""Open a file with the reader for its format, and report any problem of the file as an error with a one-line message.
 
 Readers that use compiled libraries run in a child process, because a damaged file may crash them.
 """

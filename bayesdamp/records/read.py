@@ -55,7 +55,7 @@ def read_record(
     channel: str | None = None,
     time_unit: str | None = None,
 ) -> RawRecord:
-    """Read the only record of a file, or the one of a run and channel.
+    """Return the record of a run and channel of a file, or the only record of the file.
 
     The arguments are those of `read_records`, with one `run` and one `channel`. Raises InputError also if the arguments
     select several records.
@@ -88,7 +88,7 @@ def read_records(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> list[RawRecord]:
-    """Read all records of a file: one for each run and channel.
+    """Return all records of a file: one for each run and channel.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The estimators: one module each, found by name, bound to `PLUGIN`."""
+"""Define the estimators, each in a module of its name that assigns it to `PLUGIN`."""

@@ -1,9 +1,9 @@
 """Physics-informed neural network (paper, section 3.5, equations 17 to 19).
 
 θ(t) is a network whose inputs are time and the sines and cosines of the record's own phase and its harmonics; angles
-are in amplitudes and the residual of the equation of motion in units of Aω². Damping coefficients are trained along
-with the weights. All derivatives are automatic, and the loss, a sum of squares, is lowered by Levenberg–Marquardt
-steps.
+are in units of the amplitude A, and the residual of the equation of motion in units of Aω². Damping coefficients are
+trained along with the weights. All derivatives are automatic, and the loss, a sum of squares, is lowered by
+Levenberg–Marquardt steps.
 """
 
 from __future__ import annotations

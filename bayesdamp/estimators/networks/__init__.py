@@ -1,1 +1,1 @@
-"""Networks, and the losses of the methods that train them; every module here needs torch."""
+"""Define networks and the losses of the methods that train them. Every module here needs torch."""

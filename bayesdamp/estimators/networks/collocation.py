@@ -153,18 +153,18 @@ def estimate(
     Parameters
     ----------
     signal, problem, features
-        The record, what is known of its system, and what the record shows.
+        The record, its damping terms and known parameters, and its features.
     rng
         Random generator for the first weights and the instants.
     rounds
         Largest number of training steps.
     start, settings
-        As `Collocation` takes them.
+        Arguments of `Collocation`.
 
     Raises
     ------
     Refusal
-        If the training comes to numbers that are not finite.
+        If the loss is not finite.
     """
     loss = Collocation(signal, problem, features, rng, start=start, **settings)
     count, last = loss.network.count, loss.network.count + len(loss.coefficients)

@@ -16,7 +16,7 @@ PATIENCE = 4
 
 @dataclass(frozen=True)
 class RecurrentNetwork:
-    """A recurrent layer over sequences, and a linear one from its last state to the answer.
+    """A recurrent layer over sequences, and a linear layer from its last state to one number, the answer.
 
     cell: "lstm" (Hochreiter & Schmidhuber 1997, with the forget gate of Gers, Schmidhuber & Cummins 2000) or "gru" (Cho
     and others 2014). units: number of units in the recurrent layer. inputs: number of values in each step of a

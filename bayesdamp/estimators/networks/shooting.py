@@ -226,18 +226,18 @@ def estimate(
     Parameters
     ----------
     signal, problem, features
-        The record, what is known of its system, and what the record shows.
+        The record, its damping terms and known parameters, and its features.
     rng
         Random generator for the first weights.
     rounds
         Largest number of training steps.
     settings
-        As `Shooting` takes them.
+        Arguments of `Shooting`.
 
     Raises
     ------
     Refusal
-        If the training comes to trajectories that are not finite.
+        If a trajectory is not finite.
     """
     loss = Shooting(signal, problem, features, rng, **settings)
     training = train(descend(loss.evaluate, loss.first), rounds, loss.project, STEADY, loss.y.numel())

@@ -1,4 +1,4 @@
-"""What the estimators with a network share: derivatives, dense networks, training, and a record in its own scales."""
+"""Provide derivatives, dense networks, training and scaled records for the estimators with a network."""
 
 from __future__ import annotations
 
@@ -61,7 +61,8 @@ def single_thread() -> Iterator[None]:
 def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor, Tensor]:
     """Return the values of a function at each row, (n,) or (n, m), and their derivatives, (n, k) or (n, m, k).
 
-    The function maps rows (n, k) to values one by one, so that the gradient of their sum holds each row's own.
+    Each value depends only on its own row of `rows` (n, k), so that the gradient of the sum of all values contains the
+    gradients of the single values.
     """
     rows = rows.clone().requires_grad_()
     values = function(rows)
@@ -201,9 +202,9 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
     """Lower the sum of squares of residuals (n,) step by step, for up to a few thousand unknowns.
 
     It uses Levenberg's method with geodesic acceleration (Transtrum & Sethna 2012, arXiv:1201.5885): a step is bent by
-    the residuals' second derivative along it, and refused if it bends too much. All unknowns are damped alike: scaled
-    by their curvature, as Marquardt proposed, weights without effect would grow without bounds.
-    It ends when no step lowers the loss.
+    the residuals' second derivative along it, and refused if it bends too much. All unknowns have the same damping:
+    scaled by their curvature, as Marquardt proposed, it would let weights without effect grow without bounds. It ends
+    when no step lowers the loss.
 
     Parameters
     ----------

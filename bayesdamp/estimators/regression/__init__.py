@@ -1,1 +1,1 @@
-"""Numerics that the methods share that regress on candidate terms."""
+"""Provide numerical functions for the methods that regress on candidate terms."""

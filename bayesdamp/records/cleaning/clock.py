@@ -73,7 +73,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     repeats: as logged; 5. else uniform, with the slope of a robust line through stamps against index, unless stamps are
     too far from it (refused).
 
-    With "uniform" the step is also that of rule 2 or 5.
+    The clock "uniform" uses the step of rule 2 if it applies, else that of rule 5.
 
     Parameters
     ----------

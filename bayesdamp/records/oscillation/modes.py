@@ -121,7 +121,7 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
     Yields
     ------
     Modes
-        The fit with one mode more.
+        The fit with one mode, then that with two modes, and so on.
 
     References
     ----------
@@ -264,8 +264,8 @@ class OtherMotion:
         "two modes" are two oscillations of close or of different frequencies; "driven" is a decay together with a
         sustained oscillation; "excited" is excited throughout.
     modes
-        The oscillation or the two oscillations. For "excited", the rates are NaN, and the amplitudes are the smallest
-        and the largest one.
+        The oscillation or the two oscillations. For "excited", the rates are NaN, and `first` and `last` are the
+        smallest and the largest amplitude of the record.
     size
         For two modes, the largest amplitude of the second relative to that of the first; for "growing", the factor of
         growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
