@@ -99,7 +99,7 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Return the draws u = (scores, g, h), (n, K), of a candidate in the parts of this class."""
+        """Return the draws u = (scores, g, h), (n, K), of a candidate, converted to parameters and deviations."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)

@@ -329,7 +329,7 @@ class Single:
         if not len(motions):
             raise Refusal("no motion that fits the first half can be continued through the second")
         comparison, count = self.comparison, half.comparison.data.y.size
-        second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one sample
+        second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one value of y
         return Prediction(
             comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise)
         )

@@ -37,7 +37,7 @@ class Settings:
     chains : int
         Number of chains.
     warmup, draws : int
-        Number of draws of each chain that are discarded, and that are returned.
+        Number of draws of each chain that are discarded (emcee: half as many), and that are returned.
     seed : int
         Seed of all random numbers.
     grows : bool
