@@ -125,7 +125,7 @@ class Expression:
         return terms
 
     def without_the_negligible(self, v: np.ndarray, share: float) -> Expression:
-        """Return the expression without products whose rms over v (n,) is at most `share` times its own rms."""
+        """Return the expression without products whose rms over v (n,) is at most `share` times the total rms."""
         whole = float(np.sqrt(np.mean(self(v) ** 2)))
         sizes = [np.sqrt(np.mean(Expression((term,))(v) ** 2)) for term in self.terms]
         return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))

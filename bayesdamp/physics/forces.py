@@ -154,7 +154,7 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the positions, of the shape of `near`, after a fixed number of Newton steps towards force = 0.
+    """Return the positions (equilibria) after a fixed number of Newton steps from `near` towards force = 0.
 
     Convergence is not checked.
     """

@@ -24,12 +24,13 @@ _ASSUMED = {
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
 """Longest and shortest period in s that a sampling rate may give without a doubt about the rate."""
 SLOW_PERIOD = 30.0
-"""Times without a stated unit are doubted if the period would be longer than this, in s."""
+"""Times without a stated unit are doubted if they step by at least COARSE_STEP and the period is longer than this, in
+s."""
 LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
 """The unit of the times is doubted if the velocity would be larger than this, in rad/s and m/s: the balance wheel of a
 watch reaches about 130 rad/s, sound 340 m/s."""
 COARSE_STEP = 0.5
-"""Times without a stated unit are doubted only if their step is at least this, in s."""
+"""Smallest step of times (s) from which a long period raises a doubt about their unit."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 """Day numbers of about 1970 to 2060: in spreadsheets and as modified Julian days, in MATLAB, as Julian days."""
 SHORT_DAYS = 5e-4
@@ -196,7 +197,10 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 
 
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
-    """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None."""
+    """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None.
+
+    It is also None if no longer unit of time (s, ms or us) would give a plausible velocity and period.
+    """
     base = UNITS[unit].base
     limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
     scale = 2 * math.pi / step * math.sqrt(2) * UNITS[unit].factor

@@ -33,8 +33,8 @@ decay."""
 LEAST_READINGS = 200
 """Fewest samples of a trajectory that are compared with the record."""
 LEAST_DECAY = 0.05
-"""Smallest fall of the amplitude over the record, as a fraction, that is assumed, so that a record that hardly decays
-has a range too."""
+"""A record whose amplitude falls by less than this fraction is treated as if it fell by this fraction, so that the
+search range of its damping is not too narrow."""
 PHASE = 3.0
 """Half range in which the frequency is searched: this many radians divided by the record's duration, plus half a per
 cent."""

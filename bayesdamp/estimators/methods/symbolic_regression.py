@@ -38,7 +38,8 @@ HATS = 25
 FLOOR = 1e-11
 """Smallest fraction of the variance of the force that single precision resolves."""
 MOST_DIFFERENCE = 1e-3
-"""Two forces count as equal if the relative root mean square of their difference is at most this."""
+"""The damping law counts as equal to the expression if the rms of their difference is at most this fraction of the
+expression's rms."""
 MOST_WIDTH_DIFFERENCE = 0.03
 """The width of a tanh counts as the known ε if they differ by at most this fraction of the peak velocity."""
 NEGLIGIBLE = 1e-4

@@ -67,7 +67,7 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     turns
         The turning points.
     floor
-        Smallest distance of a turning point from the midline.
+        Smallest distance of a turning point from the midline; closer ones are noise.
 
     Returns
     -------

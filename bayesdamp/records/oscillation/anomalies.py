@@ -36,8 +36,8 @@ MAX_LAST_PEAK = 0.8
 MAX_UNDERSHOOT = 0.1
 """Noise may change the sign of values of a rectified record up to this fraction of the largest peak."""
 MIN_MEDIAN = 0.3
-"""The median of a half cycle must be above this fraction of its peak: it is 0.71 for |sin|, 0.5 for sin², 0 for
-pulses."""
+"""In a rectified record the median of a half cycle is above this fraction of its peak: it is 0.71 for |sin|, 0.5 for
+sin², 0 for pulses."""
 ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
 """Samples in a period, and most samples in total, from which the envelope is computed."""
 FLANK_LEVEL, FLANK_CYCLES, MAX_ASYMMETRY = 0.2, 3, 0.15
