@@ -1,4 +1,7 @@
-"""Build the study behind the command `compare`: all damping sums under all restoring laws, no known parameters."""
+"""Build the study behind the command `compare`, which infers all parameters and takes none as known.
+
+By default it compares all damping sums under all restoring laws.
+"""
 
 from __future__ import annotations
 

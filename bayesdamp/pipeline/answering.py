@@ -43,7 +43,10 @@ def is_approximate(study: Study, spec: SignalSpec) -> bool:
 
 
 def likelihood_of(study: Study) -> str:
-    """Return the deviation that samplers use, "law" or "none". Under "auto" only the answer allows deviations."""
+    """Return "law" if the study's samplers allow deviations from the laws, else "none".
+
+    Under "auto" only the answer allows them.
+    """
     return "law" if study.posterior.deviation == "law" else "none"
 
 

@@ -179,7 +179,7 @@ def _sampled_posteriors(store: Store, spec: SignalSpec, repeat: int) -> dict[str
 
 
 def _deviation(study: Study, spec: SignalSpec) -> str:
-    """Return the deviation in the likelihood of a record's answer: "law" or "none"."""
+    """Return "law" if the answer on a record allows deviations from the laws, else "none"."""
     return "law" if is_approximate(study, spec) else "none"
 
 

@@ -181,7 +181,9 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
 
 
 def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
-    """Return the values of a signal to which candidates are fitted.
+    """Return the data to which candidates are fitted: means of neighbouring samples, or amplitudes and phases.
+
+    The part after the amplitude has fallen to `LEAST` of the first one is left out.
 
     Parameters
     ----------
@@ -190,7 +192,7 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     average : bool
         Whether a record of very many cycles may be reduced to amplitudes and phases.
     noise_model : SampleNoise, optional
-        Noise model of the samples, for amplitudes and phases; by default Gaussian.
+        Noise model under which amplitudes and phases are estimated; by default Gaussian noise (least squares).
 
     Raises
     ------

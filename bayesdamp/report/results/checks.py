@@ -249,7 +249,10 @@ class RecordChecks:
 
         worst, middle = worst_agreement(v, ratios), ratio_at(len(ratios) // 2)
         if self.exact_only:
-            yield Check(f"If the law held exactly, the damping ratio would be {middle} ({name.rstrip(',')}).")
+            yield Check(
+                f"{name} assumes that laws hold exactly and gives a damping ratio of {middle}; the answer allows "
+                "deviations."
+            )
         elif worst.confirms:
             yield Check(f"{name} confirms the damping ratio: {middle}.")
         else:

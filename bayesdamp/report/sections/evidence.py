@@ -34,10 +34,10 @@ ADOPTED = (
     "methods are unreliable or differ by more than three standard errors."
 )
 ANSWER = (
-    "The answer uses the evidence from sequential Monte Carlo. This method takes the noise variance as known, and "
-    "averages a long record in short blocks. Its log evidence therefore differs from that of the other methods by a "
-    "constant, and with blocks a model that does not fit loses fewer nats. Compare log Bayes factors within one method "
-    "only."
+    "The answer uses the evidence from sequential Monte Carlo. This method takes the noise variance as known, "
+    "which shifts the log evidence of all models by the same amount. If it averages a long record in short blocks, it "
+    "also penalises models that fit badly less than the other methods do. Therefore compare log Bayes factors within "
+    "one method only."
 )
 _ONE_NOISE = (
     'With deviation = "law" the evidence is computed for one noise model only. Deviations, and a larger noise variance '
