@@ -196,8 +196,11 @@ def test_a_term_with_parameters_of_its_own() -> None:
 
 @pytest.mark.slow
 def test_chains_reach_the_tails_where_two_terms_trade_off() -> None:
-    """The sd of each coefficient by NUTS is that of sequential Monte Carlo within 8 %, four standard errors (false
-    alarm 1 in 10,000 at a fixed seed). Negative control: sds without deviations are smaller by more than that.
+    """The sd of each coefficient by NUTS is that of sequential Monte Carlo within 8 %.
+
+    Of the mean variance of three runs this is three standard errors (the sd of a single run of 1,500 draws has an error
+    of 4 % in these tails, measured): a false alarm is 1 in 300 at other seeds. Negative control: sds without deviations
+    are smaller by more than that.
 
     A force that holds the weights of the deviations' sizes at the mode keeps chains out of the tails: 14 % too small.
     """
@@ -205,10 +208,11 @@ def test_chains_reach_the_tails_where_two_terms_trade_off() -> None:
     signal = bd.simulate({"viscous": 0.05, "coulomb": 0.02}, restoring="pendulum", seed=3, **made)
     model = bd.Model("viscous+coulomb", "pendulum", deviation="law")
     approximate = bd.fit(signal, model)
-    truth = bd.sample(approximate, "smc", draws=1500, seed=1).summaries
+    runs = [bd.sample(approximate, "smc", draws=1500, seed=seed).summaries for seed in (1, 2, 3)]
     found = bd.sample(approximate, "nuts", draws=400, warmup=100, seed=2).summaries
     exact = bd.fit(signal, bd.Model("viscous+coulomb", "pendulum"))
     narrow = bd.sample(exact, "nuts", draws=400, warmup=100, seed=2).summaries
     for name in ("zeta", "mu_c"):
-        assert found[name]["sd"] == pytest.approx(truth[name]["sd"], rel=0.08)
-        assert narrow[name]["sd"] != pytest.approx(truth[name]["sd"], rel=0.08)
+        truth = np.sqrt(np.mean([run[name]["sd"] ** 2 for run in runs]))
+        assert found[name]["sd"] == pytest.approx(truth, rel=0.08)
+        assert narrow[name]["sd"] != pytest.approx(truth, rel=0.08)
