@@ -87,10 +87,10 @@ MAY_IMPORT: dict[str, set[str]] = {
         "validation.scoring", "validation.truth",
     },
     "validation.measured": {
-        "types", "cli.records", "interface", "store", "verdict", "validation.answers", "validation.measured",
-        "validation.repeats", "validation.truth",
+        "types", "cli.records", "interface", "store", "verdict", "validation.contest.apart", "validation.measured",
+        "validation.rows", "validation.scoring",
     },
-    "validation": NEUTRAL | {"store", "verdict.types", "validation"},
+    "validation": NEUTRAL | {"verdict.types", "validation"},
     "interface": NEUTRAL
     | {
         "physics", "records", "config", "estimators", "inference", "store", "verdict", "report", "interface",

@@ -1,58 +1,75 @@
-"""Read tables of many records, and compute their missing rows in several processes."""
+"""Tables of many records: read them, compute their missing rows in several processes, and write the page on them."""
 
 from __future__ import annotations
 
 import argparse
-import csv
-import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from bayesdamp.machine import processes
-from bayesdamp.store import write_table
 from bayesdamp.types import InputError
 
-
-def read_rows(table: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file as strings; an empty list if there is no file."""
-    if not table.is_file():
-        return []
-    with table.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+Work = Callable[..., Mapping[str, object]]
+"""A function that returns a row. It must be importable, because other processes call it."""
 
 
-def read_frame(table: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of a CSV file as values; an empty table if there is no file.
+def read_rows(table: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Return the rows of a CSV file, with NaN for empty fields; no rows if there is no file.
 
-    Raises InputError if the file has other columns.
+    Raises InputError if `columns` are given and the file has others.
     """
     if not table.is_file():
         return pd.DataFrame(columns=list(columns))
-    frame = pd.read_csv(table, keep_default_na=False, na_values=[""])
-    _require(table, list(frame.columns), columns)
-    return frame
+    rows = pd.read_csv(table, keep_default_na=False, na_values=[""])
+    if columns and list(rows.columns) != list(columns):
+        raise InputError(f"{table}: the columns differ from those of this table; please give another file")
+    return rows
 
 
-def write_frame(table: Path, rows: pd.DataFrame) -> None:
-    """Write a table with six significant digits; an existing file is replaced."""
+def write_rows(table: Path, rows: pd.DataFrame, append: bool = False) -> None:
+    """Write rows with six significant digits, or append them to the file."""
     table.parent.mkdir(parents=True, exist_ok=True)
-    rows.to_csv(table, index=False, float_format="%.6g")
+    header = not (append and table.is_file())
+    rows.to_csv(table, index=False, float_format="%.6g", mode="a" if append else "w", header=header)
+
+
+def where(rows: pd.DataFrame, mask: ArrayLike = True, /, **values: object) -> pd.DataFrame:
+    """Return the rows in which a mask, (n,), is true, and in which the named columns have the given values."""
+    chosen = np.broadcast_to(np.asarray(mask, bool), len(rows))
+    for column, value in values.items():
+        chosen = chosen & (rows[column].to_numpy() == value)
+    return rows.iloc[np.flatnonzero(chosen)]
+
+
+def numbers(rows: pd.DataFrame, column: str) -> np.ndarray:
+    """Return the values of a column of numbers, (n,)."""
+    return rows[column].to_numpy(float)
+
+
+def total(rows: pd.DataFrame, column: str) -> int:
+    """Return the sum of a column of whole numbers or booleans."""
+    return int(numbers(rows, column).sum())
 
 
 def complete_rows(
     table: Path,
     columns: Sequence[str],
     todo: Mapping[str, tuple[Any, ...]],
-    work: Callable[..., Mapping[str, object]],
+    work: Work,
     workers: int = 2,
     key: Sequence[str] = (),
-) -> list[dict[str, str]]:
+) -> pd.DataFrame:
     """Compute and append the rows that a table lacks; return all requested rows in the requested order.
+
+    Each row is saved as soon as it is computed, so that an interrupted run resumes.
 
     Parameters
     ----------
@@ -63,16 +80,11 @@ def complete_rows(
     todo : mapping
         The requested rows: the name of each, and its arguments of `work`.
     work : callable
-        Function that returns a row. It must be importable, because other processes call it.
+        Function that returns a row.
     workers : int
-        Number of processes.
+        Number of processes; 1 computes in this process.
     key : sequence of str
         The columns whose values, joined by slashes, are the name of a row; by default the first column.
-
-    Returns
-    -------
-    list of dict
-        The rows as strings.
 
     Raises
     ------
@@ -80,39 +92,27 @@ def complete_rows(
         The table has other columns.
     """
 
-    def name_of(row: Mapping[str, object]) -> str:
-        return "/".join(str(row[c]) for c in key or columns[:1])
+    def by_name() -> pd.DataFrame:
+        rows = read_rows(table, columns)
+        parts = rows[list(key or columns[:1])].astype(str).to_numpy().tolist()
+        return rows.set_index(pd.Index(["/".join(part) for part in parts], dtype=str))
 
-    before = read_rows(table)
-    if before:
-        _require(table, list(before[0]), columns)
-    done = {name_of(row) for row in before}
-    missing = [name for name in todo if name not in done]
-    for i, row in enumerate(_computed([todo[name] for name in missing], work, workers), 1):
-        write_row(table, columns, row)
-        result = row.get("named") or row.get("outcome", "")
-        print(f"{i}/{len(missing)} {row[columns[0]]} {result}".rstrip(), file=sys.stderr, flush=True)
-    by_name = {name_of(row): row for row in read_rows(table)}
-    return [by_name[name] for name in todo]
-
-
-def write_row(table: Path, columns: Sequence[str], row: Mapping[str, object]) -> None:
-    """Append a row; a new file first gets a header."""
-    table.parent.mkdir(parents=True, exist_ok=True)
-    fresh = not table.is_file()
-    with table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, restval="")
-        if fresh:
-            writer.writeheader()
-        writer.writerow(row)
-
-
-def rounded(row: Mapping[str, object]) -> dict[str, object]:
-    """Return a row with its numbers as strings of six significant digits; NaN becomes an empty string."""
-    return {
-        name: ("" if math.isnan(value) else f"{value:.6g}") if isinstance(value, float) else value
-        for name, value in row.items()
-    }
+    done = set(by_name().index)
+    missing = [given for name, given in todo.items() if name not in done]
+    with processes(workers) if min(workers, len(missing)) > 1 else nullcontext() as pool:
+        results = (
+            (task.result() for task in as_completed([pool.submit(work, *given) for given in missing]))
+            if pool
+            else (work(*given) for given in missing)
+        )
+        for i, row in enumerate(results, 1):
+            assert row.keys() <= set(columns), (
+                f"columns without a name in the table: {row.keys() - set(columns)}"
+            )
+            write_rows(table, pd.DataFrame([row], columns=list(columns)), append=True)
+            result = row.get("named") or row.get("outcome", "")
+            print(f"{i}/{len(missing)} {row[columns[0]]} {result}".rstrip(), file=sys.stderr, flush=True)
+    return by_name().loc[list(todo)].reset_index(drop=True)
 
 
 def page_options(description: str | None) -> argparse.ArgumentParser:
@@ -129,8 +129,9 @@ def make_page(
     shipped: str,
     columns: Sequence[str],
     todo: Mapping[str, tuple[Any, ...]],
-    work: Callable[..., Mapping[str, object]],
-    page: Callable[[list[dict[str, str]]], str],
+    work: Work,
+    page: Callable[[pd.DataFrame], str],
+    key: Sequence[str] = (),
 ) -> None:
     """Compute the rows that the table lacks; write README.md and a copy of the requested rows into the folder.
 
@@ -140,30 +141,11 @@ def make_page(
         The parsed options of `page_options`.
     shipped : str
         Name of the file with the rows in the folder.
-    columns, todo, work
-        As in `gathered`.
+    columns, todo, work, key
+        As in `complete_rows`.
     page : callable
         Function that returns the page in Markdown, from the rows.
     """
-    rows = complete_rows(options.table, columns, todo, work, options.workers)
-    options.folder.mkdir(parents=True, exist_ok=True)
-    write_table(options.folder / shipped, columns, rows)
+    rows = complete_rows(options.table, columns, todo, work, options.workers, key)
+    write_rows(options.folder / shipped, rows)
     (options.folder / "README.md").write_text(page(rows), encoding="utf-8")
-
-
-def _require(table: Path, present: Sequence[str], columns: Sequence[str]) -> None:
-    """Raise InputError if the columns of a file differ from the required ones."""
-    if list(present) != list(columns):
-        raise InputError(f"{table}: the columns differ from those of this table; please give another file")
-
-
-def _computed(
-    todo: Sequence[tuple[Any, ...]], work: Callable[..., Mapping[str, object]], workers: int
-) -> Iterator[Mapping[str, object]]:
-    """Yield the rows in the order in which the processes finish them."""
-    if min(workers, len(todo)) <= 1:
-        yield from (work(*given) for given in todo)
-        return
-    with processes(workers) as pool:
-        for done in as_completed([pool.submit(work, *given) for given in todo]):
-            yield done.result()

@@ -19,7 +19,7 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import InputError
 from tests.studies import study_text
-from validation.rows import read_rows
+from validation.rows import read_rows, where
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 STUDY = study_text(
@@ -155,8 +155,8 @@ def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch
     assert said in (out / "report.html").read_text(encoding="utf-8")
     counts = result["counts"]["viscous"]
     assert sum(counts["refused"].values()) == counts["tried"] - counts["counted"]
-    for row in read_rows(out / "ranks.csv"):
-        ranked = [int(text) for text in row["ranks"].split()]
+    for text in read_rows(out / "ranks.csv")["ranks"]:
+        ranked = [int(rank) for rank in text.split()]
         assert 12 <= len(ranked) < 24  # a second wave where some records were refused
         assert min(ranked) >= 0
         assert max(ranked) <= 255
@@ -180,10 +180,10 @@ def test_both_samplers_are_calibrated_and_see_a_wrong_likelihood(tmp_path, misju
     text = text.replace('"viscous", "coulomb", "quadratic", ', "")
     text = text if right else text.replace("[posterior]", f"[posterior]\n{misjudged}")
     assert run_calibration(load_study(write(tmp_path, text)), tmp_path / "out", workers=1, report=False) == 0
-    wrong = [r for r in read_rows(tmp_path / "out" / "calibration.csv") if r["verdict"] == "wrong"]
-    assert (not wrong) is right
+    wrong = where(read_rows(tmp_path / "out" / "calibration.csv"), verdict="wrong")
+    assert wrong.empty is right
     if not right:
-        assert {"nuts", "emcee"} <= {r["method"] for r in wrong if r["parameter"] == "noise_sd"}
+        assert {"nuts", "emcee"} <= set(where(wrong, parameter="noise_sd")["method"])
 
 
 # The models' probabilities.

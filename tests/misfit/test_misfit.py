@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from scipy.stats import binom
 
@@ -15,16 +16,12 @@ from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 from validation.misfit.cases import INSIDE
 from validation.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, page
-from validation.rows import read_rows
+from validation.rows import read_rows, where
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 BAR = 0.05
 """At most this share of all records may be named a wrong damping outright."""
 SAID = Verdict("a", Grade.APPROXIMATE, True, "viscous+coulomb", 0.97)
-
-
-def rows() -> list[dict[str, str]]:
-    return read_rows(TABLE)
 
 
 def test_what_comes_of_a_verdict():
@@ -42,7 +39,7 @@ def test_the_page_counts_what_is_wrong_and_unwarned():
         {"kind": "cubic", "outcome": WRONG},
         {"kind": "cubic", "outcome": OPEN},
     ]
-    said = page(made)
+    said = page(pd.DataFrame(made))
     assert "in 1 of 2 (" in said
     assert "named outright in 1 of 1 (" in said
     assert "| cubic | 2 | 0 | 1 | 0 | 1 |" in said
@@ -55,7 +52,8 @@ def too_many(wrong: int, count: int) -> bool:
 
 @pytest.mark.slow
 def test_wrong_and_unwarned_is_rare():
-    for part in (rows(), [r for r in rows() if r["kind"] in INSIDE]):
+    rows = read_rows(TABLE)
+    for part in (rows, rows[rows["kind"].isin(INSIDE)]):
         assert len(part) >= 20
-        assert not too_many(sum(r["outcome"] == WRONG for r in part), len(part))
+        assert not too_many(len(where(part, outcome=WRONG)), len(part))
         assert too_many(len(part) // 3, len(part))  # the control

@@ -5,21 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict.parts import Grade, Rival
 from bayesdamp.verdict.types import Verdict
 from tests.validation.answering import ratio_at
-from validation.answers import Answering
-from validation.repeats import (
-    agreement,
-    mean_square,
-    named_possible,
-    runs,
-    share_possible,
-    table,
-)
+from validation.measured.agreement import Answering, agreement, amplitude_range, halves, runs, summary
 
 
 def decay(first: float = 0.3, seconds: float = 20.0, noise: float = 0.003, seed: int = 0) -> Signal:
@@ -44,19 +37,44 @@ def honest(rng: np.random.Generator, sure: float = 1.0) -> Answering:
 def test_differences_are_as_large_as_the_intervals_say(sure: float) -> None:
     """Records apart: 300 z² of mean 1 (or 9) and sd √2 of it; within 5 sd of their mean."""
     rng = np.random.default_rng(1)
-    found = [one for _ in range(100) for one in runs([decay(seed=1), decay(seed=2)], honest(rng, sure))]
-    assert mean_square(found) == pytest.approx(sure**2, rel=5 * np.sqrt(2 / 300))
+    pairs = pd.concat([runs([decay(seed=1), decay(seed=2)], honest(rng, sure)) for _ in range(100)])
+    assert pairs["mean_square"].mean() == pytest.approx(sure**2, rel=5 * np.sqrt(2 / 300))
+    assert (pairs["largest"] ** 2 >= pairs["mean_square"]).all()
 
 
 def test_all_pairs_of_runs_are_compared_at_common_amplitudes() -> None:
-    signals = [decay(0.3), decay(0.2), decay(0.4, 15.0)]
-    found = runs(signals, honest(np.random.default_rng(2)))
-    assert len(found) == 3
-    assert all(np.array_equal(one.amplitudes, found[0].amplitudes) for one in found)
-    assert 0.4 * np.exp(-1.5) < found[0].amplitudes[-1] < found[0].amplitudes[0] < 0.2
-    assert list(table(found)["first"]) == ["1 rig", "1 rig", "2 rig"]
+    signals, asked = [decay(0.3), decay(0.2), decay(0.4, 15.0)], []
+    answering = honest(np.random.default_rng(2))
+
+    def noted(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
+        asked.append(amplitudes)
+        return answering(signal, amplitudes)
+
+    pairs = runs(signals, noted)
+    assert len(asked) == 3  # each run is answered once
+    assert len(set(asked)) == 1
+    assert 0.4 * np.exp(-1.5) < asked[0][-1] < asked[0][0] < 0.2
+    assert list(pairs["first"]) == ["1 rig", "1 rig", "2 rig"]
     with pytest.raises(Refusal, match="no common amplitudes"):
         runs([decay(0.3), decay(0.01)], honest(np.random.default_rng(2)))
+
+
+def test_halves_are_compared_at_the_amplitude_between_them() -> None:
+    signals, asked = [], []
+    answering = honest(np.random.default_rng(2))
+
+    def noted(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
+        signals.append(signal)
+        asked.append(amplitudes)
+        return answering(signal, amplitudes)
+
+    (pair,) = halves(decay(), noted).to_dict("records")
+    assert (pair["first"], pair["second"]) == ("rig, first half", "rig, second half")
+    assert asked[0] == asked[1] == (pytest.approx(0.3 * np.exp(-1.0), rel=0.05),)
+    assert [signal.t[0] for signal in signals] == [0.0, 0.0]
+    assert sum(signal.t.size for signal in signals) == decay().t.size
+    with pytest.raises(Refusal, match="fewer than 3 periods"):
+        amplitude_range(decay(seconds=2.0))
 
 
 def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
@@ -64,9 +82,14 @@ def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
     two = Rival("coulomb", 0.03), Rival("quadratic", 0.03)
     one = Verdict("a", Grade.EXACT, True, "viscous", 0.94, two, damping_ratio=ratio)
     other = Verdict("b", Grade.EXACT, False, "coulomb", 0.6, (Rival("viscous", 0.4),), damping_ratio=ratio)
-    found = agreement("a", one, "b", other)
-    assert found.possible == (True, False)
-    assert found.z == pytest.approx(0.0)
-    assert share_possible([found, agreement("a", one, "a", one)]) == 0.75
-    assert named_possible([found, agreement("a", other, "b", one)]) == (2, 2)
-    assert named_possible([agreement("b", replace(other, decided=True), "a", one)]) == (1, 2)
+    pair = agreement("a", one, "b", other)
+    assert (pair["first_possible"], pair["second_possible"]) == (True, False)
+    assert pair["mean_square"] == 0.0
+    for pairs, words in (
+        ([pair, agreement("a", one, "a", one)], "other answer allows 0.75, of those named outright 3 of 3"),
+        ([pair, agreement("a", other, "b", one)], "named outright 2 of 2"),
+        ([agreement("b", replace(other, decided=True), "a", one)], "named outright 1 of 2"),
+    ):
+        assert words in summary(pd.DataFrame(pairs))
+    with pytest.raises(AssertionError, match="amplitudes of a and b"):
+        agreement("a", one, "b", replace(other, damping_ratio=(ratio_at(0.2, 0.01, 0.001),)))

@@ -11,8 +11,8 @@ from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict.parts import Grade, Rival
 from bayesdamp.verdict.types import Verdict
 from tests.validation.answering import ratio_at
-from validation.answers import probability_of, relation, row_of
-from validation.scoring import markdown, scores, wilson
+from validation.reports.deviation import page, row_of, scores
+from validation.scoring import probability_of, relation, share
 from validation.truth.oscillator import SUMS
 from validation.truth.ratio import RatioCurve
 from validation.truth.records import Case
@@ -51,6 +51,10 @@ def score(pairs: list[tuple[Case, Verdict]]) -> pd.Series:
     return scores(pd.DataFrame(rows)).iloc[0]
 
 
+def values(line: pd.Series, *shares: str) -> list[float]:
+    return [line[name].value for name in shares]
+
+
 def table_of(count: int = 200, **how) -> pd.Series:
     rng = np.random.default_rng(1)
     cases = [a_case(n) for n in range(count)]
@@ -59,26 +63,26 @@ def table_of(count: int = 200, **how) -> pd.Series:
 
 def test_an_honest_answer_is_right_and_covers() -> None:
     line = table_of()
-    assert (line["decided"], line["right"], line["wrong"], line["deviates"]) == (1.0, 1.0, 0.0, 0.0)
-    assert line["coverage_low"] < 0.95 < line["coverage_high"]  # false alarm: below 1 in 20, seed fixed
+    assert values(line, "decided", "right", "wrong", "deviates") == [1.0, 1.0, 0.0, 0.0]
+    assert line["coverage"].low < 0.95 < line["coverage"].high  # false alarm: below 1 in 20, seed fixed
     assert line["log_probability"] == pytest.approx(np.log(0.98))
     assert line["half_width"] == pytest.approx(1.96 * 0.001 / 0.02)
 
 
 def test_a_wrong_answer_is_wrong_outright() -> None:
     line = table_of(right=False)
-    assert (line["decided"], line["right"], line["wrong"]) == (1.0, 0.0, 1.0)
+    assert values(line, "decided", "right", "wrong") == [1.0, 0.0, 1.0]
     assert line["log_probability"] == pytest.approx(np.log(0.02 / 6))
     cautious = table_of(right=False, decided=False)
-    assert (cautious["decided"], cautious["wrong"]) == (0.0, 0.0)
-    assert np.isnan(cautious["right"])
+    assert values(cautious, "decided", "wrong") == [0.0, 0.0]
+    assert np.isnan(cautious["right"].value)
 
 
 def test_an_overconfident_answer_does_not_cover() -> None:
     """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
     line = table_of(sure=3.0)
-    assert line["coverage"] == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
-    assert line["coverage_high"] < 0.95
+    assert line["coverage"].value == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
+    assert line["coverage"].high < 0.95
 
 
 def test_grades_and_modes_are_told_apart() -> None:
@@ -88,9 +92,10 @@ def test_grades_and_modes_are_told_apart() -> None:
             answer = said(case, rng, sure=sure, grade=Grade.DEVIATES if case.kind == "drift" else Grade.EXACT)
             rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
     table = scores(pd.DataFrame(rows)).set_index("group")
-    assert table.loc[["drift/auto", "all discrepancies/auto"], "deviates"].tolist() == [1.0, 0.5]
+    deviates = table.loc[["drift/auto", "all discrepancies/auto"], "deviates"]
+    assert [part.value for part in deviates] == [1.0, 0.5]
     assert table.loc[["family/none", "family/auto"], "relative_width"].tolist() == pytest.approx([1.0, 2.0])
-    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in markdown(table.reset_index())
+    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in page(pd.DataFrame(rows))
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
@@ -106,13 +111,15 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
         row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)
     ]
     line = scores(pd.DataFrame(rows)).iloc[0]
-    assert (line["records"], line["answered"], line["decided"], line["coverage"]) == (10, 5, 0.5, 1.0)
+    assert (line["records"], line["answered"]) == (10, 5)
+    assert values(line, "decided", "coverage") == [0.5, 1.0]
 
 
 def test_wilsons_interval_is_scipys() -> None:
     for hits, count in ((0, 10), (7, 10), (190, 200), (200, 200)):
         exact = binomtest(hits, count).proportion_ci(method="wilson")
-        assert wilson(hits / count, count) == pytest.approx((exact.low, exact.high), abs=1e-12)
+        part = share(hits, count)
+        assert (part.low, part.high) == pytest.approx((exact.low, exact.high), abs=1e-12)
 
 
 def test_the_probability_of_the_truth_is_the_answers() -> None:

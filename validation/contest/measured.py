@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.types import Refusal, Signal
-from validation.contest.peers.shared import even, frequency
+from validation.contest.apart.shared import even, spectral_peak
 from validation.contest.records import Record
 
 FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
@@ -51,7 +51,7 @@ def measured_records(folder: Path) -> list[Record]:
 def half_cycles(signal: Signal) -> np.ndarray:
     """Return the amplitude (rad) and damping ratio of each two successive half cycles, shape (m, 2)."""
     t, y = signal.t, signal.y
-    f = frequency(*even(t, y))
+    f = spectral_peak(*even(t, y))
     turns = _turns(t, y, f)
     size = 0.5 * np.abs(np.diff(turns))
     delta = np.log(size[:-1] / size[1:]) / np.pi

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from bayesdamp.formatting import markdown_table as table
+from bayesdamp.formatting import fixed_decimals, markdown_table as table
 from bayesdamp.types import OK
 from validation.contest import plots
 from validation.contest.roster import OURS, ROSTER, SCRIPT, peers_of
 from validation.contest.scoring import (
-    Interval,
     coverage,
     groups_of,
     holds_more,
@@ -24,9 +23,9 @@ from validation.contest.scoring import (
     paired,
     quantile_of_errors,
     simulated,
-    where,
 )
-from validation.scoring import three, with_interval
+from validation.rows import numbers, where
+from validation.scoring import Interval, three
 
 INTRODUCTION = """# A contest
 
@@ -104,45 +103,62 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
         By environment, the reason why its peers did not take part.
     """
     groups = groups_of(rows)
-    parts_of_rows = {g: where(rows, group=g) for g in groups}
-    parts_of_rows[VISCOUS] = where(simulated(rows), damping="viscous")
+    by_group = {g: where(rows, group=g) for g in groups}
+    parts = by_group | {VISCOUS: where(simulated(rows), damping="viscous")}
     factors = {
-        name: {group: paired(part, name, OURS) for group, part in parts_of_rows.items()}
+        name: {group: paired(part, name, OURS) for group, part in parts.items()}
         for name in peers_of(rows)
         if name != OURS
     }
-    seeds = sorted({str(r).split("-")[1] for r in simulated(rows)["record"]})
-    parts = [INTRODUCTION]
-    parts += [
-        f"- **{g}** ({len(set(where(rows, group=g)['record']))} records): {GROUP_WORDS[g]}." for g in groups
+    seeds = sorted(set(simulated(rows)["record"].str.split("-").str[1]))
+    lines = [INTRODUCTION]
+    lines += [
+        f"- **{g}** ({part['record'].nunique()} records): {GROUP_WORDS[g]}." for g, part in by_group.items()
     ]
-    parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws other records.', ""]
-    parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
-    parts += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
-    parts += ["## All simulated records", ""]
-    parts += [_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
-    parts += [
+    lines += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws other records.', ""]
+    lines += [f"{name} did not take part: {why}." for name, why in missing.items()]
+    lines += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
+    lines += [
+        "## All simulated records",
+        "",
+        _scores(simulated(rows)),
+        "",
+        "## Better and worse than bayesdamp",
+        "",
+    ]
+    lines += [
         "The numbers are the error of a peer over that of bayesdamp on the records that both answered, as a geometric "
         "mean. **Bold**: the peer is nearer to the truth by more than chance.",
         "",
         table(
-            ["", *parts_of_rows],
+            ["", *parts],
             [[ROSTER[name].label, *(_factor(*f) for f in own.values())] for name, own in factors.items()],
         ),
         "",
         *_faster(simulated(rows)),
-        *_where_refused(rows, groups),
+        *_where_refused(by_group),
         *_where_better({n: {g: f for g, (f, _) in own.items()} for n, own in factors.items()}),
     ]
-    parts += ["", "![coverage and time](cost.svg)", ""]
-    for group in groups:
-        parts += [f"## {group.capitalize()}", "", _scores(where(rows, group=group)), ""]
-    parts += ["## Refusals", "", *_refusals(rows), "", HOW]
-    parts += [
+    lines += ["", "![coverage and time](cost.svg)", ""]
+    for group, part in by_group.items():
+        lines += [f"## {group.capitalize()}", "", _scores(part), ""]
+    lines += ["## Refusals", ""]
+    for name in peers_of(rows):
+        # The beginning of a refusal without its numbers, so that equal reasons have equal text.
+        texts = [
+            re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", x)[:110]
+            for x in where(rows, peer=name)["outcome"]
+            if x != OK
+        ]
+        if texts:
+            reasons = "; ".join(f"{n} × {text}" for text, n in Counter(texts).most_common())
+            lines.append(f"- {ROSTER[name].label}: {reasons}")
+    lines += ["", HOW]
+    lines += [
         "`make contest` makes this page, and resumes after an interruption; `rows.csv` has every answer.",
         "",
     ]
-    return "\n".join(parts)
+    return "\n".join(lines)
 
 
 def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
@@ -169,15 +185,19 @@ def _given(rows: pd.DataFrame) -> Iterator[str]:
 def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     """Yield the section that compares the script with bayesdamp, on the records that both received."""
     theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
-    rows = rows.iloc[[i for i, record in enumerate(rows["record"]) if record in theirs & own]]
+    rows = where(rows, [record in theirs & own for record in rows["record"]])
     if rows.empty:
         return
     parts = {"all simulated": simulated(rows)} | {g: where(rows, group=g) for g in groups}
     parts = {name: part for name, part in parts.items() if len(part)}
     cells = {
         "answered": lambda part: f"{len(where(part, outcome=OK))} of {len(part)}",
-        "median error": lambda part: _percent(quantile_of_errors(part, 0.5), ends=False),
-        "coverage of the intervals": lambda part: _share(coverage(where(part, outcome=OK))[0], ends=False),
+        "median error": lambda part: _percent(
+            Interval(quantile_of_errors(part, 0.5).value, math.nan, math.nan)
+        ),
+        "coverage of the intervals": lambda part: fixed_decimals(
+            coverage(where(part, outcome=OK))[0].value, 2
+        ),
         "named outright, of these correctly": lambda part: (
             "{1}, {2}".format(*names(part)) if names(part)[0] else "–"
         ),
@@ -195,18 +215,18 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     lines.append(["the script's error over bayesdamp's", *(_factor(*f) for f in factors.values())])
     yield table(["script / bayesdamp", *parts], lines)
     more = {name: holds_more(part, SCRIPT, OURS) for name, part in parts.items()}
-    nearer = (
-        [n for n, (f, _) in factors.items() if f.high < 1],
-        [n for n, (f, _) in factors.items() if f.low > 1],
-    )
-    oftener = [n for n, m in more.items() if m.low > 0], [n for n, m in more.items() if m.high < 0]
-    nearer, oftener = ([", ".join(names) or "no group" for names in both] for both in (nearer, oftener))
-    yield ""
-    yield "These differences exceed chance, on the records that both answered:"
-    yield ""
-    yield f"- the script is nearer to the truth in {nearer[0]}, bayesdamp in {nearer[1]};"
-    yield f"- the script's intervals contain the truth more often in {oftener[0]}, bayesdamp's in {oftener[1]}."
-    yield ""
+
+    def groups_where(holds: Callable[[str], bool]) -> str:
+        return ", ".join(name for name in parts if holds(name)) or "no group"
+
+    yield f"""
+These differences exceed chance, on the records that both answered:
+
+- the script is nearer to the truth in {groups_where(lambda name: factors[name][0].high < 1)}, \
+bayesdamp in {groups_where(lambda name: factors[name][0].low > 1)};
+- the script's intervals contain the truth more often in {groups_where(lambda name: more[name].low > 0)}, \
+bayesdamp's in {groups_where(lambda name: more[name].high < 0)}.
+"""
 
 
 def _scores(rows: pd.DataFrame) -> str:
@@ -219,7 +239,7 @@ def _scores(rows: pd.DataFrame) -> str:
         lines.append([
             ROSTER[name].label, str(len(part)), str(len(answered)),
             *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
-            _share(coverage(answered)[0]), f"{named} of {known}, {right}" if named else "–", _seconds(part),
+            str(coverage(answered)[0]), f"{named} of {known}, {right}" if named else "–", _seconds(part),
         ])  # fmt: skip
     heads = "records", "answered", "median error", "90 % quantile", "coverage", "named, right", "seconds"
     return table(["", *heads], lines)
@@ -227,7 +247,7 @@ def _scores(rows: pd.DataFrame) -> str:
 
 def _seconds(rows: pd.DataFrame) -> str:
     """Format the median CPU time; a record that reached the limit has none."""
-    known = rows["seconds"].dropna().to_numpy(float)
+    known = numbers(rows.dropna(subset=["seconds"]), "seconds")
     return f"{np.median(known):.2g}" if known.size else "–"
 
 
@@ -248,8 +268,7 @@ def _where_better(factors: Mapping[str, Mapping[str, Interval]]) -> Iterator[str
 def _faster(rows: pd.DataFrame) -> Iterator[str]:
     """Yield a line with the peers that need less time than bayesdamp, and the factors."""
     medians = {
-        name: float(np.nanmedian(where(rows, peer=name)["seconds"].to_numpy(float)))
-        for name in peers_of(rows)
+        name: float(np.nanmedian(numbers(where(rows, peer=name), "seconds"))) for name in peers_of(rows)
     }
     own = medians.pop(OURS, math.nan)
     times = [f"{ROSTER[name].label} {_digits(own / m)}" for name, m in medians.items() if m < own]
@@ -257,54 +276,28 @@ def _faster(rows: pd.DataFrame) -> Iterator[str]:
         yield f"- **Time**: these need less time than bayesdamp, by these factors: {'; '.join(times)}."
 
 
-def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+def _where_refused(by_group: Mapping[str, pd.DataFrame]) -> Iterator[str]:
     """Yield a line for each group with records that bayesdamp refused: the peers that answered, and their errors."""
-    for group in groups:
-        part = where(rows, group=group)
+    for group, part in by_group.items():
         own = where(part, peer=OURS)
-        refused = set(own["record"]) - set(where(own, outcome=OK)["record"])
+        refused = set(where(own, own["outcome"] != OK)["record"])
+        extra = where(part, [record in refused for record in part["record"]], outcome=OK)
         others = []
-        for name in (n for n in peers_of(part) if n != OURS):
-            answered = where(part, peer=name, outcome=OK)
-            extra = answered.iloc[[i for i, r in enumerate(answered["record"]) if r in refused]]
-            if len(extra):
-                error = quantile_of_errors(extra, 0.5).value
-                others.append(f"{ROSTER[name].label} {len(extra)} ({_digits(100 * error)} %)")
+        for name in peers_of(extra):
+            answered = where(extra, peer=name)
+            error = quantile_of_errors(answered, 0.5).value
+            others.append(f"{ROSTER[name].label} {len(answered)} ({_digits(100 * error)} %)")
         if refused:
             head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(own)} records."
             yield f"{head} Peers that answered these, with the median error: {'; '.join(others) or 'none'}."
 
 
-def _refusals(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each peer with its reasons for refusing records."""
-    for name in peers_of(rows):
-        reasons = Counter(_without_numbers(str(x)) for x in where(rows, peer=name)["outcome"] if x != OK)
-        if reasons:
-            yield f"- {ROSTER[name].label}: " + "; ".join(
-                f"{n} × {text}" for text, n in reasons.most_common()
-            )
-
-
-def _without_numbers(text: str) -> str:
-    """Return the beginning of a refusal without its numbers, so that equal reasons have equal text."""
-    return re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110]
-
-
-def _percent(error: Interval, ends: bool = True) -> str:
-    """Format an error in per cent, with its interval if `ends`."""
+def _percent(error: Interval) -> str:
+    """Format an error in per cent, with its interval if it has one."""
     if math.isnan(error.value):
         return "–"
-    has_ends = ends and not math.isnan(error.low)
-    return f"{_digits(100 * error.value)} %" + (
-        f" ({_digits(100 * error.low)}–{_digits(100 * error.high)})" if has_ends else ""
-    )
-
-
-def _share(share: Interval, ends: bool = True) -> str:
-    """Format a fraction, with its interval if `ends`."""
-    if math.isnan(share.value):
-        return "–"
-    return with_interval(share.value, share.low, share.high) if ends else f"{share.value:.2f}"
+    ends = "" if math.isnan(error.low) else f" ({_digits(100 * error.low)}–{_digits(100 * error.high)})"
+    return f"{_digits(100 * error.value)} %{ends}"
 
 
 def _factor(factor: Interval, count: int) -> str:

@@ -49,6 +49,12 @@ class Record:
     damping: str = ""
     restoring: str = ""
 
+    @property
+    def truth(self) -> dict[str, float]:
+        """The amplitudes and the true ratios, by the columns of the rows."""
+        pairs = enumerate(zip(self.amplitudes, self.ratios, strict=True), 1)
+        return {name: x for i, (a, r) in pairs for name, x in ((f"amplitude_{i}", a), (f"ratio_{i}", r))}
+
 
 def simulate_record(seed: int, number: int) -> Record:
     """Return record `number` of a seed, with the truth by SciPy's DOP853, as in `validation.truth.records`.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from bayesdamp.types import OK
 from validation.contest.records import GROUPS
-from validation.scoring import share_covered, three, where, wilson
+from validation.rows import where
+from validation.scoring import Interval, share, share_covered, three
 
 MEASURED = "measured"
 TIMES = 2000
@@ -19,29 +19,15 @@ LEAST = 5
 """Least number of records for an interval."""
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A number with its 95 % interval, which is NaN if there are too few records."""
-
-    value: float
-    low: float
-    high: float
-
-
 def simulated(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of simulated records."""
-    return rows.iloc[np.flatnonzero(rows["group"].to_numpy() != MEASURED)]
+    return where(rows, rows["group"] != MEASURED)
 
 
 def groups_of(rows: pd.DataFrame) -> list[str]:
     """Return the groups among rows, in the order of the contest."""
     present = set(rows["group"])
     return [g for g in (*GROUPS, MEASURED) if g in present]
-
-
-def has(value: object) -> bool:
-    """Return whether a cell has text."""
-    return isinstance(value, str) and value != ""
 
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
@@ -64,23 +50,15 @@ def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
 
     It is the mean share of the three true ratios inside their intervals, with Wilson's interval by records.
     """
-    share = share_covered(rows)
-    stated = share[np.isfinite(share)]
-    if not stated.size:
-        return Interval(np.nan, np.nan, np.nan), 0
-    mean = float(np.mean(stated))
-    return Interval(mean, *wilson(mean, stated.size)), stated.size
+    covered = share_covered(rows)
+    stated = int(np.isfinite(covered).sum())
+    return share(np.nansum(covered), stated), stated
 
 
 def names(rows: pd.DataFrame) -> tuple[int, int, int]:
     """Count the answered records of a known damping: all, those with a named damping, and those named correctly."""
-    answered = where(rows, outcome=OK)
-    known = [
-        (n, r)
-        for d, n, r in zip(*(answered[c] for c in ("damping", "named", "relation")), strict=True)
-        if has(d)
-    ]
-    return len(known), sum(bool(n) for n, _ in known), sum(r == "right" for _, r in known)
+    known = where(rows, rows["damping"].notna(), outcome=OK)
+    return len(known), len(where(known, known["named"].notna())), len(where(known, relation="right"))
 
 
 def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:

@@ -7,11 +7,12 @@ term `exponent` means power laws with random exponents, for the coverage of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import quad
 
 from bayesdamp.formatting import markdown_table as table
@@ -20,7 +21,7 @@ from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import COMPARED, answer
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.types import Signal
-from validation.rows import make_page, page_options
+from validation.rows import make_page, page_options, total, where
 from validation.scoring import hits_of
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
@@ -35,7 +36,6 @@ HEADS = (
     "term", "most probable", "true sum most probable", "named outright, correctly", "named outright, wrongly",
     "named correctly, of the distinguishable", "intervals with the truth",
 )  # fmt: skip
-Rows = Sequence[Mapping[str, str]]
 Force = Callable[[float, float, float], float]
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
 LEAST_NATS = 12.0
@@ -126,15 +126,19 @@ class Case:
 def case(term: str, seed: int) -> Case:
     """Simulate a record of a term, alone or with viscous damping.
 
-    Its amplitude falls by 60 to 88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude.
+    Its amplitude falls by 60 to 88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude. A draw that
+    sticks, falls less, or whose term has less than 30 % of the loss is repeated.
     """
     rng = np.random.default_rng(seed)
-    while (record := _case(term, rng)) is None:
-        pass
-    return record
+    while True:
+        try:
+            return _simulate(term, rng)
+        except NoMotionError:
+            pass
 
 
-def _case(term: str, rng: np.random.Generator) -> Case | None:
+def _simulate(term: str, rng: np.random.Generator) -> Case:
+    """Simulate a record. Raises NoMotionError if it breaks a rule."""
     size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
     truth = truth_of(term, rng, size, speed)
@@ -166,18 +170,15 @@ def _case(term: str, rng: np.random.Generator) -> Case | None:
         ),
     )  # fmt: skip
     times = np.linspace(0, cycles * 2 * np.pi / frequency, int(cycles * rng.uniform(30, 60)))
-    try:
-        motion = solve_motion(oscillator, size, frequency, float(times[-1]) + 1e-9)
-    except NoMotionError:
-        return None
+    motion = solve_motion(oscillator, size, frequency, float(times[-1]) + 1e-9)
     y, v = motion.at(times)
     if np.abs(motion.turns[-1]) > (1 - LEAST_FALL) * size:
-        return None
+        raise NoMotionError("it falls too little")
     x = y - oscillator.equilibrium()
     own = np.array([truth.force(a, b, math.copysign(1.0, b)) * b for a, b in zip(x, v, strict=True)])
     part = coefficient * own.sum() / (coefficient * own.sum() + np.sum(2 * zeta * v * v))
     if part < LEAST_SHARE:
-        return None
+        raise NoMotionError("the term has too small a share of the loss")
     noise = float(rng.uniform(0.005, 0.02)) * size
     values = {truth.coefficient: coefficient, **truth.further} | ({} if alone else {"zeta": zeta})
     signal = Signal(times, y + noise * rng.standard_normal(times.size))
@@ -235,60 +236,43 @@ def row(term: str, seed: int) -> dict[str, object]:
     }  # fmt: skip
 
 
-def page(rows: Rows) -> str:
+def page(rows: pd.DataFrame) -> str:
     """Return the page in Markdown."""
-    exponents = [r for r in rows if r["term"] == EXPONENT]
-    others = [r for r in rows if r["term"] != EXPONENT]
-    distinct = [r for r in others if float(r["nats"]) >= LEAST_NATS]
-    named = [r for r in others if r["decided"] == "1"]
-    right = [r for r in named if r["first"] == r["truth"]]
-    lines = [
-        "# The exponent, and damping terms that are not in the paper",
-        "",
-        f"The exponent's 95 % interval contains the truth in {hits_of(_inside(exponents), len(exponents))} power laws. "
-        f"Of {len(others)} records of six further terms, {len(named)} are named outright, {len(right)} of these "
-        f"correctly. Of the {len(distinct)} records whose true sum is distinguishable, "
-        f"{sum(r in right for r in distinct)} are named outright and correctly.",
-        "",
-        "The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of "
-        "noise. The term dissipates at least 30 % of the energy, alone or together with viscous damping. It is "
-        "compared with the paper's seven sums, with MCMC sampling. Exponents are between 0.2 and 2.5. The true sum is "
-        f"distinguishable if its best fit is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its "
-        f"terms. The brackets contain 95 % intervals of the fractions. {len(exponents)} exponents distinguish a "
-        f"coverage of 0.95 from one below {_least(len(exponents)):.2f} (5 %) with a probability of 0.8.",
-        "",
-    ]  # fmt: skip
+    exponents, others = where(rows, term=EXPONENT), where(rows, rows["term"] != EXPONENT)
+    named, is_true = others["decided"] == 1, others["first"] == others["truth"]
+    has_term = [t in first.split("+") for t, first in zip(others["term"], others["first"], strict=True)]
+    others = others.assign(has_term=has_term, is_true=is_true, right=named & is_true, wrong=named & ~is_true)
+    distinct = where(others, others["nats"] >= LEAST_NATS)
     cells = []
     for term in TERMS:
-        own = [r for r in others if r["term"] == term]
-        good, clear = [r for r in own if r in right], [r for r in own if r in distinct]
+        own, clear = where(others, term=term), where(distinct, term=term)
         cells.append([
-            f"`{term}`",
-            hits_of(sum(term in r["first"].split("+") for r in own), len(own)),
-            hits_of(sum(r["first"] == r["truth"] for r in own), len(own)),
-            hits_of(len(good), len(own)),
-            hits_of(sum(r in named for r in own) - len(good), len(own)),
-            hits_of(sum(r in good for r in clear), len(clear)),
-            f"{_inside(own)} of {sum(int(r['intervals']) for r in own)}",
+            f"`{term}`", *(hits_of(total(own, what), len(own)) for what in ("has_term", "is_true", "right", "wrong")),
+            hits_of(total(clear, "right"), len(clear)), f"{total(own, 'held')} of {total(own, 'intervals')}",
         ])  # fmt: skip
-    lines += [
-        table(HEADS, cells),
-        "",
-        "laws.csv has every record. `make reports` makes this report again; `ARGS=--full` uses more records.",
-    ]
-    return "\n".join(lines) + "\n"
+    count = len(exponents)
+    below = [
+        share for share in np.arange(0.94, 0.3, -0.01) if count
+        and 0.95 - share > 1.96 * np.sqrt(0.95 * 0.05 / count) + 0.84 * np.sqrt(share * (1 - share) / count)
+    ]  # fmt: skip
+    return f"""# The exponent, and damping terms that are not in the paper
 
+The exponent's 95 % interval contains the truth in {hits_of(total(exponents, "held"), count)} power laws. \
+Of {len(others)} records of six further terms, {named.sum()} are named outright, \
+{total(others, "right")} of these correctly. Of the {len(distinct)} records whose true sum is distinguishable, \
+{total(distinct, "right")} are named outright and correctly.
 
-def _inside(rows: Rows) -> int:
-    return sum(int(r["held"]) for r in rows)
+The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of noise. The term \
+dissipates at least 30 % of the energy, alone or together with viscous damping. It is compared with the paper's seven \
+sums, with sequential Monte Carlo. Exponents are between 0.2 and 2.5. The true sum is distinguishable if its best fit \
+is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. The brackets contain 95 % intervals of \
+the fractions. {count} exponents distinguish a coverage of 0.95 from one below {max(below, default=0.0):.2f} (5 %) \
+with a probability of 0.8.
 
+{table(HEADS, cells)}
 
-def _least(count: int) -> float:
-    """Return the largest coverage below 0.95 that a test of size 5 % detects with a probability of 0.8."""
-    for share in np.arange(0.94, 0.3, -0.01) if count else ():
-        if 0.95 - share > 1.96 * np.sqrt(0.95 * 0.05 / count) + 0.84 * np.sqrt(share * (1 - share) / count):
-            return float(share)
-    return 0.0
+laws.csv has every record. `make reports` makes this report again; `ARGS=--full` uses more records.
+"""
 
 
 def main() -> None:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import pandas as pd
 
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.formatting import markdown_table as table
@@ -18,8 +18,8 @@ from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 from validation.misfit.cases import INSIDE, OUTSIDE, Case, draw_case
-from validation.rows import make_page, page_options
-from validation.scoring import hits_of
+from validation.rows import make_page, page_options, where
+from validation.scoring import hits_of, terms_of
 
 COLUMNS = (
     "case", "kind", "truth", "noise_pct", "outcome", "grade", "motion", "damping", "probability", "deviation",
@@ -36,34 +36,29 @@ HEADS = (
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, object]:
-    """Simulate a case, answer it, and return its row."""
-    return score(draw_case(kind, number, seed))
-
-
-def score(case: Case) -> dict[str, object]:
-    """Write a case to a CSV file, answer it as `bayesdamp compare --quick` does, and return its row.
+    """Simulate a case, answer its CSV file as `bayesdamp compare --quick` does, and return its row.
 
     The column `seconds` is CPU time.
     """
+    case = draw_case(kind, number, seed)
     began = time.process_time()
-    head: dict[str, object] = {
-        "case": case.name, "kind": case.kind, "truth": case.damping, "noise_pct": f"{100 * case.noise:.3g}",
-    }  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         verdict = _verdict(case, Path(folder) / "record.csv")
-    spent = {"seconds": f"{time.process_time() - began:.1f}"}
+    head: dict[str, object] = {
+        "case": case.name, "kind": case.kind, "truth": case.damping, "noise_pct": 100 * case.noise,
+        "seconds": time.process_time() - began,
+    }  # fmt: skip
     if isinstance(verdict, str):
-        return {**head, "outcome": REFUSED, "sentence": verdict, **spent}
-    return {
-        **head, **spent,
+        return head | {"outcome": REFUSED, "sentence": verdict}
+    return head | {
         "outcome": outcome(verdict, case.damping),
         "grade": str(verdict.grade),
-        "motion": "" if verdict.motion is None else str(verdict.motion),
+        "motion": verdict.motion and str(verdict.motion),
         "damping": verdict.damping,
-        "probability": "" if verdict.grade in NO_ANSWER else f"{verdict.probability:.4f}",
-        "deviation": "" if verdict.deviation is None else f"{verdict.deviation.value:.3g}",
+        "probability": None if verdict.grade in NO_ANSWER else verdict.probability,
+        "deviation": verdict.deviation and verdict.deviation.value,
         "sentence": verdict.sentence,
-    }  # fmt: skip
+    }
 
 
 def outcome(verdict: Verdict, truth: str) -> str:
@@ -72,13 +67,12 @@ def outcome(verdict: Verdict, truth: str) -> str:
         return REFUSED
     if not verdict.decided:
         return OPEN
-    return RIGHT if set(verdict.damping.split("+")) == set(truth.split("+")) else WRONG
+    return RIGHT if terms_of(verdict.damping) == terms_of(truth) else WRONG
 
 
 def _verdict(case: Case, file: Path) -> Verdict | str:
     """Return the verdict, or the reason why the file is refused."""
-    lines = [f"{t!r},{y!r}" for t, y in zip(case.t.tolist(), case.y.tolist(), strict=True)]
-    file.write_text("\n".join(["t,angle", *lines]) + "\n", encoding="utf-8")
+    pd.DataFrame({"t": case.t, "angle": case.y}).to_csv(file, index=False)
     try:
         (record,) = records_in(file, ReadingOptions(time="t", angle="angle", unit="rad"))
     except InputError as refusal:
@@ -88,41 +82,36 @@ def _verdict(case: Case, file: Path) -> Verdict | str:
     return answer(record.signal, sample=False).verdict
 
 
-def page(rows: Sequence[Mapping[str, str]]) -> str:
+def page(rows: pd.DataFrame) -> str:
     """Return the page in Markdown: the result, how it was computed, and the table."""
-    inside, outside = ([r for r in rows if r["kind"] in kinds] for kinds in (INSIDE, OUTSIDE))
-    own, other = (Counter(r["outcome"] for r in part) for part in (inside, outside))
-    lines = []
-    for title, kinds, part in (("of the family", INSIDE, inside), ("outside", OUTSIDE, outside)):
-        for name, cases in [
-            *((k, [r for r in part if r["kind"] == k]) for k in kinds),
-            (f"**{title}**", part),
-        ]:
-            counts = Counter(r["outcome"] for r in cases)
-            lines.append([name, str(len(cases)), *(str(counts[o]) for o in (REFUSED, OPEN, RIGHT, WRONG))])
-    return "\n".join(
-        [
-            "# Simulated misfits",
-            "",
-            "On records that no law fits, a wrong damping is named outright, without a warning, in "
-            f"{hits_of(other[WRONG], len(outside))}. On records of the family with poor data this is so in "
-            f"{hits_of(own[WRONG], len(inside))}, and the true damping is named outright in "
-            f"{hits_of(own[RIGHT], len(inside))}. The brackets contain 95 % intervals of the fractions.",
-            "",
-            "The records are simulated by SciPy's solver (`validation/misfit/records.py`) with random parameters "
-            "(`cases.py`: 240 samples, 6 to 12 cycles, 0.3 to 5 % noise, 20 to 85 % of the amplitude lost). Each is "
-            "written to a file and answered as `bayesdamp compare --quick` does: under all dampings and restoring "
-            "laws, which may hold approximately. *Correctly* means that the damping that is named outright is the "
-            "true sum. Stiction, cubic and square-root damping are not among the sums that are compared, so any "
-            "damping that is named there is wrong. No threshold was chosen on this seed.",
-            "",
-            table(HEADS, lines),
-            "",
-            "scored.csv has every case with its sentence. `make reports` makes this report again; `ARGS=--full` uses "
-            "three times as many records.",
-            "",
-        ]
-    )
+    inside, outside = (where(rows, rows["kind"].isin(kinds)) for kinds in (INSIDE, OUTSIDE))
+    parts = [(kind, where(rows, kind=kind)) for kind in INSIDE] + [("**of the family**", inside)]
+    parts += [(kind, where(rows, kind=kind)) for kind in OUTSIDE] + [("**outside**", outside)]
+    lines = [
+        [name, str(len(part)), *(str(len(where(part, outcome=o))) for o in (REFUSED, OPEN, RIGHT, WRONG))]
+        for name, part in parts
+    ]
+
+    def hits(part: pd.DataFrame, result: str) -> str:
+        return hits_of(len(where(part, outcome=result)), len(part))
+
+    return f"""# Simulated misfits
+
+On records that no law fits, a wrong damping is named outright, without a warning, in {hits(outside, WRONG)}. On \
+records of the family with poor data this is so in {hits(inside, WRONG)}, and the true damping is named outright in \
+{hits(inside, RIGHT)}. The brackets contain 95 % intervals of the fractions.
+
+The records are simulated by SciPy's solver (`validation/misfit/records.py`) with random parameters (`cases.py`: 240 \
+samples, 6 to 12 cycles, 0.3 to 5 % noise, 20 to 85 % of the amplitude lost). Each is written to a file and answered \
+as `bayesdamp compare --quick` does: under all dampings and restoring laws, which may hold approximately. *Correctly* \
+means that the damping that is named outright is the true sum. Stiction, cubic and square-root damping are not among \
+the sums that are compared, so any damping that is named there is wrong. No threshold was chosen on this seed.
+
+{table(HEADS, lines)}
+
+scored.csv has every case with its sentence. `make reports` makes this report again; `ARGS=--full` uses three times as \
+many records.
+"""
 
 
 def main() -> None:

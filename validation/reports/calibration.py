@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.stats import binom, binomtest, norm
 
 from bayesdamp.calibrate.tables import FALSE_ALARM
 from bayesdamp.formatting import markdown_table as table
-from validation.rows import read_rows
+from validation.rows import read_rows, where
 
 LEVEL = 0.95
 POWER = 0.8
@@ -48,7 +49,7 @@ def narrowest_passed(n: int, level: float, alarm: float) -> float:
     return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
 
 
-def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
+def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
     """Return the page of a calibration in Markdown, from run.json and the rows of calibration.csv."""
     result = run["result"]
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
@@ -58,11 +59,8 @@ def calibration(run: dict[str, Any], rows: list[dict[str, str]]) -> str:
     whole = narrowest_passed(fewest, LEVEL, FALSE_ALARM / max(posterior["tests"], 1))
     lines = []
     for model, count in counts.items():
-        own = [
-            float(r["value"]) for r in rows
-            if r["model"] == model and r["method"] == "nuts" and r["level"] == str(LEVEL)
-        ]  # fmt: skip
-        shares = f"{min(own):.3f} to {max(own):.3f}" if own else "–"
+        own = where(rows, model=model, method="nuts", level=LEVEL)["value"]
+        shares = f"{own.min():.3f} to {own.max():.3f}" if len(own) else "–"
         lines.append([model, str(count), str(result["counts"][model]["tried"]), shares])
     coverage = "coverage of the 95 % intervals of NUTS, least to largest over parameters"
     return f"""# Are the intervals right?

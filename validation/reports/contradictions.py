@@ -10,20 +10,22 @@ import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import quad
 from scipy.optimize import root_scalar
 from scipy.stats import binom, poisson
 
 from bayesdamp.priors import odds
 from bayesdamp.types import OK
-from validation.rows import read_rows
+from validation.rows import read_rows, where
+from validation.scoring import terms_of
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 
 EXCLUDED = 0.05
@@ -40,7 +42,10 @@ For a normal distribution the truth is then 5.9 standard deviations from the mid
 TIE = math.log(1.25)
 """Log odds below which two dampings count as equally probable."""
 
-Rows = Sequence[Mapping[str, Any]]
+RADIANS = {"rad": 1.0, "deg": math.pi / 180}
+"""Units of an amplitude, in rad."""
+
+Verdicts = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -86,11 +91,6 @@ class Quoted:
 
     def __str__(self) -> str:
         return f"{self.record}: {self.what} is {self.low:.4g} to {self.high:.4g}, but the truth is {self.truth:.4g}"
-
-
-def terms_of(damping: str) -> frozenset[str]:
-    """Return the terms of a damping sum."""
-    return frozenset(damping.split("+"))
 
 
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
@@ -158,13 +158,11 @@ def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
     by_record: dict[str, list[Quoted]] = defaultdict(list)
     for interval in intervals:
         by_record[interval.record].append(interval)
-    wrong = [
-        f"{quoted}: far outside" for each in by_record.values() for quoted in each if quoted.outside > FAR
-    ]
+    wrong = [f"{own}: far outside" for each in by_record.values() for own in each if own.outside > FAR]
     middle = [each[len(each) // 2] for each in by_record.values()]
-    outside = [quoted for quoted in middle if quoted.outside > 0]
+    outside = [own for own in middle if own.outside > 0]
     if outside and binom.sf(len(outside) - 1, len(middle), rate) < 10 * ALARM:
-        wrong += [f"{quoted}; {len(outside)} of {len(middle)} records miss the truth" for quoted in outside]
+        wrong += [f"{own}; {len(outside)} of {len(middle)} records miss the truth" for own in outside]
     return wrong
 
 
@@ -175,84 +173,60 @@ def of_study(folder: Path) -> list[str]:
     truths = {s["name"]: Simulated.of(s) for s in signals if "truth" in (s.get("source") or {})}
     file = folder / "verdict.json"
     verdicts = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
-    known = [(v, truths[name]) for v in verdicts if (name := _signal(v["record"], truths)) is not None]
-    wrong = []
-    for verdict, truth in known:
-        damping = verdict["damping"]
-        if not damping:
+    wrong, intervals = [], []
+    for verdict in verdicts:
+        record, damping = verdict["record"], verdict["damping"]
+        # Records that are repeats have a number after the name of their signal.
+        names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
+        if not names:
             continue
-        probabilities = {r["damping"]: r["probability"] for r in verdict["rivals"]} | {
-            damping: verdict["probability"]
-        }
-        wrong += named_wrongly(verdict["record"], truth.damping, verdict["decided"], damping, probabilities)
-    wrong += misses(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
-    wrong += misses(_posteriors(folder, truths))
-    wrong += _other_truths(folder, truths)
-    wrong += _other_leaders(folder, verdicts)
-    return wrong + _not_on_the_page(folder, verdicts)
+        truth = truths[max(names, key=len)]
+        if damping:
+            rivals = {r["damping"]: r["probability"] for r in verdict["rivals"]}
+            probabilities = rivals | {damping: verdict["probability"]}
+            wrong += named_wrongly(record, truth.damping, verdict["decided"], damping, probabilities)
+        for r in verdict["damping_ratio"]:
+            if truth.oscillator is not None and r["unit"] in RADIANS:
+                what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
+                true = true_ratio(truth.oscillator, r["amplitude"] * RADIANS[r["unit"]])
+                intervals.append(Quoted(record, what, r["low"], r["high"], true))
+    wrong += misses(intervals) + misses(_posteriors(folder, truths))
+    return (
+        wrong
+        + _other_truths(folder, truths)
+        + _other_leaders(folder, verdicts)
+        + _not_quoted(folder, verdicts)
+    )
 
 
-def _signal(record: str, truths: Mapping[str, Simulated]) -> str | None:
-    """Return the name of a record's signal. Records that are repeats have a number after this name."""
-    names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
-    return max(names, key=len, default=None)
-
-
-def _ratios(verdict: Mapping[str, Any], truth: Simulated) -> list[Quoted]:
-    """Return the intervals of the damping ratios in a verdict, with their true values."""
-    scale = {"rad": 1.0, "deg": math.pi / 180}
-    if truth.oscillator is None:
-        return []
-    return [
-        Quoted(
-            verdict["record"], f"damping ratio at {r['amplitude']:.3g} {r['unit']}", r["low"], r["high"],
-            true_ratio(truth.oscillator, r["amplitude"] * scale[r["unit"]]),
-        )
-        for r in verdict["damping_ratio"]
-        if r["unit"] in scale
-    ]  # fmt: skip
-
-
-def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
-    """Return the posterior intervals of damping coefficients under the true damping."""
-    intervals = []
-    for row in read_rows(folder / "posteriors.csv"):
-        truth = truths.get(row["signal"])
-        if (
-            truth is None
-            or row["outcome"] != OK
-            or not row["q2.5"]
-            or terms_of(row["model"]) != truth.damping
-        ):
+def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quoted]:
+    """Yield the posterior intervals of damping coefficients under the true damping."""
+    for row in read_rows(folder / "posteriors.csv").to_dict("records"):
+        truth, name = truths.get(row["signal"]), row["parameter"]
+        if truth is None or row["outcome"] != OK or math.isnan(row["q2.5"]):
             continue
-        if row["parameter"] in COEFFICIENTS.values() and row["parameter"] in truth.truth:
-            name, value = f"{row['signal']}/{row['repeat']}", truth.truth[row["parameter"]]
-            what = f"{row['parameter']} by {row['sampler']}"
-            intervals.append(Quoted(name, what, float(row["q2.5"]), float(row["q97.5"]), value))
-    return intervals
+        if terms_of(row["model"]) == truth.damping and name in {*COEFFICIENTS.values()} & {*truth.truth}:
+            record, what = f"{row['signal']}/{row['repeat']}", f"{name} by {row['sampler']}"
+            yield Quoted(record, what, row["q2.5"], row["q97.5"], truth.truth[name])
 
 
 def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
     """Compare the true values in estimates.csv with those in the study."""
     wrong = set()
-    for row in read_rows(folder / "estimates.csv"):
-        truth = truths.get(row["signal"])
-        if truth is None or not row["truth"] or row["parameter"] not in truth.truth:
-            continue
-        own = truth.truth[row["parameter"]]
-        if not math.isclose(float(row["truth"]), own, rel_tol=1e-9, abs_tol=1e-15):
-            wrong.add(
-                f"{row['signal']}: estimates.csv states {row['parameter']} = {row['truth']}, but it is {own:g}"
-            )
+    for row in read_rows(folder / "estimates.csv").to_dict("records"):
+        signal, name, stated = row["signal"], row["parameter"], row["truth"]
+        own = truths[signal].truth.get(name, math.nan) if signal in truths else math.nan
+        if abs(stated - own) > 1e-9 * abs(own) + 1e-15:  # false if either is NaN
+            wrong.add(f"{signal}: estimates.csv states {name} = {stated:g}, but it is {own:g}")
     return sorted(wrong)
 
 
-def _other_leaders(folder: Path, verdicts: Rows) -> list[str]:
+def _other_leaders(folder: Path, verdicts: Verdicts) -> list[str]:
     """Compare the most probable damping of each verdict with that of each method in evidence.csv."""
     logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for row in read_rows(folder / "evidence.csv"):
-        if row["outcome"] == OK and row["log_evidence"]:
-            value = float(row["log_evidence"]) + math.log(odds(row["model"].split("+")))
+    for row in read_rows(folder / "evidence.csv").to_dict("records"):
+        if row["outcome"] == OK and not math.isnan(row["log_evidence"]):
+            value = row["log_evidence"] + math.log(odds(row["model"].split("+")))
             logs[row["signal"], row["method"]][row["model"]].append(value)
     first = {v["record"]: v["damping"] for v in verdicts if v["damping"]}
     wrong = []
@@ -266,7 +240,7 @@ def _other_leaders(folder: Path, verdicts: Rows) -> list[str]:
     return wrong
 
 
-def _not_on_the_page(folder: Path, verdicts: Rows) -> list[str]:
+def _not_quoted(folder: Path, verdicts: Verdicts) -> list[str]:
     """Return the records whose verdict is not quoted on the page."""
     page = folder / "report.html"
     if not verdicts or not page.is_file():
@@ -277,116 +251,90 @@ def _not_on_the_page(folder: Path, verdicts: Rows) -> list[str]:
     return [f"{record}: the page does not contain the sentence of its verdict" for record in lost]
 
 
-def of_many(records: Iterable[tuple[frozenset[str], bool, str, float, float | None]], what: str) -> list[str]:
+def of_many(
+    rows: pd.DataFrame,
+    what: str,
+    truth: str = "truth",
+    first: str = "first",
+    p: str = "probability",
+    own: str = "",
+) -> list[str]:
     """Test how many records of a table have a wrong damping named outright, or exclude the true damping.
 
     The first number is compared with the sum of 1 − probability, the second with 5 % of the records.
 
     Parameters
     ----------
-    records : iterable of tuple
-        For each record: the true terms, whether the damping is named outright, the first damping, its probability, and
-        the probability of the true damping, or None if the table does not have it.
+    rows : DataFrame
+        The answered records. The column `decided` states whether the damping is named outright.
     what : str
         Name of the table, for the sentences.
+    truth, first, p, own : str
+        The columns of the true damping, of the first damping, of its probability, and of the probability of the true
+        damping. `own` is empty if the table does not have this column.
     """
-    every = list(records)
-    decided = [(terms_of(first) == truth, p) for truth, sure, first, p, _ in every if sure]
-    wrong, expected = sum(not right for right, _ in decided), sum(1 - p for _, p in decided)
+    sure = where(rows, decided=1)
+    wrong = sum(terms_of(name) != terms_of(true) for name, true in zip(sure[first], sure[truth], strict=True))
+    expected = (1 - sure[p]).sum()
     sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
-        sentences.append(
-            f"{what}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
-        )
-    own = [p for *_, p in every if p is not None]
-    excluded = sum(p < EXCLUDED for p in own)
-    if excluded and binom.sf(excluded - 1, len(own), EXCLUDED) < ALARM:
-        sentences.append(f"{what}: {excluded} of {len(own)} exclude the true damping")
+        sentences.append(f"{what}: {wrong} of {len(sure)} are named wrongly, but {expected:.2g} are expected")
+    stated = rows[own].dropna() if own else ()
+    excluded = sum(probability < EXCLUDED for probability in stated)
+    if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
+        sentences.append(f"{what}: {excluded} of {len(stated)} exclude the true damping")
     return sentences
 
 
-def of_rows(table: Path, kind: str) -> list[str]:
-    """Compare the rows of one kind in a table of `validation.run` with their truth."""
-    rows = [r for r in read_rows(table) if r["kind"] == kind and r["outcome"] == OK]
-    records = [
-        (
-            terms_of(r["damping"]),
-            r["decided"] == "True",
-            r["named"],
-            float(r["probability"]),
-            float(p) if p else None,
-        )
-        for r in rows
-        if (p := r["true_probability"]) is not None and r["probability"]
-    ]
-    intervals = [
-        Quoted(
-            f"{r['case']}/{r['mode']}", "ratio", float(r["low_2"]), float(r["high_2"]), float(r["ratio_2"])
-        )
-        for r in rows
-        if r["low_2"]
-    ]
-    return of_many(records, table.parent.name) + misses(intervals)
+def quoted(rows: pd.DataFrame, what: str, record: str, low: str, high: str, truth: str) -> list[Quoted]:
+    """Return the intervals of the named columns, without rows that have none."""
+    stated = rows.dropna(subset=[low])
+    columns = (stated[record], *(stated[name].astype(float) for name in (low, high, truth)))
+    return [Quoted(name, what, *numbers) for name, *numbers in zip(*columns, strict=True)]
 
 
-def of_laws(table: Path) -> list[str]:
+def of_deviation(rows: pd.DataFrame, name: str) -> list[str]:
+    """Compare the records of the family in the report on the accuracy of the answer with their truth."""
+    rows = where(rows, kind="family", outcome=OK)
+    rows = rows.assign(record=rows["case"] + "/" + rows["mode"])
+    intervals = quoted(rows, "ratio", "record", "low_2", "high_2", "ratio_2")
+    return of_many(rows, name, "damping", "named", own="true_probability") + misses(intervals)
+
+
+def of_laws(rows: pd.DataFrame, name: str) -> list[str]:
     """Compare the rows of the report on further damping terms with their truth."""
-    rows = read_rows(table)
-    answered = [r for r in rows if r["first"]]
-    records = [
-        (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["probability"]), None)
-        for r in answered
-    ]
-    exponents = [r for r in rows if r["term"] == "exponent" and r["exponent_low"]]
-    intervals = [
-        Quoted(r["case"], "exponent", float(r["exponent_low"]), float(r["exponent_high"]), float(r["truth"]))
-        for r in exponents
-    ]
-    return of_many(records, table.parent.name) + misses(intervals)
+    exponents = where(rows, term="exponent")
+    intervals = quoted(exponents, "exponent", "case", "exponent_low", "exponent_high", "truth")
+    return of_many(rows.dropna(subset=["first"]), name) + misses(intervals)
 
 
-def of_misfit(table: Path) -> list[str]:
+def of_misfit(rows: pd.DataFrame, name: str) -> list[str]:
     """Compare the rows of the report on misfits with their truth: those called right, and those of clean records."""
-    rows = read_rows(table)
-    wrong = [r for r in rows if r["outcome"] == "right" and terms_of(r["damping"]) != terms_of(r["truth"])]
-    sentences = [f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}" for r in wrong]
-    records = [
-        (
-            terms_of(r["truth"]),
-            r["outcome"] in ("right", "wrong"),
-            r["damping"],
-            float(r["probability"]),
-            None,
-        )
-        for r in rows
-        if r["kind"] == "clean" and r["damping"]
+    sentences = [
+        f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}"
+        for r in where(rows, outcome="right").to_dict("records")
+        if terms_of(r["damping"]) != terms_of(r["truth"])
     ]
-    return sentences + of_many(records, table.parent.name)
+    clean = where(rows, kind="clean").dropna(subset=["damping"])
+    clean = clean.assign(decided=clean["outcome"].isin(["right", "wrong"]))
+    return sentences + of_many(clean, name, first="damping")
 
 
-def of_recovery(table: Path) -> list[str]:
+def of_recovery(rows: pd.DataFrame, name: str) -> list[str]:
     """Compare the probabilities of a model recovery with the true dampings of its records."""
-    rows = [r for r in read_rows(table) if r["outcome"] == OK]
-    sums = [n for n in (rows[0] if rows else {}) if terms_of(n) <= set(COEFFICIENTS)]
-    records = []
-    for row in rows:
-        first = max(sums, key=lambda name: float(row[name]))
-        p = float(row[first])
-        records.append((terms_of(row["model"]), p >= 0.95, first, p, float(row[row["model"]])))
-    return of_many(records, table.parent.name)
+    rows = where(rows, outcome=OK)
+    by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]]
+    own = [row[row["model"]] for row in rows.to_dict("records")]
+    highest = by_damping.max(axis=1)
+    rows = rows.assign(first=by_damping.idxmax(axis=1), probability=highest, decided=highest >= 0.95, own=own)
+    return of_many(rows, name, "model", own="own")
 
 
-def of_light(table: Path) -> list[str]:
+def of_light(rows: pd.DataFrame, name: str) -> list[str]:
     """Compare the rows of the report on light damping with their truth."""
-    rows = [r for r in read_rows(table) if r["outcome"] == OK]
-    records = [
-        (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["p_first"]), float(r["p_truth"]))
-        for r in rows
-    ]
-    intervals = [
-        Quoted(r["record"], "ratio", float(r["low"]), float(r["high"]), float(r["true_ratio"])) for r in rows
-    ]
-    return of_many(records, table.parent.name) + misses(intervals)
+    rows = where(rows, outcome=OK)
+    intervals = quoted(rows, "ratio", "record", "low", "high", "true_ratio")
+    return of_many(rows, name, p="p_first", own="p_truth") + misses(intervals)
 
 
 SENTENCE = re.compile(
@@ -430,15 +378,15 @@ def of_document(page: Path) -> list[str]:
         terms = [NAMES.get(part.lower(), part) for part in verdict["damping"].split(" + ")]
         wrong += named_wrongly(page.name, frozenset(damping), True, "+".join(terms), {})
         for r in RATIO.finditer(verdict["ratios"]):
-            amplitude = float(r["amplitude"]) * (math.pi / 180 if r["unit"] == "deg" else 1.0)
+            amplitude = float(r["amplitude"]) * RADIANS[r["unit"]]
             what = f"damping ratio at {r['amplitude']} {r['unit']} in %"
             low, high = float(r["low"]), float(r["high"])
             intervals.append(Quoted(page.name, what, low, high, 100 * true_ratio(oscillator, amplitude)))
     return wrong + misses(intervals)
 
 
-TABLES: Mapping[str, Callable[[Path], list[str]]] = {
-    "deviation/rows.csv": lambda table: of_rows(table, "family"),
+TABLES: Mapping[str, Callable[[pd.DataFrame, str], list[str]]] = {
+    "deviation/rows.csv": of_deviation,
     "laws/laws.csv": of_laws,
     "light/rows.csv": of_light,
     "misfit/scored.csv": of_misfit,
@@ -453,9 +401,9 @@ def contradictions(page: Path) -> list[str]:
         return of_document(page) if page.suffix == ".md" else []
     wrong = []
     for place, compare in TABLES.items():
-        folder, table = place.split("/")
-        if page.name == folder and (page / table).is_file():
-            wrong += compare(page / table)
+        table = page.parent / place
+        if table.parent == page and table.is_file():
+            wrong += compare(read_rows(table), page.name)
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
         wrong += of_study(page)

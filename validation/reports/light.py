@@ -2,19 +2,19 @@
 
 Damping ratios are 1e-2 to 1e-4 for oscillations, 1e-5 and 1e-6 for envelopes. The report tests whether the quality of
 the answer depends on how small the damping is. Therefore the records of all decades come from the same distribution,
-and the noise grows with the number of samples. Each row is saved as soon as it is computed, so that an interrupted run
-resumes.
+and the noise grows with the number of samples.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
+from scipy.special import softmax
 
 from bayesdamp.formatting import markdown_table as table
 from bayesdamp.interface.answer import Answer, answer
@@ -22,8 +22,8 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.priors import FURTHER_TERM, odds
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import OK, InputError, Signal
-from validation.rows import make_page, page_options, rounded
-from validation.scoring import share_of
+from validation.rows import make_page, page_options, total, where
+from validation.scoring import share
 from validation.truth.drawing import log_uniform
 from validation.truth.motion import solve_motion
 from validation.truth.oscillator import Oscillator
@@ -61,7 +61,10 @@ COLUMNS = (
     "record", "kind", "decade", "ratio", "truth", "share", "fall", "noise", "outcome", "p_truth", "first", "p_first",
     "decided", "right", "low", "high", "true_ratio", "holds", "seconds", "logs",
 )  # fmt: skip
-Row = Mapping[str, str]
+HEADS = (
+    "damping ratio", "kind", "records", "without an answer", "mean P(truth)", "named outright", "right", "coverage",
+    "median s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -144,22 +147,20 @@ def row_of(decade: float, number: int) -> dict[str, object]:
     """Draw a record, answer it and compare the answer with the truth."""
     draw, rng = draw_record(decade, number)
     kind = "oscillation" if decade in MOTIONS else "envelope"
-    head = {
-        "record": f"{decade:g}-{number}", "kind": kind, "decade": f"{decade:g}", "ratio": draw.ratio,
-        "truth": draw.damping, "share": draw.share, "fall": draw.fall, "noise": draw.noise,
+    row: dict[str, object] = {
+        "record": f"{decade:g}-{number}", "kind": kind, "decade": decade, "ratio": draw.ratio, "truth": draw.damping,
+        "share": draw.share, "fall": draw.fall, "noise": draw.noise,
     }  # fmt: skip
     if kind == "oscillation":
-        signal, head["noise"] = oscillation(draw, rng)
+        signal, row["noise"] = oscillation(draw, rng)
         start = time.perf_counter()
         options = {"restoring": ["linear"], "deviation": "none", "measured": False, "sample": False}
         try:
             result = answer(signal, [draw.middle], **options)
         except InputError:  # the window ends before the middle amplitude
             result = answer(signal, **options)
-        logs, verdict = log_weights(result), result.verdict
+        verdict, logs = result.verdict, log_weights(result)
         interval = next(iter(verdict.damping_ratio), None)
-        truth = math.nan if interval is None else float(draw.ratio_at(interval.amplitude))
-        first, decided, why = verdict.damping, verdict.decided, verdict.sentence
     else:
         t, amplitude = draw.decay()
         times = np.linspace(0.0, t[-1], READINGS)
@@ -167,24 +168,26 @@ def row_of(decade: float, number: int) -> dict[str, object]:
         y = np.hypot(np.interp(times, t, amplitude) + error[0], error[1])
         record = make_record(f"{decade:g}-{number}", times, y, "V", draw.frequency / (2 * math.pi))
         start = time.perf_counter()
-        judged = analyse(record).verdict
-        logs = {name: math.log(p) if p > 0 else -math.inf for name, p in judged.probabilities.items()}
-        interval = judged.damping_ratio[len(judged.damping_ratio) // 2] if judged.damping_ratio else None
-        truth = math.nan if interval is None else float(draw.ratio_at(interval.amplitude))
-        first, decided, why = judged.damping, judged.decided, judged.sentence
-    row = {**head, "seconds": time.perf_counter() - start}
-    if not logs or interval is None:
-        return rounded({**row, "outcome": why})
+        verdict = analyse(record).verdict
+        logs = pd.Series(verdict.probabilities, dtype=float).map(
+            lambda p: math.log(p) if p > 0 else -math.inf
+        )
+        interval = verdict.damping_ratio[len(verdict.damping_ratio) // 2] if verdict.damping_ratio else None
+    row["seconds"] = time.perf_counter() - start
+    if logs.empty or interval is None:
+        return row | {"outcome": verdict.sentence}
+    truth = float(draw.ratio_at(interval.amplitude))
     p = probabilities(logs)
-    return rounded({
-        **row, "outcome": OK, "p_truth": p.get(draw.damping, 0.0), "first": first, "p_first": p.get(first, 0.0),
-        "decided": int(decided), "right": int(first == draw.damping), "low": interval.low, "high": interval.high,
+    return row | {
+        "outcome": OK, "p_truth": p.get(draw.damping, 0.0), "first": verdict.damping,
+        "p_first": p.get(verdict.damping, 0.0), "decided": int(verdict.decided),
+        "right": int(verdict.damping == draw.damping), "low": interval.low, "high": interval.high,
         "true_ratio": truth, "holds": int(interval.low <= truth <= interval.high),
-        "logs": " ".join(f"{n}:{v:.2f}" for n, v in logs.items() if v - max(logs.values()) > LEAST_LOG),
-    })  # fmt: skip
+        "logs": " ".join(f"{n}:{v:.2f}" for n, v in logs.items() if v - logs.max() > LEAST_LOG),
+    }  # fmt: skip
 
 
-def log_weights(result: Answer) -> dict[str, float]:
+def log_weights(result: Answer) -> pd.Series:
     """Return log evidence plus log prior odds of every damping under exact laws, relative to the best damping."""
     logs: dict[str, float] = {}
     for rows, other in ((result.content.candidates, False), (result.content.rivals, True)):
@@ -192,45 +195,47 @@ def log_weights(result: Answer) -> dict[str, float]:
             if math.isfinite(r.exact):
                 own = r.exact + math.log(odds(r.damping.split("+"), other))
                 logs[r.damping] = float(np.logaddexp(logs.get(r.damping, -math.inf), own))
-    top = max(logs.values(), default=0.0)
-    return {name: value - top for name, value in logs.items()}
+    weights = pd.Series(logs, dtype=float)
+    return weights - weights.max()
 
 
-def probabilities(logs: Mapping[str, float], factor: float = FURTHER_TERM) -> dict[str, float]:
+def probabilities(logs: pd.Series, factor: float = FURTHER_TERM) -> pd.Series:
     """Return the probability of each damping under other prior odds of a further term.
 
     Parameters
     ----------
-    logs : mapping
+    logs : Series
         Log weight of each damping with the usual odds, `FURTHER_TERM`.
     factor : float
         The other odds.
     """
-    more = math.log(factor / FURTHER_TERM)
-    weights = {name: value + more * name.count("+") for name, value in logs.items()}
-    top = max(weights.values())
-    total = sum(math.exp(value - top) for value in weights.values())
-    return {name: math.exp(value - top) / total for name, value in weights.items()}
+    further = logs.index.str.count(r"\+")
+    return pd.Series(softmax(logs + math.log(factor / FURTHER_TERM) * further), logs.index)
 
 
 # --- the page ---
 
 
-def page(rows: Sequence[Row]) -> str:
+def page(rows: pd.DataFrame) -> str:
     """Return the page in Markdown."""
-    answered = [r for r in rows if r["outcome"] == OK]
+    answered = where(rows, outcome=OK)
     named, right, coverage = _shares(answered)
-    by_decade = {d: [r for r in rows if float(r["decade"]) == d] for d in (*MOTIONS, *ENVELOPES)}
-    heads = (
-        "damping ratio", "kind", "records", "without an answer", "mean P(truth)", "named outright", "right", "coverage",
-        "median s",
-    )  # fmt: skip
-    bins = []
+    lines, bins = [], []
+    for decade in (*MOTIONS, *ENVELOPES):
+        if (part := where(rows, decade=decade)).empty:
+            continue
+        own = where(part, outcome=OK)
+        p = own["p_truth"].astype(float)
+        mean = f"{p.mean():.3f} ± {p.sem():.3f}" if len(p) > 1 else "–"
+        lines.append([
+            f"{decade:g}", f"{part['kind'].iloc[0]}s", str(len(part)), str(len(part) - len(own)), mean, *_shares(own),
+            f"{part['seconds'].median():.2g}",
+        ])  # fmt: skip
     for low, high in pairwise(EDGES):
-        own = [r for r in answered if low < float(r["p_first"]) <= high]
-        mean = f"{np.mean([float(r['p_first']) for r in own]):.3f}" if own else "–"
-        bins.append([f"{low:g} to {high:g}", str(len(own)), mean, share_of(_count(own, "right"), len(own))])
-    refused = sorted({r["outcome"] for r in rows if r["outcome"] != OK})
+        own = where(answered, (answered["p_first"] > low) & (answered["p_first"] <= high))
+        mean = f"{own['p_first'].mean():.3f}" if len(own) else "–"
+        bins.append([f"{low:g} to {high:g}", str(len(own)), mean, str(share(total(own, "right"), len(own)))])
+    refused = sorted(set(rows["outcome"]) - {OK})
     without = f"Without an answer: {' '.join(refused)}\n\n" if refused else ""
     return f"""# Light damping: does the answer depend on how small the damping is?
 
@@ -246,7 +251,7 @@ the first amplitude for {CYCLES:g} cycles, and grows with the square root of the
 information does not depend on the damping ratio. For oscillations, the laws are assumed to hold exactly. The \
 brackets contain 95 % intervals (Wilson) for this number of records.
 
-{table(heads, [_line(decade, own) for decade, own in by_decade.items() if own])}
+{table(HEADS, lines)}
 
 ## Are the probabilities right?
 
@@ -261,45 +266,35 @@ this report again.
 """
 
 
-def _line(decade: float, rows: Sequence[Row]) -> list[str]:
-    """Return the row of the first table for one decade of the damping ratio."""
-    answered = [r for r in rows if r["outcome"] == OK]
-    p = np.array([float(r["p_truth"]) for r in answered])
-    mean = f"{p.mean():.3f} ± {p.std(ddof=1) / math.sqrt(p.size):.3f}" if p.size > 1 else "–"
-    seconds = np.median([float(r["seconds"]) for r in rows])
-    return [
-        f"{decade:g}", f"{rows[0]['kind']}s", str(len(rows)), str(len(rows) - len(answered)), mean,
-        *_shares(answered),
-        f"{seconds:.2g}",
-    ]  # fmt: skip
-
-
-def _shares(answered: Sequence[Row]) -> tuple[str, str, str]:
+def _shares(answered: pd.DataFrame) -> tuple[str, str, str]:
     """Format the share of records named outright, the share of correct names, and the coverage of the intervals."""
-    sure = [r for r in answered if r["decided"] == "1"]
+    sure = where(answered, decided=1)
     return (
-        share_of(len(sure), len(answered)),
-        share_of(_count(sure, "right"), len(sure)),
-        share_of(_count(answered, "holds"), len(answered)),
+        str(share(len(sure), len(answered))),
+        str(share(total(sure, "right"), len(sure))),
+        str(share(total(answered, "holds"), len(answered))),
     )
 
 
-def _sensitivity(rows: Sequence[Row]) -> str:
+def _sensitivity(rows: pd.DataFrame) -> str:
     """Return the table of how many named dampings change under other prior odds of a further term."""
     logs = [
-        {name: float(value) for name, _, value in (pair.rpartition(":") for pair in row["logs"].split())}
-        for row in rows
+        pd.Series({name: float(value) for name, _, value in (pair.rpartition(":") for pair in text.split())})
+        for text in rows["logs"]
     ]
-    usual = [_leader(probabilities(each)) for each in logs]
-    lines = []
+
+    def leaders(factor: float) -> pd.DataFrame:
+        """Return the most probable damping of each record, and whether it is named outright."""
+        each = [probabilities(log, factor) for log in logs]
+        return pd.DataFrame([(p.idxmax(), p.max() >= DECIDED) for p in each], columns=["first", "sure"])
+
+    usual, lines = leaders(FURTHER_TERM), []
     for factor in OTHER_FACTORS:
-        both = [(a, _leader(probabilities(each, factor))) for a, each in zip(usual, logs, strict=True)]
-        moved = sum(a != b for (a, _), (b, _) in both)
+        other = leaders(factor)
+        moved, sure, changed = usual["first"] != other["first"], usual["sure"], other["sure"]
         lines.append([
-            f"{factor:g}", f"{moved} of {len(rows)}",
-            str(sum(sure and not changed for (_, sure), (_, changed) in both)),
-            str(sum(changed and not sure for (_, sure), (_, changed) in both)),
-            str(sum(sure and changed and a != b for (a, sure), (b, changed) in both)),
+            f"{factor:g}", f"{moved.sum()} of {len(rows)}", str((sure & ~changed).sum()), str((changed & ~sure).sum()),
+            str((sure & changed & moved).sum()),
         ])  # fmt: skip
     heads = (
         "odds", "the leading damping changes", "named outright only with the usual odds",
@@ -309,38 +304,17 @@ def _sensitivity(rows: Sequence[Row]) -> str:
     return f"{head}\n\n{table(heads, lines)}"
 
 
-def _leader(by_damping: Mapping[str, float]) -> tuple[str, bool]:
-    """Return the most probable damping, and whether its probability suffices to name it outright."""
-    first = max(by_damping, key=by_damping.__getitem__)
-    return first, by_damping[first] >= DECIDED
-
-
-def _count(rows: Sequence[Row], column: str) -> int:
-    """Return the number of rows with a 1 in a column."""
-    return sum(r[column] == "1" for r in rows)
-
-
-def jobs(records: int, few: int) -> dict[str, tuple[float, int]]:
-    """Return the arguments of `row_of` by the name of a record.
-
-    Parameters
-    ----------
-    records : int
-        Number of records of each decade.
-    few : int
-        Largest number of records of the slow decade, `LONG`.
-    """
-    counts = {d: min(few, records) if d == LONG else records for d in (*MOTIONS, *ENVELOPES)}
-    return {f"{d:g}-{i}": (d, i) for d, count in counts.items() for i in range(count)}
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
     parser = page_options(__doc__)
     parser.add_argument("--records", type=int, default=100, help="number of records of each decade")
     parser.add_argument("--few", type=int, default=100, help=f"largest number of records of {LONG:g}")
-    options = parser.parse_args(arguments)
-    make_page(options, "rows.csv", COLUMNS, jobs(options.records, options.few), row_of, page)
+    options = parser.parse_args()
+    todo = {}
+    for decade in (*MOTIONS, *ENVELOPES):
+        count = min(options.few, options.records) if decade == LONG else options.records
+        todo |= {f"{decade:g}-{i}": (decade, i) for i in range(count)}
+    make_page(options, "rows.csv", COLUMNS, todo, row_of, page)
 
 
 if __name__ == "__main__":

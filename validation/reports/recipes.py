@@ -14,14 +14,7 @@ ENGINE = tuple(
 )  # fmt: skip
 """The code that computes answers, posteriors and evidence."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
-TRUTH = (
-    *ENGINE,
-    "validation/truth",
-    "validation/answers.py",
-    "validation/run.py",
-    "validation/reports/verdicts.py",
-)
-QUICK = "validation.reports.verdicts:quick_verdict"
+TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
 PYTHON = "{python} -m"
 PAGES = "validation.reports"
 
@@ -69,18 +62,6 @@ def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
     return Recipe(name, cost, (command, page), sources, (f"{command} {full}", page))
 
 
-def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
-    """Return the commands of the page on the accuracy of the answer, for a number of records of each group."""
-    run = f"{PYTHON} validation.run --answer {QUICK} --seed 903 --out {{work}}/rows.csv"
-    return (
-        f"{run} --group family --count {family} --deviation none",
-        f"{run} --group family --count {family}",
-        f"{run} --group discrepant --count {discrepant}",
-        f"{run} --group discrepant --count {dense} --oversample 10",
-        f"{PYTHON} {PAGES}.deviation {{work}}/rows.csv {{out}}",
-    )
-
-
 def _rows_and_page(module: str, options: str) -> tuple[str, ...]:
     return (f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}",)
 
@@ -88,9 +69,9 @@ def _rows_and_page(module: str, options: str) -> tuple[str, ...]:
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
     Recipe(
-        "deviation", 10, _answers(100, 60, 20),
-        (*TRUTH, "validation/scoring.py", "validation/reports/deviation.py"),
-        _answers(200, 200, 30),
+        "deviation", 10, _rows_and_page(f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20"),
+        (*TRUTH, "validation/reports/deviation.py"),
+        _rows_and_page(f"{PAGES}.deviation", "--family 200 --discrepant 200 --dense 30"),
     ),
     Recipe(
         "misfit", 2, _rows_and_page("validation.misfit.scoring", "--seed 21 --count 6"), (*TRUTH, "validation/misfit"),
@@ -123,10 +104,7 @@ RECIPES: tuple[Recipe, ...] = (
     ),
     Recipe(
         "light", 14, _rows_and_page(f"{PAGES}.light", "--few 20"),
-        (
-            *ENGINE, "validation/truth", "validation/scoring.py",
-            "validation/reports/light.py",
-        ),
+        (*TRUTH, "validation/reports/light.py"),
         _rows_and_page(f"{PAGES}.light", "--records 200 --few 100"),
     ),
     Recipe("measured", 6, (f"{PYTHON} validation.measured.run {{out}}",), (*ENGINE, "validation/measured")),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,8 +64,6 @@ class Case:
         Cycles in the record.
     oversample : int
         Factor on the sampling rate.
-    rejected : mapping
-        Number of earlier draws that violated each rule.
     """
 
     name: str
@@ -82,7 +79,6 @@ class Case:
     nats: float
     cycles: float
     oversample: int = 1
-    rejected: Mapping[str, int] = field(default_factory=dict)
 
 
 def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
@@ -114,20 +110,20 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
         raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
     damping, restoring = in_turn(kind, number)
-    rejected: Counter[str] = Counter()
     for _ in range(ATTEMPTS):
         draw = draw_oscillator(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
-        try:
-            record = _simulate(kind, draw, own, oversample)
-        except _Rejected as rule:
-            rejected[str(rule)] += 1
-            continue
-        name = f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
-        return replace(record, name=name, rejected=dict(rejected))
+        record = _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
+        if record is not None:
+            return record
     raise RuntimeError(
         f"none of {ATTEMPTS} draws gives a record of kind {kind} with {damping} damping on {restoring}"
     )
+
+
+def name_of(kind: str, seed: int, number: int, oversample: int = 1) -> str:
+    """Return the name of a record."""
+    return f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
 
 
 def in_turn(kind: str, number: int) -> tuple[str, str]:
@@ -141,19 +137,14 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
     return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
 
 
-class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
-    pass
-
-
-def _simulate(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
-    """Simulate the record of a draw. Raises _Rejected with the name of the rule that it breaks."""
+def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case | None:
+    """Simulate the record of a draw; return None if it breaks a rule."""
     ahead = nats_ahead(
         draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
         draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
     )  # fmt: skip
-    nats = min(ahead.values())
-    if nats < NATS:
-        raise _Rejected("nats")
+    if (nats := min(ahead.values())) < NATS:
+        return None
     observe = Motion.displacements
     if kind != FAMILY:
         odd = discrepancies.KINDS[kind](rng, draw)
@@ -164,20 +155,20 @@ def _simulate(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) 
     o, end = draw.oscillator, draw.begin + draw.duration
     try:
         motion = solve_motion(o, draw.displacement, draw.frequency, end)
-    except NoMotionError as fault:
-        raise _Rejected(str(fault)) from None
+    except NoMotionError:
+        return None
     count = np.interp([draw.begin, end], motion.turn_times, 0.5 * np.arange(motion.turns.size))
     cycles = float(count[1] - count[0])
     if not CYCLES[0] <= cycles <= CYCLES[1]:
-        raise _Rejected("cycles")
+        return None
     curve = ratio_curve(motion, o.potential())
     first, last = (curve.amplitude_at(float(n)) for n in (count[0] + FROM_END, count[1] - FROM_END))
     sizes = np.interp([draw.begin, end], motion.turn_times, np.abs(motion.turns))
     if not LEFT[0] <= sizes[1] / sizes[0] <= LEFT[1]:
-        raise _Rejected("left")
+        return None
     shares = _shares(draw, motion, end)
     if min(shares[term] for term in o.damping) < LEAST_SHARE:
-        raise _Rejected("shares")
+        return None
 
     gap = 2 * np.pi / (draw.frequency * draw.per_cycle * oversample)
     times = gap * np.arange(int(draw.duration / gap) + 1)
@@ -187,7 +178,7 @@ def _simulate(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) 
     parameters = {COEFFICIENTS[term]: c for term, c in o.damping.items()} | dict(o.parameters)
     parameters |= {"epsilon": o.epsilon, "theta0": float(start[0][0]), "omega0": float(start[1][0])}
     return Case(
-        "", kind, Signal(times, clean + noise_sd * rng.standard_normal(times.size)), "+".join(o.damping), o.restoring,
+        name, kind, Signal(times, clean + noise_sd * rng.standard_normal(times.size)), "+".join(o.damping), o.restoring,
         parameters, noise_sd, curve, (first, float(np.sqrt(first * last)), last), shares, nats, cycles, oversample,
     )  # fmt: skip
 

@@ -6,10 +6,10 @@ page; test_audit.py beside it reads the one that ships.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
+import pandas as pd
 
+from bayesdamp.formatting import markdown_table
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
@@ -51,48 +51,42 @@ def row(number: int) -> dict[str, object]:
     return line
 
 
-def differences(rows: Sequence[Mapping[str, str]], method: str) -> tuple[np.ndarray, np.ndarray]:
+def differences(rows: pd.DataFrame, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Nats by which a method is above nested sampling, (n,), and the standard errors of that, (n,)."""
-    away = np.array([float(r[method]) - float(r["nested"]) for r in rows])
-    sd = np.hypot(*(np.array([float(r[f"{m}_stderr"]) for r in rows]) for m in (method, "nested")))
-    return away, sd
+    away = rows[method] - rows["nested"]
+    return away.to_numpy(), np.hypot(rows[f"{method}_stderr"], rows["nested_stderr"]).to_numpy()
 
 
-def page(rows: Sequence[Mapping[str, str]]) -> str:
+def page(rows: pd.DataFrame) -> str:
     """The page, in Markdown."""
     results = {m: differences(rows, m) for m in METHODS[:2]}
-    touching = [float(r["touching"]) for r in rows]
     largest = " and ".join(f"{np.abs(away).max():.3f}" for away, _ in results.values())
-    lines = [
-        "# Evidence where a coefficient touches zero",
-        "",
-        f"Importance and bridge sampling differ from nested sampling by {largest} nats at most, over "
-        f"{len(rows)} records.",
-        "",
-        "Records of a viscous oscillator, weighed with viscous + Coulomb damping, whose friction is not there: the "
-        f"posterior touches zero (a median of {np.median(touching):.2f} of its standard deviations from its mode to no "
-        f"friction, {max(touching):.1f} at most).",
-        "",
-        "| method | median standard error, nats | largest difference from nested, nats | the same in its standard "
-        "errors | mean difference and its 95 % interval, nats |",
-        "|---|---|---|---|---|",
-    ]
+    heads = (
+        "method", "median standard error, nats", "largest difference from nested, nats",
+        "the same in its standard errors", "mean difference and its 95 % interval, nats",
+    )  # fmt: skip
+    lines, observed = [], 0.0
     for method, (away, sd) in results.items():
-        own = np.median([float(r[f"{method}_stderr"]) for r in rows])
-        half = 1.96 * np.sqrt(np.sum(sd**2)) / away.size
-        lines.append(
-            f"| {method} | {own:.3f} | {np.abs(away).max():.3f} | {np.abs(away / sd).max():.1f} | "
-            f"{away.mean():+.3f} ± {half:.3f} |"
-        )
-    observed = 2.8 * max(np.sqrt(np.sum(sd**2)) / sd.size for _, sd in results.values())
-    lines += [
-        "",
-        f"An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of 0.8. A "
-        "forgotten reflection at zero (ln 2 = 0.69 nats) is seen; so says the test that reads the table "
-        "(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from 50 "
-        "records.",
-    ]
-    return "\n".join(lines) + "\n"
+        error = np.sqrt(np.sum(sd**2)) / away.size
+        observed = max(observed, 2.8 * error)
+        lines.append([
+            method, f"{rows[f'{method}_stderr'].median():.3f}", f"{np.abs(away).max():.3f}",
+            f"{np.abs(away / sd).max():.1f}", f"{away.mean():+.3f} ± {1.96 * error:.3f}",
+        ])  # fmt: skip
+    return f"""# Evidence where a coefficient touches zero
+
+Importance and bridge sampling differ from nested sampling by {largest} nats at most, over {len(rows)} records.
+
+Records of a viscous oscillator, weighed with viscous + Coulomb damping, whose friction is not there: the posterior \
+touches zero (a median of {rows["touching"].median():.2f} of its standard deviations from its mode to no friction, \
+{rows["touching"].max():.1f} at most).
+
+{markdown_table(heads, lines)}
+
+An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of 0.8. A forgotten \
+reflection at zero (ln 2 = 0.69 nats) is seen; so says the test that reads the table \
+(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from 50 records.
+"""
 
 
 def main() -> None:

@@ -32,9 +32,9 @@ def agrees(z: np.ndarray) -> bool:
 def test_cases_touch_zero():
     result = read_rows(FILE)
     assert len(result) >= audit.CASES
-    assert np.median([float(r["touching"]) for r in result]) < 1
-    assert max(float(r["touching"]) for r in result) < 4
-    assert all(r["nested_outcome"] == "ok" for r in result)
+    assert result["touching"].median() < 1
+    assert result["touching"].max() < 4
+    assert (result["nested_outcome"] == "ok").all()
 
 
 @pytest.mark.parametrize("method", ["importance", "bridge"])

@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from validation.reports.contradictions import (
     Quoted,
     contradictions,
@@ -120,9 +122,12 @@ def test_chance_is_allowed() -> None:
 
     assert misses(intervals(5)) == []
     assert len(misses(intervals(15))) == 15
-    truth = frozenset(["viscous"])
-    assert (
-        of_many([(truth, True, "viscous", 0.97, 0.97)] * 97 + [(truth, True, "coulomb", 0.97, 0.03)] * 3, "x")
-        == []
-    )
-    assert of_many([(truth, True, "coulomb", 0.97, 0.03)] * 20, "x")
+
+    def named(first: str, count: int) -> pd.DataFrame:
+        row = {"truth": "viscous", "decided": 1, "first": first, "probability": 0.97, "own": 0.97}
+        return pd.DataFrame([row] * count)
+
+    some = pd.concat([named("viscous", 97), named("coulomb", 3).assign(own=0.03)])
+    assert of_many(some, "x", own="own") == []
+    assert of_many(named("coulomb", 20), "x")
+    assert of_many(named("viscous", 20).assign(own=0.03), "x", own="own")

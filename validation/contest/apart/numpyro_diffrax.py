@@ -16,7 +16,7 @@ from numpyro import distributions as dist
 from numpyro.infer import MCMC, NUTS, init_to_value
 from scipy.optimize import least_squares
 from serve import serve
-from shared import even, ratio, spectral_peak
+from shared import even, fit_sinusoid, ratio, spectral_peak
 
 jax.config.update("jax_enable_x64", True)
 WIDTH = 0.02
@@ -68,24 +68,18 @@ def fit_least_squares(times, values):
     """Return the least-squares solution, the square root of its covariance, and the sd of the residuals."""
     solve = jax.jit(lambda x: curve(x, times))
     slope = jax.jit(jax.jacfwd(lambda x: curve(x, times)))
+    inside = np.asarray(times) <= 2 * np.pi
+    first = fit_sinusoid(np.asarray(times)[inside], np.asarray(values)[inside])
     x_scale = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 1.0, 1.0, 1.0])
     best = least_squares(
         lambda x: np.nan_to_num(np.asarray(solve(x) - values), posinf=1e3, neginf=-1e3),
-        np.array([*GUESS, *start(np.asarray(times), np.asarray(values)), 0.0]),
+        np.array([*GUESS, *first[:2], 0.0]),
         jac=lambda x: np.nan_to_num(np.asarray(slope(x)), posinf=0.0, neginf=0.0),  # pyright: ignore[reportArgumentType]
         x_scale=x_scale,
     )
     size = np.sqrt(2 * best.cost / (values.size - len(NAMES)))
     _, s, vt = np.linalg.svd(best.jac * x_scale, full_matrices=False)
     return best.x, size * x_scale[:, None] * vt.T / s, size
-
-
-def start(times, values):
-    """Estimate displacement and velocity at the first sample by least squares on the first cycle."""
-    inside = times <= 2 * np.pi
-    tau = times[inside]
-    columns = np.stack([np.cos(tau), np.sin(tau), np.ones_like(tau)], 1)
-    return np.linalg.lstsq(columns, values[inside], rcond=None)[0][:2]
 
 
 def answer(t, y, amplitudes):

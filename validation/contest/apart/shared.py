@@ -1,4 +1,4 @@
-"""Sample a record evenly, find the peak of its spectrum, and compute the damping ratio of a sum of terms."""
+"""Sample a record evenly, find the peak of its spectrum, fit a sinusoid, and compute the damping ratio of a sum."""
 
 import math
 from typing import Any
@@ -20,6 +20,12 @@ def spectral_peak(t, y):
     n = PADDING * t.size
     power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
     return float((np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0])))
+
+
+def fit_sinusoid(phase, y):
+    """Fit a cos(phase) + b sin(phase) + c to samples by least squares; return a, b and c."""
+    columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
+    return np.linalg.lstsq(columns, y, rcond=None)[0]
 
 
 def ratio(

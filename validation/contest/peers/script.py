@@ -15,7 +15,8 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import ndtr
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import Reply, even, frequency, segments
+from validation.contest.apart.shared import even, fit_sinusoid, spectral_peak
+from validation.contest.peers.shared import Reply, segments
 
 TERMS = ("viscous", "coulomb", "quadratic")
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
@@ -184,8 +185,7 @@ def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndar
 def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return first parameters, from a sine through the first cycle and the ratio of the last amplitude to the first."""
     first = times <= 2 * np.pi
-    columns = np.column_stack([np.cos(times), np.sin(times), np.ones_like(times)])[first]
-    cosine, sine, rest = np.linalg.lstsq(columns, x[first], rcond=None)[0]
+    cosine, sine, rest = fit_sinusoid(times[first], x[first])
     last = max(np.ptp(x[times >= times[-1] - 2 * np.pi]) / 2, 1e-3)
     decay = max(math.log(math.hypot(cosine, sine) / last) / times[-1], 1e-3)
     return np.array([decay, decay, 2 * decay, 1.0, 0.0, rest, cosine, sine])
@@ -197,7 +197,9 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
         raise Refusal("too few samples")
     if np.ptp(y) == 0:
         raise Refusal("the record is constant")
-    times = 2 * np.pi * frequency(*even(*max(segments(t, y), key=lambda piece: piece[0].size))) * (t - t[0])
+    times = (
+        2 * np.pi * spectral_peak(*even(*max(segments(t, y), key=lambda piece: piece[0].size))) * (t - t[0])
+    )
     if times[-1] < 4 * np.pi:
         raise Refusal("less than two cycles")
     middle = np.mean(y)

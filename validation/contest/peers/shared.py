@@ -8,9 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import even, spectral_peak as frequency
-
-__all__ = ["Peer", "Reply", "about_rest", "even", "frequency", "is_recorded", "one_number", "segments"]
 
 GAP = 1.5
 """Two samples that are more than this many median steps apart have a gap between them."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import ratio
-from validation.contest.peers.shared import Reply, about_rest, even, frequency, segments
+from validation.contest.apart.shared import even, ratio, spectral_peak
+from validation.contest.peers.shared import Reply, about_rest, segments
 
 LEAST = 15
 """Least number of samples in a piece between gaps; the filter of PySINDy needs eleven."""
@@ -22,7 +22,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     import pysindy as ps
 
     grid, values = even(t, y)
-    rest = values[0] - about_rest(grid, values, frequency(grid, values))[0]
+    rest = values[0] - about_rest(grid, values, spectral_peak(grid, values))[0]
     states, times = [], []
     for time, piece in segments(t, y - rest):
         if time.size >= LEAST:

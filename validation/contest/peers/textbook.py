@@ -10,7 +10,8 @@ from scipy.signal import find_peaks, hilbert
 from scipy.stats import norm
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import Reply, about_rest, even, frequency, is_recorded, one_number
+from validation.contest.apart.shared import even, fit_sinusoid, spectral_peak
+from validation.contest.peers.shared import Reply, about_rest, is_recorded, one_number
 
 APART = 0.7
 """Least distance between peaks in periods, so that noise adds no peaks."""
@@ -27,7 +28,7 @@ GUESS = 0.02
 def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
     """Fit a straight line to the logarithms of the peaks: δ/√(4π² + δ²). Raises Refusal for fewer than three peaks."""
     grid, values = even(t, y)
-    f = frequency(grid, values)
+    f = spectral_peak(grid, values)
     x = about_rest(grid, values, f)
     peaks = find_peaks(x, distance=max(APART / (f * (grid[1] - grid[0])), 1))[0]
     peaks = peaks[(x[peaks] > 0) & is_recorded(grid, t)[peaks]]
@@ -64,7 +65,7 @@ def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) 
 def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return times, log envelope and mean frequency (rad/s), without the first and the last cycle."""
     grid, values = even(t, y)
-    f = frequency(grid, values)
+    f = spectral_peak(grid, values)
     analytic = np.asarray(hilbert(about_rest(grid, values, f)))
     inside = (grid >= grid[0] + 1 / f) & (grid <= grid[-1] - 1 / f)
     if inside.sum() < LEAST_SAMPLES:
@@ -85,7 +86,7 @@ def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> R
     Raises Refusal if the peak does not fall to half power on both sides.
     """
     grid, values = even(t, y)
-    x = about_rest(grid, values, frequency(grid, values))
+    x = about_rest(grid, values, spectral_peak(grid, values))
     size = np.abs(np.fft.rfft(x, PADDING * x.size))
     top = int(np.argmax(size[PADDING:])) + PADDING
     level = size[top] / np.sqrt(2)
@@ -109,12 +110,10 @@ def decaying_cosine(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...])
 
     It starts at the spectral frequency and the phase of the first cycle.
     """
-    omega = 2 * np.pi * frequency(*even(t, y))
+    omega = 2 * np.pi * spectral_peak(*even(t, y))
     first = omega * (t - t[0]) <= 2 * np.pi
-    phase = omega * (t[first] - t[0])
-    columns = np.column_stack([np.cos(phase), -np.sin(phase), np.ones_like(phase)])
-    c, s, rest = np.linalg.lstsq(columns, y[first], rcond=None)[0]
-    guess = [float(np.hypot(c, s)), GUESS, omega, float(np.arctan2(s, c)), float(rest)]
+    c, s, rest = fit_sinusoid(omega * (t[first] - t[0]), y[first])
+    guess = [float(np.hypot(c, s)), GUESS, omega, float(np.arctan2(-s, c)), float(rest)]
     with warnings.catch_warnings():
         warnings.simplefilter("error", OptimizeWarning)
         try:
