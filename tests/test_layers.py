@@ -87,8 +87,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         "validation.scoring", "validation.truth",
     },
     "validation.measured": {
-        "types", "cli.records", "interface", "store", "verdict", "validation.contest.apart", "validation.measured",
-        "validation.rows", "validation.scoring",
+        "formatting", "types", "cli.records", "interface", "store", "verdict", "validation.contest.apart",
+        "validation.measured", "validation.rows", "validation.scoring",
     },
     "validation": NEUTRAL | {"verdict.types", "validation"},
     "interface": NEUTRAL

@@ -64,7 +64,7 @@ PARTS = {
 
 
 def bare(source: str) -> str:
-    """Return the code of a module without annotations and docstrings."""
+    """Return the code of a module without annotations."""
     tree = ast.parse(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.arg):
@@ -73,8 +73,6 @@ def bare(source: str) -> str:
             node.returns = None
         elif isinstance(node, ast.AnnAssign):
             node.annotation = ast.Constant(0)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            node.value = ast.Constant(0)
     return ast.unparse(tree)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,6 +79,11 @@ def probability_of(answer: Verdict, damping: str) -> float:
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:
     """Return a quantity at the three amplitudes of each row, shape (n, 3)."""
     return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
+
+
+def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
+    """Return the cells of quantities at three amplitudes: the columns that `three` reads."""
+    return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
 
 
 def share_covered(rows: pd.DataFrame) -> np.ndarray:

@@ -36,14 +36,10 @@ class Environment:
         """The interpreter of the environment."""
         return ROOT / self.name / "bin" / "python"
 
-    @property
-    def ready(self) -> bool:
-        """Whether all packages are installed."""
-        return (ROOT / self.name / ".ready").is_file()
-
     def make(self) -> str:
         """Make the environment if it is missing; return "" or the reason of the failure."""
-        if self.ready:
+        ready = ROOT / self.name / ".ready"
+        if ready.is_file():
             return ""
         pip = (str(self.python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
         commands = ((sys.executable, "-m", "venv", str(ROOT / self.name)), (*pip, *self.packages))
@@ -52,7 +48,7 @@ class Environment:
             if done.returncode:
                 errors = [x for x in done.stderr.splitlines() if x.startswith("ERROR")] or ["it failed"]
                 return f"{' '.join(self.packages)} did not install: {errors[-1]}"
-        (ROOT / self.name / ".ready").touch()
+        ready.touch()
         return ""
 
 
@@ -71,7 +67,14 @@ class Child:
 
     def __call__(self, t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
         """Answer a record; `seconds` is then the CPU time. Raises Refusal with the reason if there is no answer."""
-        process = self._start()
+        if self._process is None:
+            command = [str(self.environment.python), str(APART / self.program), *self.arguments]
+            hidden = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                env=hidden | ONE_THREAD,
+            )  # fmt: skip
+        process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
         with tempfile.TemporaryDirectory() as folder:
@@ -96,14 +99,3 @@ class Child:
         if self._process is not None:
             self._process.communicate()  # closes its input and the other pipes
         self._process = None
-
-    def _start(self) -> subprocess.Popen[str]:
-        """Return the running program; start it if necessary."""
-        if self._process is None:
-            command = [str(self.environment.python), str(APART / self.program), *self.arguments]
-            hidden = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-                env=hidden | ONE_THREAD,
-            )  # fmt: skip
-        return self._process

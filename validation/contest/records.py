@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from validation.scoring import in_columns
 from validation.truth import discrepancies
 from validation.truth.drawing import log_uniform
 from validation.truth.records import FAMILY, FROM_END, Case, case
@@ -52,8 +53,7 @@ class Record:
     @property
     def truth(self) -> dict[str, float]:
         """The amplitudes and the true ratios, by the columns of the rows."""
-        pairs = enumerate(zip(self.amplitudes, self.ratios, strict=True), 1)
-        return {name: x for i, (a, r) in pairs for name, x in ((f"amplitude_{i}", a), (f"ratio_{i}", r))}
+        return in_columns(amplitude=self.amplitudes, ratio=self.ratios)
 
 
 def simulate_record(seed: int, number: int) -> Record:

@@ -14,7 +14,7 @@ from bayesdamp.types import OK, Refusal
 from validation.contest.environments import Child
 from validation.contest.records import Record
 from validation.contest.roster import ROSTER
-from validation.scoring import relation
+from validation.scoring import in_columns, relation
 
 COLUMNS = (
     "record", "group", "kind", "damping", "restoring", "peer", "outcome", "seconds", "named", "relation",
@@ -44,10 +44,7 @@ def row_of(record: Record, name: str) -> dict[str, Any]:
     except Exception as fault:
         row["outcome"] = " ".join(f"{type(fault).__name__}: {fault}".split())[:200]
     else:
-        row["outcome"] = OK
-        row |= {f"value_{i}": v for i, v in enumerate(reply.values, 1)}
-        row |= {f"low_{i}": v for i, v in enumerate(reply.low, 1)}
-        row |= {f"high_{i}": v for i, v in enumerate(reply.high, 1)}
+        row |= {"outcome": OK, **in_columns(value=reply.values, low=reply.low, high=reply.high)}
         if reply.named and record.damping:
             row |= {"named": reply.named, "relation": relation(reply.named, record.damping)}
     row["seconds"] = peer.seconds if isinstance(peer, Child) else time.process_time() - began

@@ -91,31 +91,28 @@ def errors(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> tupl
 
 def main(records: int, seed: int, kind: str = "harsh") -> None:
     """Run the experiment: answer several ring-downs, and print the counts."""
-    rows, refused = [], 0
+    rows = []
     for i in range(records):
         rng = np.random.default_rng([seed, i])
-        r = draw_ringdown(kind, rng)
-        truth = simulate(r, rng)
+        ringdown = draw_ringdown(kind, rng)
+        truth = simulate(ringdown, rng)
         answer = analyse(make_record(str(i), truth.t, truth.level, "dBm", 1e6))
-        result = answer.verdict
-        if result.rate is None or result.window is None:
-            refused += 1
-            print(i, result.sentence, flush=True)
+        if answer.verdict.rate is None or answer.verdict.window is None:
+            print(i, answer.verdict.sentence, flush=True)
             continue
-        z, inside = errors(r, truth, answer)
+        z, inside = errors(ringdown, truth, answer)
         rows.append((z, inside))
+        cut = answer.verdict.window.start - truth.release
         print(
-            i, "+".join(r.rates), f"{r.fall:.0f} dB", f"deviation {r.deviation:g} length {r.deviation_length:g}",
-            f"drift {r.drift:g} slow {r.slow_share:.2f} wander {r.wander:g} constant {r.constant:g}",
-            f"drop {r.drop:g} scatter {r.scatter:.3f} n {truth.t.size} ->", result.damping, result.grade,
-            np.round(z, 2), *inside, f"cut {result.window.start - truth.release:.2f}", flush=True,
+            i, ringdown, f"n {truth.t.size} ->", answer.verdict.damping, answer.verdict.grade, np.round(z, 2), *inside,
+            f"cut {cut:.2f}", flush=True,
         )  # fmt: skip
-    z, inside = (np.array([row[i] for row in rows]) for i in range(2))
+    z, inside = (np.array(each) for each in zip(*rows, strict=True))
     print(
-        kind, f"seed {seed}: {len(rows)} answered, {refused} refused; intervals with the true rate, and with those at",
-        "amplitudes", inside.sum(axis=0), f"{inside.mean():.3f}; median z2", np.round(np.nanmedian(z**2, axis=0), 2),
-        flush=True,
-    )  # fmt: skip
+        f"{kind} seed {seed}: {len(rows)} answered, {records - len(rows)} refused; share {inside.mean():.3f}"
+    )
+    print("intervals with the true rate, and with those at amplitudes", inside.sum(axis=0))
+    print("median z²", np.round(np.nanmedian(z**2, axis=0), 2))
 
 
 if __name__ == "__main__":

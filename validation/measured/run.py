@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
+from bayesdamp.formatting import markdown_table
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.store import write_table
 from bayesdamp.types import Signal
@@ -31,11 +32,6 @@ class Measured:
     name: str
     file: str
     options: ReadingOptions
-
-    @property
-    def path(self) -> Path:
-        """Path of the file."""
-        return DATA / self.file
 
 
 RECORDS = (
@@ -66,7 +62,7 @@ def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
     """Yield the name of each wanted record and its free decays. Only the file of ten runs has several."""
     for record in (*RECORDS, RUNS):
         if not wanted or record.name in wanted:
-            results = records_in(record.path, record.options)
+            results = records_in(DATA / record.file, record.options)
             decays = [r.signal for r in results if r.signal is not None]
             yield record.name, decays if record is RUNS else decays[:1]
 
@@ -90,11 +86,14 @@ def main(folder: Path, wanted: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     results = list(verdicts(wanted))
     write_table(folder / "verdicts.csv", columns(), [v.row() for v in results])
-    lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in results]
-    named = sum(v.decided for v in results)
-    page = f"# Measured decays\n\nOf {len(results)} answers, {named} name one damping outright; no truth is known.\n\n"
-    page += "The table contains the answers of `bayesdamp compare` on published measurements.\n\n"
-    page += "| record | grade | answer |\n|---|---|---|\n" + "\n".join(lines) + "\n"
+    page = f"""# Measured decays
+
+Of {len(results)} answers, {sum(v.decided for v in results)} name one damping outright; no truth is known.
+
+The table contains the answers of `bayesdamp compare` on published measurements.
+
+{markdown_table(("record", "grade", "answer"), [(v.record, str(v.grade), v.sentence) for v in results])}
+"""
     (folder / "README.md").write_text(page, encoding="utf-8")
 
 

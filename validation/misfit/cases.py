@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,10 +36,6 @@ class Case:
         Standard deviation of the noise relative to the amplitude.
     t, y : (n,) array
         Times in s and angles in rad.
-    clean : (n,) array
-        Angles without noise, rounding and outliers.
-    amplitude : float
-        Amplitude at the start in rad.
     """
 
     name: str
@@ -49,13 +44,6 @@ class Case:
     noise: float
     t: np.ndarray
     y: np.ndarray
-    clean: np.ndarray
-    amplitude: float
-
-    @property
-    def inside(self) -> bool:
-        """Whether a law of the family fits the record."""
-        return self.kind in INSIDE
 
 
 def draw_case(kind: str, number: int, seed: int) -> Case:
@@ -76,36 +64,11 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
         zip(terms, 0.25 + (1 - 0.25 * len(terms)) * rng.dirichlet(np.ones(len(terms))), strict=True)
     )
 
-    def spring(x: float) -> float:
-        return x
-
-    def family() -> rec.Force:
-        return rec.damping_of(shares, cycles, left, eps)
-
-    def free() -> np.ndarray:
-        return rec.free(family(), spring, times)
-
-    make: dict[str, Callable[[], tuple[np.ndarray, str]]] = {
-        "beats": lambda: (_beats(rng, times, cycles, family()), damping),
-        "two_modes": lambda: (free() + _second(rng, times, cycles), damping),
-        "driven": lambda: (_driven(rng, times, family(), spring), damping),
-        "stiction": lambda: (_sticking(rng, times, cycles), "stiction"),
-        "drift": lambda: (free() + _sign(rng) * log_uniform(rng, 0.1, 1.0) * times / times[-1], damping),
-        "wander": lambda: (free() + _wander(rng, times), damping),
-        "cubic": lambda: (rec.free(rec.damping_of({"cubic": 1.0}, cycles, left), spring, times), "cubic"),
-        "root": lambda: (rec.free(rec.damping_of({"root": 1.0}, cycles, left), spring, times), "root"),
-        "damping_changes": lambda: (
-            rec.changing(family(), times, damping_grows=_sign(rng) * rng.uniform(1.0, 2.5)), damping,
-        ),
-        "stiffness_changes": lambda: (
-            rec.changing(family(), times, stiffness_grows=_sign(rng) * log_uniform(rng, 0.01, 0.1)), damping,
-        ),
-        "slight_drift": lambda: (free() + _sign(rng) * log_uniform(rng, 0.01, 0.1) * times / times[-1], damping),
-    }  # fmt: skip
-    clean, truth = make[kind]() if kind in make else (free(), damping)
+    clean, truth = _motion(kind, rng, times, cycles, damping, left, rec.damping_of(shares, cycles, left, eps))
     y = clean + noise * rng.standard_normal(SAMPLES)
     if kind == "clipped":
-        y = _clipped(rng, y)
+        level = rng.uniform(0.4, 0.9)
+        y = np.clip(y, -level if rng.random() < 0.5 else -np.inf, level)
     if kind == "quantised":
         y = 0.1 * np.round(y / 0.1)
     if kind == "outliers":
@@ -118,46 +81,63 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
             keep[first : first + 16] = False
     amplitude, frequency = log_uniform(rng, 0.05, 1.5), log_uniform(rng, 0.5, 40.0)
     rest = float(rng.normal(0.0, amplitude))
-    t = times[keep] / frequency
-    y, clean = (rest + amplitude * values[keep] for values in (y, clean))
-    return Case(f"{kind}-{seed}-{number}", kind, truth, noise, t, y, clean, amplitude)
+    return Case(
+        f"{kind}-{seed}-{number}", kind, truth, noise, times[keep] / frequency, rest + amplitude * y[keep]
+    )
 
 
-def _sign(rng: np.random.Generator) -> float:
-    return float(rng.choice([-1.0, 1.0]))
+def _motion(
+    kind: str,
+    rng: np.random.Generator,
+    times: np.ndarray,
+    cycles: float,
+    damping: str,
+    left: float,
+    force: rec.Force,
+) -> tuple[np.ndarray, str]:
+    """Simulate the motion of a record, (n,), and return it with the true damping.
 
+    Parameters
+    ----------
+    kind, rng, times, cycles
+        Kind of the record, generator of its random numbers, times (n,) and their number of cycles.
+    damping, left, force
+        A damping sum, and its force that reduces the amplitude to `left`.
+    """
 
-def _beats(rng: np.random.Generator, times: np.ndarray, cycles: float, damping: rec.Force) -> np.ndarray:
-    coupling = rng.uniform(1.0, 4.0) / cycles
-    return rec.coupled(damping, times, coupling, coupling * rng.uniform(-1.0, 1.0))
+    def sign() -> float:
+        return float(rng.choice([-1.0, 1.0]))
 
-
-def _second(rng: np.random.Generator, times: np.ndarray, cycles: float) -> np.ndarray:
-    ratio = -np.log(rng.uniform(0.15, 0.8)) / (2 * np.pi * cycles)
-    amplitude, frequency = log_uniform(rng, 0.05, 0.5), rng.uniform(1.3, 5.0)
-    return rec.second_mode(times, amplitude, frequency, ratio / frequency, rng.uniform(0, 2 * np.pi))
-
-
-def _driven(
-    rng: np.random.Generator, times: np.ndarray, damping: rec.Force, spring: rec.Restoring
-) -> np.ndarray:
-    amplitude, phase = log_uniform(rng, 0.05, 0.4), rng.uniform(0, 2 * np.pi)
-    return rec.driven(damping, spring, times, rng.uniform(0.5, 1.6), amplitude, phase)
-
-
-def _sticking(rng: np.random.Generator, times: np.ndarray, cycles: float) -> np.ndarray:
-    over, speed = rng.uniform(1.5, 3.0), rng.uniform(0.03, 0.15)
-    # Kinetic friction reduces the amplitude by 4 × kinetic in each cycle: the motion does not stop within the record.
-    kinetic = rng.uniform(0.6, 0.95) / (4 * cycles)
-    return rec.sticking(kinetic, over * kinetic, speed, times)
-
-
-def _wander(rng: np.random.Generator, times: np.ndarray) -> np.ndarray:
-    turns, phase = rng.uniform(0.4, 3.0), rng.uniform(0, 2 * np.pi)
-    return log_uniform(rng, 0.03, 0.4) * np.sin(2 * np.pi * turns * times / times[-1] + phase)
-
-
-def _clipped(rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
-    level = rng.uniform(0.4, 0.9)
-    low, high = (-level, level) if rng.random() < 0.5 else (-np.inf, level)
-    return np.clip(y, low, high)
+    match kind:
+        case "beats":
+            coupling = rng.uniform(1.0, 4.0) / cycles
+            return rec.coupled(force, times, coupling, coupling * rng.uniform(-1.0, 1.0)), damping
+        case "driven":
+            size, phase = log_uniform(rng, 0.05, 0.4), rng.uniform(0, 2 * np.pi)
+            return rec.driven(force, times, rng.uniform(0.5, 1.6), size, phase), damping
+        case "stiction":
+            over, speed = rng.uniform(1.5, 3.0), rng.uniform(0.03, 0.15)
+            # Kinetic friction reduces the amplitude by 4 × kinetic in each cycle: the motion does not stop within the
+            # record.
+            kinetic = rng.uniform(0.6, 0.95) / (4 * cycles)
+            return rec.sticking(kinetic, over * kinetic, speed, times), "stiction"
+        case "cubic" | "root":
+            return rec.free(rec.damping_of({kind: 1.0}, cycles, left), times), kind
+        case "damping_changes":
+            return rec.changing(force, times, damping_grows=sign() * rng.uniform(1.0, 2.5)), damping
+        case "stiffness_changes":
+            return rec.changing(force, times, stiffness_grows=sign() * log_uniform(rng, 0.01, 0.1)), damping
+    motion = rec.free(force, times)
+    match kind:
+        case "two_modes":
+            ratio = -np.log(rng.uniform(0.15, 0.8)) / (2 * np.pi * cycles)
+            size, frequency = log_uniform(rng, 0.05, 0.5), rng.uniform(1.3, 5.0)
+            motion += size * np.exp(-ratio * times) * np.cos(frequency * times + rng.uniform(0, 2 * np.pi))
+        case "drift":
+            motion += sign() * log_uniform(rng, 0.1, 1.0) * times / times[-1]
+        case "slight_drift":
+            motion += sign() * log_uniform(rng, 0.01, 0.1) * times / times[-1]
+        case "wander":
+            turns, phase = rng.uniform(0.4, 3.0), rng.uniform(0, 2 * np.pi)
+            motion += log_uniform(rng, 0.03, 0.4) * np.sin(2 * np.pi * turns * times / times[-1] + phase)
+    return motion, damping

@@ -1,7 +1,7 @@
 """Simulate oscillators inside and outside the family of models with SciPy.
 
 Units are normalised: the motion starts at 1 with zero velocity, and its frequency at small amplitudes is 1 rad per unit
-of time. A damping is a function of the velocity; a restoring force is a function of the position.
+of time. A damping is a function of the velocity; the spring is linear.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 Force = Callable[[np.ndarray | float], np.ndarray | float]
-Restoring = Callable[[float], float]
 Slope = Callable[[float, np.ndarray], Sequence[np.ndarray | float]]
 
 TERMS: Mapping[str, Callable[[float], Force]] = {
@@ -57,19 +56,17 @@ def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: flo
     return lambda v: scale * unit(v)
 
 
-def free(damping: Force, restoring: Restoring, times: np.ndarray) -> np.ndarray:
+def free(damping: Force, times: np.ndarray) -> np.ndarray:
     """Return the positions, (n,), of a freely decaying oscillator."""
-    return _solved(lambda t, s: [s[1], -damping(s[1]) - restoring(s[0])], [1.0, 0.0], times)
+    return _solved(lambda t, s: [s[1], -damping(s[1]) - s[0]], [1.0, 0.0], times)
 
 
-def driven(
-    damping: Force, restoring: Restoring, times: np.ndarray, frequency: float, amplitude: float, phase: float
-) -> np.ndarray:
+def driven(damping: Force, times: np.ndarray, frequency: float, amplitude: float, phase: float) -> np.ndarray:
     """Return the positions of an oscillator with a harmonic force, whose undamped steady motion has `amplitude`."""
     force = amplitude * max(abs(1 - frequency**2), 0.02)
 
     def slope(t, s):
-        return [s[1], force * np.cos(frequency * t + phase) - damping(s[1]) - restoring(s[0])]
+        return [s[1], force * np.cos(frequency * t + phase) - damping(s[1]) - s[0]]
 
     return _solved(slope, [1.0, 0.0], times)
 
@@ -132,13 +129,6 @@ def sticking(kinetic: float, static: float, speed: float, times: np.ndarray) -> 
         done = last
         if done >= times.size:
             return out
-
-
-def second_mode(
-    times: np.ndarray, amplitude: float, frequency: float, ratio: float, phase: float
-) -> np.ndarray:
-    """Return a decaying sinusoid in closed form."""
-    return amplitude * np.exp(-ratio * frequency * times) * np.cos(frequency * times + phase)
 
 
 def _solved(slope: Slope, start: list[float], times: np.ndarray) -> np.ndarray:

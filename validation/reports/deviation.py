@@ -19,7 +19,7 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.types import OK, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
 from validation.rows import make_page, page_options, where
-from validation.scoring import probability_of, relation, share, share_covered, three
+from validation.scoring import in_columns, probability_of, relation, share, share_covered, three
 from validation.truth.records import FAMILY, KINDS, Case, case, name_of
 
 SEED = 903
@@ -96,8 +96,7 @@ def row_of(
         "case": case.name, "kind": case.kind, "oversample": case.oversample, "mode": mode, "damping": case.damping,
         "restoring": case.restoring, "cycles": case.cycles, "nats": case.nats, "noise_sd": case.noise_sd,
     }  # fmt: skip
-    for i, amplitude in enumerate(case.amplitudes, 1):
-        row |= {f"amplitude_{i}": amplitude, f"ratio_{i}": case.ratio(amplitude)}
+    row |= in_columns(amplitude=case.amplitudes, ratio=map(case.ratio, case.amplitudes))
     began = time.perf_counter()
     try:
         verdict = answering(case.signal, case.amplitudes)
@@ -112,14 +111,16 @@ def row_of(
         "relation": relation(verdict.damping, case.damping), "probability": verdict.probability,
         "true_probability": probability_of(verdict, case.damping), "grade": str(verdict.grade),
     }  # fmt: skip
-    for i, (requested, at) in enumerate(zip(case.amplitudes, verdict.damping_ratio, strict=True), 1):
+    for requested, at in zip(case.amplitudes, verdict.damping_ratio, strict=True):
         if not math.isclose(at.amplitude, requested, rel_tol=NEAR):
             raise ValueError(
                 f"{case.name}: the damping ratio is at {at.amplitude:g} rad, but {requested:g} rad was requested"
             )
-        # A ratio that is measured without a law may be at a slightly different amplitude.
-        row |= {f"amplitude_{i}": at.amplitude, f"ratio_{i}": case.ratio(at.amplitude)}
-        row |= {f"value_{i}": at.value, f"low_{i}": at.low, f"high_{i}": at.high}
+    # A ratio that is measured without a law may be at a slightly different amplitude.
+    value, low, high, amplitude = zip(
+        *((at.value, at.low, at.high, at.amplitude) for at in verdict.damping_ratio), strict=True
+    )
+    row |= in_columns(amplitude=amplitude, ratio=map(case.ratio, amplitude), value=value, low=low, high=high)
     if (deviation := verdict.deviation) is not None:
         row |= {
             "deviation": deviation.value, "deviation_low": deviation.low, "deviation_high": deviation.high,

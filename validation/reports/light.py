@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import softmax
 
 from bayesdamp.formatting import markdown_table as table
@@ -117,8 +118,7 @@ class Drawn:
         log = np.linspace(0.0, math.log(self.fall), 4001)
         amplitude = self.size * np.exp(-log)
         slow = 1 / (self.frequency * np.asarray(self.ratio_at(amplitude)))
-        t = np.concatenate([[0.0], np.cumsum(0.5 * (slow[1:] + slow[:-1]) * np.diff(log))])
-        return t, amplitude
+        return cumulative_trapezoid(slow, log, initial=0.0), amplitude
 
 
 def draw_record(decade: float, number: int) -> tuple[Drawn, np.random.Generator]:
