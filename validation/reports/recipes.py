@@ -62,29 +62,29 @@ def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
     return Recipe(name, cost, (command, page), sources, (f"{command} {full}", page))
 
 
-def _rows_and_page(module: str, options: str) -> tuple[str, ...]:
-    return (f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}",)
+def _page(name: str, cost: int, module: str, options: str, full: str, sources: tuple[str, ...]) -> Recipe:
+    """Return the recipe of a page that one module makes; `full` are the options for many records."""
+    command = f"{PYTHON} {module} {{work}}/rows.csv {{out}}"
+    return Recipe(name, cost, (f"{command} {options}",), sources, (f"{command} {full}",))
 
 
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
-    Recipe(
-        "deviation", 10, _rows_and_page(f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20"),
-        (*TRUTH, "validation/reports/deviation.py"),
-        _rows_and_page(f"{PAGES}.deviation", "--family 200 --discrepant 200 --dense 30"),
+    _page(
+        "deviation", 10, f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20",
+        "--family 200 --discrepant 200 --dense 30", (*TRUTH, "validation/reports/deviation.py"),
     ),
-    Recipe(
-        "misfit", 2, _rows_and_page("validation.misfit.scoring", "--seed 21 --count 6"), (*TRUTH, "validation/misfit"),
-        _rows_and_page("validation.misfit.scoring", "--seed 21 --count 18"),
+    _page(
+        "misfit", 2, "validation.misfit.scoring", "--seed 21 --count 6", "--seed 21 --count 18",
+        (*TRUTH, "validation/misfit"),
     ),
-    Recipe(
-        "laws", 6, _rows_and_page("validation.experiments.laws", "--exponents 50 --each 8"),
+    _page(
+        "laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "--exponents 200 --each 15",
         (*TRUTH, "validation/experiments/laws.py"),
-        _rows_and_page("validation.experiments.laws", "--exponents 200 --each 15"),
     ),
-    Recipe(
-        "evidence_audit", 2, _rows_and_page("tests.inference.evidence.audit", "--count 12"),
-        (*ENGINE, "tests/inference/evidence/audit.py"), _rows_and_page("tests.inference.evidence.audit", "--count 50"),
+    _page(
+        "evidence_audit", 2, "tests.inference.evidence.audit", "--count 12", "--count 50",
+        (*ENGINE, "tests/inference/evidence/audit.py"),
     ),
     _calibration("calibration", 7, "--records 500"),
     _calibration("model_recovery", 6, "--records 1000", " --models"),
@@ -102,10 +102,8 @@ RECIPES: tuple[Recipe, ...] = (
             ),
         ),
     ),
-    Recipe(
-        "light", 14, _rows_and_page(f"{PAGES}.light", "--few 20"),
-        (*TRUTH, "validation/reports/light.py"),
-        _rows_and_page(f"{PAGES}.light", "--records 200 --few 100"),
+    _page(
+        "light", 14, f"{PAGES}.light", "--few 20", "--records 200 --few 100", (*TRUTH, "validation/reports/light.py")
     ),
     Recipe("measured", 6, (f"{PYTHON} validation.measured.run {{out}}",), (*ENGINE, "validation/measured")),
     _study("paper", 7),

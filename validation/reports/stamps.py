@@ -39,7 +39,10 @@ def digest(recipe: Recipe, root: Path) -> str:
         The project folder with the sources.
     """
     total = hashlib.sha256("\0".join(recipe.commands).encode())
-    for path in sorted(_files(recipe, root)):
+    files: set[Path] = set()
+    for path in (root / source for source in recipe.sources):
+        files |= set(path.rglob("*.py")) if path.is_dir() else {path} if path.is_file() else set()
+    for path in sorted(files):
         total.update(f"\0{path.relative_to(root).as_posix()}\0".encode())
         is_code = path.suffix == ".py"
         total.update(_without_words(path.read_text("utf-8")).encode() if is_code else path.read_bytes())
@@ -72,12 +75,26 @@ def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
     write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})
 
 
-def _files(recipe: Recipe, root: Path) -> set[Path]:
-    files: set[Path] = set()
-    for source in recipe.sources:
-        path = root / source
-        files |= set(path.rglob("*.py")) if path.is_dir() else {path} if path.is_file() else set()
-    return files
+class _Code(ast.NodeTransformer):
+    """Removes docstrings and imports from a syntax tree, and collects what is imported."""
+
+    def __init__(self) -> None:
+        self.imported: set[tuple[str, str, str]] = set()
+
+    def visit_Import(self, node: ast.Import | ast.ImportFrom) -> None:
+        module = f"{node.level}:{node.module}" if isinstance(node, ast.ImportFrom) else ""
+        self.imported |= {(module, n.name, n.asname or "") for n in node.names if module != "0:typing"}
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
+        self.visit_Import(node)
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        self.generic_visit(node)
+        return None if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        is_text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        return None if is_text else self.generic_visit(node)
 
 
 @cache
@@ -86,29 +103,6 @@ def _without_words(text: str) -> str:
 
     It does not depend on where in the file an import stands, only on what is imported.
     """
-    tree = ast.parse(text)
-    imported: set[tuple[str, str, str]] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            module = f"{node.level}:{node.module}" if isinstance(node, ast.ImportFrom) else ""
-            imported |= {(module, n.name, n.asname or "") for n in node.names if module != "0:typing"}
-    for node in ast.walk(tree):
-        for name in ("body", "orelse", "finalbody"):
-            lines = getattr(node, name, None)
-            if isinstance(lines, list):
-                setattr(node, name, [line for line in lines if not (_is_text(line) or _is_import(line))])
-    return hashlib.sha256(f"{sorted(imported)}{ast.dump(tree)}".encode()).hexdigest()
-
-
-def _is_import(node: ast.stmt) -> bool:
-    match node:
-        case ast.Import() | ast.ImportFrom() | ast.If(test=ast.Name(id="TYPE_CHECKING")):
-            return True
-    return False
-
-
-def _is_text(node: ast.stmt) -> bool:
-    match node:
-        case ast.Expr(value=ast.Constant(value=str())):
-            return True
-    return False
+    code = _Code()
+    tree = code.visit(ast.parse(text))
+    return hashlib.sha256(f"{sorted(code.imported)}{ast.dump(tree)}".encode()).hexdigest()

@@ -70,17 +70,16 @@ def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCur
     """
     size = np.log(np.sqrt([potential(x) for x in motion.turns]))
     count = 0.5 * np.arange(size.size)
-    sides = [_spline(-size[side::2], count[side::2]) for side in (0, 1)]
+    if count.size < 8:
+        raise ValueError("the ratio needs four cycles of a motion")
+    sides = [
+        make_interp_spline(-size[side::2], count[side::2], k=5 if count[side::2].size > 5 else 3)
+        for side in (0, 1)
+    ]
     u = np.linspace(-size[1], -size[-2], round(PER_CYCLE * (count[-2] - count[1])) + 1)
     cycles = 0.5 * (sides[0](u) + sides[1](u))
     ratio = 0.25 / np.pi * (1 / sides[0](u, nu=1) + 1 / sides[1](u, nu=1))
     return RatioCurve(cycles, _half_range(potential, np.abs(motion.turns).max())(np.exp(-u)), ratio)
-
-
-def _spline(fallen: np.ndarray, count: np.ndarray):
-    if count.size < 4:
-        raise ValueError("the ratio needs four cycles of a motion")
-    return make_interp_spline(fallen, count, k=5 if count.size > 5 else 3)
 
 
 def _half_range(potential: Callable[[float], float], reach: float) -> Callable[[np.ndarray], np.ndarray]:
