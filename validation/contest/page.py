@@ -36,11 +36,6 @@ end, and between. Simulated records come from SciPy's DOP853, and the truth from
 Intervals are 95 %: a bootstrap over records for errors, Wilson's interval for shares. Seconds are CPU seconds of one
 thread without imports.
 """
-ONE_NUMBER = (
-    "These give one number for all amplitudes: {}. This number is scored at each amplitude. A factor against them "
-    "shows that the damping depends on the amplitude, not that bayesdamp fits better than a good script."
-)
-FEWER = "These got fewer than all {} records: {}."
 SCRIPT_WORDS = """## A script that an engineer could write in an afternoon
 
 About 130 lines of NumPy, SciPy and Numba solve the motion of viscous, Coulomb and quadratic damping on a cubic spring
@@ -102,62 +97,70 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
     missing : mapping
         By environment, the reason why its peers did not take part.
     """
-    groups = groups_of(rows)
-    by_group = {g: where(rows, group=g) for g in groups}
-    parts = by_group | {VISCOUS: where(simulated(rows), damping="viscous")}
+    of_simulated = simulated(rows)
+    by_group = {g: where(rows, group=g) for g in groups_of(rows)}
+    parts = by_group | {VISCOUS: where(of_simulated, damping="viscous")}
     factors = {
         name: {group: paired(part, name, OURS) for group, part in parts.items()}
         for name in peers_of(rows)
         if name != OURS
     }
-    seeds = sorted(set(simulated(rows)["record"].str.split("-").str[1]))
-    lines = [INTRODUCTION]
-    lines += [
+    factor_lines = [[ROSTER[n].label, *(_factor(*f) for f in own.values())] for n, own in factors.items()]
+    groups = [
         f"- **{g}** ({part['record'].nunique()} records): {GROUP_WORDS[g]}." for g, part in by_group.items()
     ]
-    lines += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws other records.', ""]
-    lines += [f"{name} did not take part: {why}." for name, why in missing.items()]
-    lines += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
-    lines += [
-        "## All simulated records",
-        "",
-        _scores(simulated(rows)),
-        "",
-        "## Better and worse than bayesdamp",
-        "",
-    ]
-    lines += [
-        "The numbers are the error of a peer over that of bayesdamp on the records that both answered, as a geometric "
-        "mean. **Bold**: the peer is nearer to the truth by more than chance.",
-        "",
-        table(
-            ["", *parts],
-            [[ROSTER[name].label, *(_factor(*f) for f in own.values())] for name, own in factors.items()],
-        ),
-        "",
-        *_faster(simulated(rows)),
+    absent = [f"{name} did not take part: {why}." for name, why in missing.items()]
+    comparisons = [
+        *_faster(of_simulated),
         *_where_refused(by_group),
         *_where_better({n: {g: f for g, (f, _) in own.items()} for n, own in factors.items()}),
     ]
-    lines += ["", "![coverage and time](cost.svg)", ""]
-    for group, part in by_group.items():
-        lines += [f"## {group.capitalize()}", "", _scores(part), ""]
-    lines += ["## Refusals", ""]
+    scores = [f"## {group.capitalize()}\n\n{_scores(part)}\n" for group, part in by_group.items()]
+    refusals = []
     for name in peers_of(rows):
+        texts = where(rows, rows["outcome"] != OK, peer=name)["outcome"]
         # The beginning of a refusal without its numbers, so that equal reasons have equal text.
-        texts = [
-            re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", x)[:110]
-            for x in where(rows, peer=name)["outcome"]
-            if x != OK
-        ]
-        if texts:
-            reasons = "; ".join(f"{n} × {text}" for text, n in Counter(texts).most_common())
-            lines.append(f"- {ROSTER[name].label}: {reasons}")
-    lines += ["", HOW]
-    lines += [
-        "`make contest` makes this page, and resumes after an interruption; `rows.csv` has every answer.",
-        "",
-    ]
+        reasons = Counter(re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110] for text in texts)
+        if reasons:
+            listed = "; ".join(f"{n} × {text}" for text, n in reasons.most_common())
+            refusals.append(f"- {ROSTER[name].label}: {listed}")
+    return f"""{INTRODUCTION}
+{_lines(groups)}
+
+Seed {", ".join(sorted(set(of_simulated["record"].str.split("-").str[1])))}; `make contest ARGS="--seed 1"` draws \
+other records.
+
+{_lines([*absent, *_given(rows)])}
+
+{_script(rows)}![errors](errors.svg)
+
+## All simulated records
+
+{_scores(of_simulated)}
+
+## Better and worse than bayesdamp
+
+The numbers are the error of a peer over that of bayesdamp on the records that both answered, as a geometric mean. \
+**Bold**: the peer is nearer to the truth by more than chance.
+
+{table(["", *parts], factor_lines)}
+
+{_lines(comparisons)}
+
+![coverage and time](cost.svg)
+
+{_lines(scores)}
+## Refusals
+
+{_lines(refusals)}
+
+{HOW}
+`make contest` makes this page, and resumes after an interruption; `rows.csv` has every answer.
+"""
+
+
+def _lines(lines: list[str]) -> str:
+    """Join lines; an f-string of Python 3.11 cannot contain the backslash."""
     return "\n".join(lines)
 
 
@@ -175,57 +178,60 @@ def _given(rows: pd.DataFrame) -> Iterator[str]:
     values = {name: three(where(rows, peer=name, outcome=OK), "value") for name in counts}
     constant = [ROSTER[n].label for n, v in values.items() if len(v) and not np.ptp(v, axis=1).any()]
     if constant:
-        yield ONE_NUMBER.format("; ".join(constant))
+        yield (
+            f"These give one number for all amplitudes: {'; '.join(constant)}. This number is scored at each "
+            "amplitude. A factor against them shows that the damping depends on the amplitude, not that bayesdamp "
+            "fits better than a good script."
+        )
     most = max(counts.values())
     fewer = [f"{ROSTER[name].label} ({count})" for name, count in counts.items() if count < most]
     if fewer:
-        yield FEWER.format(most, "; ".join(fewer))
+        yield f"These got fewer than all {most} records: {'; '.join(fewer)}."
 
 
-def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    """Yield the section that compares the script with bayesdamp, on the records that both received."""
+def _script(rows: pd.DataFrame) -> str:
+    """Return the section that compares the script with bayesdamp, on the records that both received."""
     theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
     rows = where(rows, [record in theirs & own for record in rows["record"]])
     if rows.empty:
-        return
-    parts = {"all simulated": simulated(rows)} | {g: where(rows, group=g) for g in groups}
-    parts = {name: part for name, part in parts.items() if len(part)}
-    cells = {
+        return ""
+    parts = {g: where(rows, group=g) for g in groups_of(rows)}
+    if len(part := simulated(rows)):
+        parts = {"all simulated": part} | parts
+
+    def median_error(part: pd.DataFrame) -> str:
+        return _percent(Interval(quantile_of_errors(part, 0.5).value, math.nan, math.nan))
+
+    cells: dict[str, Callable[[pd.DataFrame], str]] = {
         "answered": lambda part: f"{len(where(part, outcome=OK))} of {len(part)}",
-        "median error": lambda part: _percent(
-            Interval(quantile_of_errors(part, 0.5).value, math.nan, math.nan)
-        ),
-        "coverage of the intervals": lambda part: fixed_decimals(
-            coverage(where(part, outcome=OK))[0].value, 2
-        ),
+        "median error": median_error,
+        "coverage of the intervals": lambda part: fixed_decimals(coverage(part)[0].value, 2),
         "named outright, of these correctly": lambda part: (
             "{1}, {2}".format(*names(part)) if names(part)[0] else "–"
         ),
         "CPU seconds a record": _seconds,
     }
-    yield SCRIPT_WORDS
-    factors = {name: paired(part, SCRIPT, OURS) for name, part in parts.items()}
     lines = [
-        [
-            what,
-            *(" / ".join(cell(where(part, peer=name)) for name in (SCRIPT, OURS)) for part in parts.values()),
-        ]
+        [what, *(" / ".join(cell(where(part, peer=n)) for n in (SCRIPT, OURS)) for part in parts.values())]
         for what, cell in cells.items()
     ]
+    factors = {name: paired(part, SCRIPT, OURS) for name, part in parts.items()}
     lines.append(["the script's error over bayesdamp's", *(_factor(*f) for f in factors.values())])
-    yield table(["script / bayesdamp", *parts], lines)
     more = {name: holds_more(part, SCRIPT, OURS) for name, part in parts.items()}
 
     def groups_where(holds: Callable[[str], bool]) -> str:
         return ", ".join(name for name in parts if holds(name)) or "no group"
 
-    yield f"""
+    return f"""{SCRIPT_WORDS}
+{table(["script / bayesdamp", *parts], lines)}
+
 These differences exceed chance, on the records that both answered:
 
 - the script is nearer to the truth in {groups_where(lambda name: factors[name][0].high < 1)}, \
 bayesdamp in {groups_where(lambda name: factors[name][0].low > 1)};
 - the script's intervals contain the truth more often in {groups_where(lambda name: more[name].low > 0)}, \
 bayesdamp's in {groups_where(lambda name: more[name].high < 0)}.
+
 """
 
 

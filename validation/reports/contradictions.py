@@ -50,9 +50,8 @@ Verdicts = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated record of a study: its name, its true damping terms, the values of its parameters, its oscillator."""
+    """A simulated record of a study: its true damping terms, the values of its parameters, its oscillator."""
 
-    name: str
     damping: frozenset[str]
     truth: Mapping[str, float]
     oscillator: Oscillator | None
@@ -70,7 +69,7 @@ class Simulated:
                 {term: truth[COEFFICIENTS[term]] for term in damping},
                 truth.get("epsilon", 0.0),
             )
-        return cls(signal["name"], frozenset(damping), truth, oscillator)
+        return cls(frozenset(damping), truth, oscillator)
 
 
 @dataclass(frozen=True)
