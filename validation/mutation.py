@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -76,20 +77,20 @@ def bare(source: str) -> str:
     return ast.unparse(tree)
 
 
-def changes(part: Part, seed: int) -> Iterator[tuple[Path, int, str, str]]:
-    """Yield changes of a part in random order: file, line, source before and after."""
+def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, str]]:
+    """Yield changes of a part in random order: file, source before and after."""
     import parso
     from cosmic_ray.mutating import MutationVisitor  # pyright: ignore[reportMissingImports]
     from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
 
     files = sorted({f for glob in part.modules for f in (TREE / "bayesdamp").glob(glob)})
-    places: list[tuple[Path, str, int, int]] = []
+    places: list[tuple[Path, str, int]] = []
     for file in files:
         parsed = parso.parse(file.read_text(encoding="utf-8"))
         for name in (name for name in operator_names() if not get_operator(name).arguments()):
-            places += [(file, name, i, line) for i, line in enumerate(_lines(get_operator(name)(), parsed))]
+            places += [(file, name, i) for i in range(_count(get_operator(name)(), parsed))]
     for k in np.random.default_rng(seed).permutation(len(places)):
-        file, name, occurrence, line = places[k]
+        file, name, occurrence = places[k]
         before = file.read_text(encoding="utf-8")
         after = MutationVisitor.mutate_code(before, get_operator(name)(), occurrence)
         if after is None:
@@ -99,14 +100,13 @@ def changes(part: Part, seed: int) -> Iterator[tuple[Path, int, str, str]]:
         except SyntaxError:
             continue
         if not same:
-            yield file, line, before, after
+            yield file, before, after
 
 
-def _lines(operator: Any, node: Any) -> list[int]:
-    lines = [start[0] for start, _ in operator.mutation_positions(node)]
-    for child in getattr(node, "children", ()):
-        lines += _lines(operator, child)
-    return lines
+def _count(operator: Any, node: Any) -> int:
+    """Return how many places of a syntax tree an operator can change."""
+    here = len(list(operator.mutation_positions(node)))
+    return here + sum(_count(operator, child) for child in getattr(node, "children", ()))
 
 
 def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
@@ -133,12 +133,12 @@ def try_changes(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
     if not passes(part.tests):
         raise SystemExit(f"the tests of {name} fail without any change")
     patience = PATIENCE * (time.perf_counter() - began)
-    for _, (file, line, before, after) in zip(range(count), changes(part, seed), strict=False):
+    for file, before, after in islice(changes(part, seed), count):
         file.write_text(after, encoding="utf-8")
         noticed = not passes(part.tests, patience)
         file.write_text(before, encoding="utf-8")
         old, new = before.splitlines(), after.splitlines()
-        at = next((i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b), line - 1)
+        at = next(i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b)
         yield noticed, f"{file.relative_to(TREE)}:{at + 1} {old[at].strip()} -> {new[at].strip()}"
 
 
