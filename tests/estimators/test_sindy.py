@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from tests.estimators.truths import PAPER, error, pendulum
+from tests.estimators.truths import PAPER, error, initial, pendulum
 
 BOTH = ("sindy", "weak_sindy")
 WRITTEN = {"zeta": "2θ̇", "mu_c": "tanh(θ̇/ε)", "mu_q": "θ̇|θ̇|"}
@@ -14,11 +14,6 @@ PUBLISHED = {
     "sindy": {"zeta": 0.15, "mu_c": 2.2, "mu_q": 0.24},
     "weak_sindy": {"zeta": 0.15, "mu_c": 0.39, "mu_q": 0.07},
 }
-
-
-def initial(name, signal, problem, **options):
-    (estimate,) = run(name, signal, problem, options=options, stages=["initial"], seed=1)
-    return estimate
 
 
 @pytest.mark.parametrize(

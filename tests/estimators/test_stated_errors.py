@@ -17,10 +17,8 @@ T = np.linspace(0.0, 40 * 2 * np.pi / FREQUENCY, 1601)
 
 def record(number: int) -> Signal:
     """θ̈ + 2ζθ̇ + ω²θ = 0 in closed form, from rest."""
-    noisy = viscous(T, RATE, FREQUENCY, START) + NOISE * np.random.default_rng([7, number]).standard_normal(
-        T.size
-    )
-    return Signal(T, noisy, name=f"ring-down {number}")
+    noise = NOISE * np.random.default_rng([7, number]).standard_normal(T.size)
+    return Signal(T, viscous(T, RATE, FREQUENCY, START) + noise, name=f"ring-down {number}")
 
 
 def scores(method: str, count: int) -> np.ndarray:
@@ -38,10 +36,9 @@ def test_stated_errors_are_those_that_are_made(method: str):
 
 def test_residuals_within_half_a_period_say_little(monkeypatch: pytest.MonkeyPatch):
     """Negative control: at the resonance the noise leaves no residual; an average over neighbours is far too large."""
-    kept = "bayesdamp.estimators.methods.least_squares._propagate"
-    period = 2 * np.pi / FREQUENCY
-    monkeypatch.setattr(
-        kept,
-        lambda a, weight, noise: _covariance(a, noise[:, 0], weight, np.linspace(0, T[-1], len(a)), period),
-    )
+
+    def average(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        return _covariance(a, noise[:, 0], weight, np.linspace(0, T[-1], len(a)), 2 * np.pi / FREQUENCY)
+
+    monkeypatch.setattr("bayesdamp.estimators.methods.least_squares._propagate", average)
     assert float(np.mean(scores("least_squares", 8) ** 2)) < 0.2

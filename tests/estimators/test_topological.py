@@ -5,16 +5,13 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.estimators import run
-from tests.estimators.truths import PAPER, error, pendulum
+from tests.estimators.truths import PAPER, error, initial, pendulum
 
 PRINTED = {"zeta": (0.011167, 77.67), "mu_c": (0.0085, 71.7), "mu_q": (2.40, 4700.0)}
 
 
 def value(damping, variant, **record):
-    signal, problem = pendulum(damping, **record)
-    (estimate,) = run(
-        "topological", signal, problem, options={"variant": variant}, stages=["initial"], seed=1
-    )
+    estimate = initial("topological", *pendulum(damping, **record), variant=variant)
     return next(iter(estimate.values.values()))
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from bayesdamp.estimators import names_for_all
-from bayesdamp.types import Problem, Signal, System
+from bayesdamp.estimators import names_for_all, run
+from bayesdamp.types import Estimate, Problem, Signal, System
 from tests.physics.independent import trajectory, viscous, with_coulomb
 
 TERM = {"zeta": "viscous", "mu_c": "coulomb", "mu_q": "quadratic"}
@@ -68,6 +68,14 @@ def dry_friction() -> tuple[Signal, Problem]:
     return Signal(t, with_coulomb({**known, "mu_c": 0.2}, t)[:, 0]), Problem(
         ("coulomb",), System("linear", known)
     )
+
+
+def initial(
+    name: str, signal: Signal, problem: Problem, seed: int = 1, stage: str = "initial", **options: object
+) -> Estimate:
+    """An estimator's own estimate, or the refined one."""
+    (estimate,) = run(name, signal, problem, options=options, stages=[stage], seed=seed)
+    return estimate
 
 
 def error(value: float, truth: float) -> float:

@@ -8,23 +8,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bayesdamp.physics.damping import all_sums
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
+from bayesdamp.physics.trajectories import Trajectories, simulate
 from tests.physics.independent import LAWS, PAPER, restoring, trajectory
 from validation.truth.oscillator import SUMS
 
 TIMES = np.linspace(0.0, 6.0, 241)
 QUANTITIES = ("angle", "velocity", "acceleration")
-UNITS = {
-    "zeta": 0.05,
-    "mu_c": 0.03,
-    "mu_q": 0.05,
-    "epsilon": 0.1,
-    "c_xxv": 2.0,
-    "stiffness": 20.0,
-    "gravity": 5.0,
-}
-"""Sizes of parameters, of which central differences are a share; 0.1 for angles."""
+UNITS = {**PAPER, "c_xxv": 2.0, "stiffness": 20.0, "gravity": 5.0}
+"""Sizes of parameters, of which central differences are a share; 0.1 for angles and ε."""
+LIMIT = 1e-6
+"""rad, at default settings"""
 
 
 def acting(damping: str, law: str, **changed: float) -> dict[str, float]:
@@ -48,6 +44,46 @@ def test_a_record_is_within_its_tolerance(law: str, damping: str) -> None:
             assert np.max(np.abs(found[::2] - truth[:, order])) < share * scale
 
 
+def test_tables_have_every_law_and_sum() -> None:
+    assert sorted(LAWS) == LAW_PLUGINS.names()
+    assert list(SUMS) == all_sums()
+
+
+@pytest.mark.parametrize("damping", SUMS)
+def test_every_sum(damping: str) -> None:
+    """The control: a coefficient that is off by one part in ten thousand."""
+    p = acting(damping, "linear")
+    y = simulate(Oscillator(tuple(damping.split("+")), "linear"), p, TIMES)
+    assert np.max(np.abs(y - trajectory("linear", p, TIMES)[:, 0])) < LIMIT
+    wrong = {n: v * (1.0001 if n in PAPER else 1.0) for n, v in p.items()}
+    assert np.max(np.abs(y - trajectory("linear", wrong, TIMES)[:, 0])) > LIMIT
+
+
+@pytest.mark.parametrize(
+    ("law", "changed"),
+    [
+        ("horizontal_pendulum", {"stiffness": 491.0, "gravity": -243.0, "spring_angle": 0.56, "theta0": 1.2}),
+        ("pendulum", {"theta0": 3.2, "omega0": 0.0}),  # nearly upside down: slow, then fast
+        ("duffing", {"cubic": 2000.0, "theta0": 0.4}),
+        ("linear", {"theta0": 0.05, "omega0": -2.0, "zeta": 6.0}),  # overdamped
+        ("linear", {"theta0": 100.0, "stiffness": 1e4, "rest_angle": 0.0}),  # other scales
+    ],
+)
+def test_unusual_motions(law: str, changed: dict[str, float]) -> None:
+    p = acting("viscous+quadratic", law, **changed)
+    y = simulate(Oscillator(("viscous", "quadratic"), law), p, TIMES)
+    truth = trajectory(law, p, TIMES, longest=0.01)[:, 0]
+    assert np.max(np.abs(y - truth)) < LIMIT * max(1.0, abs(p["theta0"]))
+
+
+def test_a_missing_parameter_and_an_unknown_quantity() -> None:
+    osc, p = Oscillator(("viscous",), "linear"), acting("viscous", "linear")
+    with pytest.raises(ValueError, match="'zeta' is missing"):
+        simulate(osc, {k: v for k, v in p.items() if k != "zeta"}, TIMES)
+    with pytest.raises(ValueError, match="quantity"):
+        simulate(osc, p, TIMES, quantity="angel")
+
+
 def pushed(p: dict[str, float]) -> np.ndarray:
     """The angle under c (θ − rest)² θ̇ on a horizontal pendulum, rest by bisection."""
     spring = restoring("horizontal_pendulum", p)
@@ -59,10 +95,8 @@ def pushed(p: dict[str, float]) -> np.ndarray:
     def slope(_: float, y: np.ndarray) -> list[float]:
         return [y[1], -p["c_xxv"] * (y[0] - low) ** 2 * y[1] - spring(y[0])]
 
-    start = p["theta0"], p["omega0"]
-    return solve_ivp(
-        slope, (0.0, TIMES[-1]), start, "DOP853", TIMES, rtol=1e-12, atol=1e-14, max_step=0.05
-    ).y[0]
+    fine = {"rtol": 1e-12, "atol": 1e-14, "max_step": 0.05}
+    return solve_ivp(slope, (0.0, TIMES[-1]), (p["theta0"], p["omega0"]), "DOP853", TIMES, **fine).y[0]
 
 
 HANGING = {"c_xxv": 2.0, "stiffness": 20.0, "gravity": 5.0, "spring_angle": 0.1, "theta0": 0.8, "omega0": 0.3}

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 import torch
 
-from bayesdamp.estimators import run
 from bayesdamp.estimators.methods.pinn import PinnOptions
 from bayesdamp.estimators.methods.rnn import COPIES, Simulator
 from bayesdamp.estimators.networks.collocation import Collocation
 from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
 from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import Round, jacobian, jets, on_tensors, train
+from bayesdamp.estimators.networks.training import Round, jacobian, on_tensors, train
 from bayesdamp.estimators.shared import checked_features
 from bayesdamp.types import Refusal
 from tests.estimators.truths import (
@@ -27,34 +26,23 @@ from tests.estimators.truths import (
     PAPER,
     SHORT,
     error,
+    initial,
     pendulum,
 )
 
 
-def initial(name, signal, problem, seed=1, **options):
-    (estimate,) = run(name, signal, problem, options=options, stages=["initial"], seed=seed)
-    return estimate
-
-
-@pytest.fixture(scope="module")
-def noisy():
-    return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
-
-
-def test_the_seed_is_all_the_chance_there_is(noisy):
-    """torch's own random numbers and settings are neither used nor moved."""
-    name = "pinn"
-    signal, problem = noisy
-    first = initial(name, signal, problem, **SHORT[name])
+def test_the_seed_is_all_the_chance_there_is():
+    """torch's own random numbers and settings are neither used nor moved. Negative control: another seed is another
+    network."""
+    record = pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
+    first = initial("pinn", *record, **SHORT["pinn"])
     torch.manual_seed(99)
-    before = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    assert initial(name, signal, problem, **SHORT[name]).values == first.values
-    after = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    assert torch.equal(before[0], after[0])
-    assert before[1:] == after[1:]
+    before, settings = torch.get_rng_state(), (torch.get_num_threads(), torch.get_default_dtype())
+    assert initial("pinn", *record, **SHORT["pinn"]).values == first.values
+    assert torch.equal(before, torch.get_rng_state())
+    assert settings == (torch.get_num_threads(), torch.get_default_dtype())
     assert {"loss", "zeta"} <= set(first.trace)
-    # Negative control: another seed is another network.
-    assert initial(name, signal, problem, seed=2, **SHORT[name]).values != first.values
+    assert initial("pinn", *record, seed=2, **SHORT["pinn"]).values != first.values
 
 
 @pytest.mark.parametrize(
@@ -107,6 +95,7 @@ def test_derivatives_of_a_loss_are_differences(kind, quantity):
 
 @pytest.mark.parametrize("cell", ["lstm", "gru"])
 def test_recurrent_layers_are_those_of_torch(cell):
+    """And the derivatives through time are differences."""
     rng = np.random.default_rng(0)
     network = RecurrentNetwork(cell, 5)
     weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
@@ -125,16 +114,9 @@ def test_recurrent_layers_are_those_of_torch(cell):
     assert network.read(weights, sequences) == pytest.approx(expected, abs=1e-12)
     # Negative control: in the order of this package the gates are others.
     assert np.abs(network.read(np.r_[matrix.ravel(), weights[-6:]], sequences) - expected).max() > 0.01
-
-
-@pytest.mark.parametrize("cell", ["lstm", "gru"])
-def test_derivatives_through_time_are_differences(cell):
-    rng = np.random.default_rng(0)
-    network = RecurrentNetwork(cell, 5)
-    weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
     rows = torch.from_numpy(weights).expand(len(sequences), -1)
     answers, slopes = jacobian(lambda x: network.answers(x, torch.from_numpy(sequences)), rows)
-    assert answers.numpy() == pytest.approx(network.read(weights, sequences), abs=1e-12)
+    assert answers.numpy() == pytest.approx(expected, abs=1e-12)
     check_differences(lambda x: network.read(x, sequences), weights, slopes.numpy(), rng)
 
 
@@ -144,13 +126,6 @@ def check_differences(function, x, slopes, rng):
     assert slopes @ direction == pytest.approx(change, abs=1e-6 * np.abs(change).max())
     # Negative control: the derivatives of another row.
     assert slopes[::-1] @ direction != pytest.approx(change, abs=1e-2 * np.abs(change).max())
-
-
-def test_jets_are_time_derivatives():
-    t = torch.linspace(0.1, 1.0, 5, dtype=torch.float64)
-    argument = torch.stack([t**2, 2 * t, torch.full_like(t, 2.0)], dim=1)
-    expected = [torch.sin(t**2), 2 * t * torch.cos(t**2), 2 * torch.cos(t**2) - 4 * t**2 * torch.sin(t**2)]
-    assert torch.allclose(jets(torch.sin, argument), torch.stack(expected, dim=1), atol=1e-14)
 
 
 def capped(x, v, epsilon):

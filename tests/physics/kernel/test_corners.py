@@ -34,7 +34,6 @@ def worst(name: str, tolerance: float) -> float:
     values[term.parameter] = SHARE * 2 * math.pi * w**2 * a**2 / term.work(a, w, values)
     p, on = np.array([values[n] for n in made.names]), np.ones(2, bool)
     found = made.solve(p, on, tangents=PARAMETERS, tolerance=tolerance)
-    assert found is not None
     errors = []
     for parameter in (term.parameter, *(q.name for q in term.inferred if q.name != term.parameter)):
         i = made.names.index(parameter)
@@ -43,7 +42,6 @@ def worst(name: str, tolerance: float) -> float:
             moved = p.copy()
             moved[i] += sign * 1e-4 * p[i]
             end = made.solve(moved, on, tangents=NONE, tolerance=1e-12)
-            assert end is not None
             ends.append(end.y)
         difference = (ends[0] - ends[1]) / (2e-4 * p[i])
         errors.append(float(np.max(np.abs(found.tangents[:, i] - difference)) / np.max(np.abs(difference))))

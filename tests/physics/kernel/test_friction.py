@@ -13,6 +13,7 @@ from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES, Windows
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.physics.independent import LAWS, trajectory, with_coulomb
+from tests.physics.kernel.test_march import G, H
 
 TIMES = np.linspace(0.0, 10.0, 1003)
 KNOTS = np.linspace(0.0, 10.0, 5)
@@ -37,9 +38,7 @@ def solver_of(terms: tuple[str, ...] = ("coulomb",), quantity: str = "angle") ->
 
 def solved(made: Solver, p: dict[str, float], *args: object, **kwargs: object) -> Motion:
     values = np.array([{"rest": p["rest_angle"], **p}.get(name, 0.0) for name in made.names])
-    found = made.solve(values, np.ones(len(made.terms), bool), *args, **kwargs)  # type: ignore[arg-type]
-    assert found is not None
-    return found
+    return made.solve(values, np.ones(len(made.terms), bool), *args, **kwargs)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -59,7 +58,7 @@ def test_closed_form(case: str) -> None:
         (("viscous", "coulomb", "quadratic"), "horizontal_pendulum", {"mu_c": 0.2, "omega0": 0.8}),
     ],
 )
-def test_sums_against_an_independent_solver(damping, law, changed) -> None:  # type: ignore[no-untyped-def]
+def test_sums_against_an_independent_solver(damping, law, changed) -> None:
     """Simulated, to the error that is asked for."""
     osc = Oscillator(damping, law)
     coefficients = {n: v for n, v in {"zeta": 0.05, "mu_q": 0.05}.items() if n in osc.parameters}
@@ -95,10 +94,6 @@ def test_static_friction_holds_up_to_its_own_size() -> None:
         assert bool(np.ptp(solved(solver_of((term,)), p).y) > 1e-3) is moves
 
 
-G = np.array([0.0, 0.3, -0.2, 0.1, 0.4])
-H = np.array([0.01, -0.02, 0.015, 0.0, -0.01])
-
-
 @pytest.mark.parametrize("terms", [("viscous", "coulomb"), ("viscous", "stribeck")])
 def test_tangents_are_central_differences(terms: tuple[str, ...]) -> None:
     """By every parameter and knot, but at samples that a turning point passes between the two motions."""
@@ -116,7 +111,6 @@ def test_tangents_are_central_differences(terms: tuple[str, ...]) -> None:
             given[i] += sign * 1e-5
             split = np.split(given, [values.size, values.size + G.size])
             end = made.solve(split[0], on, split[1], split[2], NONE, tolerance=1e-13)
-            assert end is not None
             ends.append(end.y)
         difference = (ends[0] - ends[1]) / 2e-5
         error = np.abs(motion.tangents[:, i] - difference) / np.max(np.abs(difference))

@@ -13,14 +13,13 @@ from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
 from bayesdamp.types import Refusal
-from tests.physics.independent import LAWS, drag, restoring
+from tests.physics.independent import LAWS, PAPER, drag, restoring
 
 END = 8.0
 TIMES = np.linspace(0.0, END, 321)
 KNOTS = np.linspace(0.0, END, 5)
 G = np.array([0.0, 0.3, -0.2, 0.1, 0.4])
 H = np.array([0.01, -0.02, 0.015, 0.0, -0.01])
-DAMPING = {"zeta": 0.05, "mu_c": 0.03, "mu_q": 0.05}
 LIMIT = 2e-6
 """Error of a motion over its first amplitude: steps of 3e-8 of it, and some sixty in each of the six cycles."""
 FINE, USED = (1e-5, 1e-5, 1e-3), (5e-4, 5e-4, 2e-2)
@@ -30,14 +29,14 @@ as used. The dense output is of the fifth degree, its second derivative of the t
 
 def solver_of(law: str, quantity: str = "angle", **changed: float) -> tuple[Solver, np.ndarray]:
     """The solver of a law with the paper's terms, and its parameters."""
-    p = {**DAMPING, **LAWS[law], **changed}
+    p = {**PAPER, **LAWS[law], **changed}
     made = Solver(PAPER_TERMS, law, TIMES, quantity, abs(p["theta0"]), math.sqrt(20.0), p["epsilon"], KNOTS)
     return made, np.array([p[name] for name in made.names])
 
 
 def independent(law: str) -> np.ndarray:
     """θ, θ̇, θ̈ at the times, (n, 3), piece by piece between the knots, with the deviations G and H."""
-    p = {**DAMPING, **LAWS[law]}
+    p = {**PAPER, **LAWS[law]}
     spring, damp = restoring(law, p), drag(p)
 
     def slope(t: float, y: np.ndarray) -> list[float]:
@@ -58,9 +57,7 @@ def independent(law: str) -> np.ndarray:
 
 
 def solved(made: Solver, p: np.ndarray, *args: object, **kwargs: object) -> Motion:
-    found = made.solve(p, np.ones(len(made.terms), bool), *args, **kwargs)  # type: ignore[arg-type]
-    assert found is not None
-    return found
+    return made.solve(p, np.ones(len(made.terms), bool), *args, **kwargs)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -105,7 +102,6 @@ def test_a_term_that_is_switched_off_does_nothing() -> None:
     made, p = solver_of("linear")
     off = made.solve(p, np.array([True, False, True]), tangents=PARAMETERS, tolerance=1e-12)
     absent, q = solver_of("linear", mu_c=0.0)
-    assert off is not None
     assert off.y == pytest.approx(solved(absent, q, tolerance=1e-12).y, abs=1e-10)
     assert np.all(off.tangents[:, made.names.index("mu_c")] == 0)
     assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
