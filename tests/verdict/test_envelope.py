@@ -69,7 +69,6 @@ def test_a_law_that_bends_is_not_called_exact_and_its_curve_is_followed():
     assert result.grade != "exact"
     assert result.deviation.high > 0.05
     assert "the law holds within" in result.sentence
-    assert curve is not None
     left = np.isfinite(truth.x)
     true = -40.0 + NEPER * np.interp(curve.t, truth.t[left], truth.x[left])
     early = curve.fit > -40.0 - 30.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import fields, is_dataclass
+import math
+from dataclasses import fields, is_dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from types import NoneType
@@ -17,7 +18,7 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.types import columns, load_verdicts, save_verdicts
-from tests.verdict.test_decide import decided, findings
+from tests.verdict.test_decide import HERTZ, decided, findings
 
 
 def faults(kind: Any, value: Any, at: str = "verdict") -> list[str]:
@@ -52,15 +53,13 @@ def envelope() -> Verdict:
 
 
 def test_an_envelope_and_a_motion_have_one_schema(envelope: Verdict, tmp_path: Path) -> None:
-    motion = decided(findings())
+    motion = replace(decided(findings(frequency_at=HERTZ)), unexplained_pct=math.nan)
     save_verdicts(tmp_path, [motion, envelope])
-    for one in json.loads((tmp_path / "verdict.json").read_text()):
+    for one in json.loads((tmp_path / "verdict.json").read_text(), parse_constant=pytest.fail):
         assert one.pop("schema") == 1
         assert faults(Verdict, one) == []
-    assert [v.to_dict() for v in load_verdicts(tmp_path / "verdict.json")] == [
-        motion.to_dict(),
-        envelope.to_dict(),
-    ]
+    loaded = load_verdicts(tmp_path / "verdict.json")
+    assert [v.to_dict() for v in loaded] == [motion.to_dict(), envelope.to_dict()]
     rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
     assert [row["quantity"] for row in rows] == ["angle", "envelope"]
     assert tuple(rows[0]) == columns()
