@@ -16,7 +16,7 @@ LINEAR = {"stiffness": K, "rest_angle": 0.1}
 
 
 def motions(damping: tuple[str, ...], inertia: float | None = INERTIA, **p: object) -> Motions:
-    return Motions(Oscillator(damping, "linear"), {**LINEAR, **p}, 0.0, A, inertia)  # type: ignore[arg-type]
+    return Motions(Oscillator(damping, "linear"), {**LINEAR, **p}, 0.0, A, inertia)
 
 
 EXPECTED = {

@@ -49,9 +49,7 @@ def signal_of(name: str, share: float, seed: int) -> Signal:
 def solver_of(signal: Signal, law: str, p: dict[str, float]) -> tuple[AveragedSolver, Averaged, np.ndarray]:
     """Return a solver of a record's amplitudes and phases, these, and the parameters in its order."""
     data = prepare_data(signal)
-    assert data.averaged is not None
     solver = data.solver(TERMS, law, p["epsilon"], np.linspace(0.0, data.t[-1], 6))
-    assert isinstance(solver, AveragedSolver)
     return solver, data.averaged, np.array([p.get(n, 0.0) for n in solver.names])
 
 
@@ -61,7 +59,6 @@ def misfit(solver: AveragedSolver, found: Averaged, p: np.ndarray) -> np.ndarray
     A constant phase belongs to the start and is left out.
     """
     motion = solver.solve(p, np.ones(3, bool), tangents=NONE)
-    assert motion is not None
     size, phase, middle = (found.y - motion.y).reshape(-1, NUMBERS).T / found.noise
     sizes = np.diag(found.track.whitening)
     phase = phase - sizes * (sizes @ phase) / (sizes @ sizes)
@@ -79,7 +76,6 @@ def test_amplitude_phase_and_midline_are_the_true_motions_but_for_noise(name: st
     solver, found, at = solver_of(signal_of(name, 1e-3, 3), law, p)
     size = np.arange(at.size) < 3
     right = solver.with_defect(at * np.where(size, 1.003, 1.0), np.ones(3, bool))
-    assert right is not None
     assert np.all((misfit(right, found, at) > 0.3) & (misfit(right, found, at) < 1.9))
     assert misfit(right, found, at * np.where(size, 1.01, 1.0))[0] > 10  # another damping is seen
     assert name != "pendulum" or misfit(solver, found, at)[1] > 10  # without the correction
@@ -111,7 +107,6 @@ def both() -> tuple[ModelComparison, ModelComparison]:
 def test_the_answer_is_that_of_the_equation_of_motion() -> None:
     """Coefficients, and the damping ratios at three amplitudes, agree within a tenth of their sd."""
     few, whole = both()
-    assert few.averaging is not None
     assert few.averaging.close
     assert whole.data.averaged is None
     a, b = ((w, compute_findings(w)) for w in (few, whole))
@@ -138,7 +133,6 @@ def test_the_check_finds_a_motion_that_is_not_corrected() -> None:
         for r in few.results
     )
     found = averaging_of(replace(few, results=tuple(spoilt)))
-    assert found is not None
     assert not found.close
 
 
@@ -171,9 +165,7 @@ def test_blocks_end_at_holes_and_begin_again_after_them(
         )
 
     few = weighed()
-    assert few.averaging is not None
     assert few.averaging.close
-    assert few.data.averaged is not None
     assert not few.data.averaged.wander
     assert not few.data.averaged.jumps
     monkeypatch.setattr("bayesdamp.inference.deviation.data.average_of", lambda *_: None)
@@ -192,7 +184,6 @@ def test_the_weight_of_a_block_is_that_of_its_samples() -> None:
     for begin, end in ((0.6, 2.0), (6.0, 8.0), (8.6, 10.0)):
         signal = without(signal, begin / BLOCKS, end / BLOCKS)
     data = prepare_data(signal)
-    assert data.averaged is not None
     weights, middles = data.averaged.track.weights[:, 0], data.averaged.track.middles
     assert middles[0] * BLOCKS / data.duration == pytest.approx(2.5, abs=0.05)
     assert weights[4] == pytest.approx(np.sqrt(0.6), rel=0.1)
@@ -222,7 +213,6 @@ def test_cycles_that_cannot_be_counted_leave_the_damping_as_it_is() -> None:
             without(slipped, 0.5, 0.51), damping=["viscous"], restoring=["linear"], approximate=False
         )
         averaged = comparison.data.averaged
-        assert averaged is not None
         assert averaged.jumps == pytest.approx([0.505 * t[-1]] if sign < 0 else [], rel=0.01)
         frequency, sd = frequency_of(comparison)
         sds.append(sd)
@@ -249,8 +239,6 @@ def test_phases_are_solved_to_a_tolerance_that_allows_for_their_scaling() -> Non
         motions = [
             solver.solve(at, active, tangents=NONE, tolerance=x) for x in (tolerance, 1e-2 * TOLERANCE)
         ]
-        assert motions[0] is not None
-        assert motions[1] is not None
         return float(np.max(np.abs(motions[0].y - motions[1].y)) / averaged.noise)
 
     assert off(TOLERANCE) < MOST_SHIFT
@@ -277,7 +265,6 @@ def test_a_phase_that_wanders_makes_the_frequency_uncertain() -> None:
         signal = wandering(rms, 4)
         comparison = compare_signal(signal, damping=["viscous"], restoring=["linear"], approximate=False)
         averaged = comparison.data.averaged
-        assert averaged is not None
         assert (averaged.wander > 0) == (rms > 0)
         assert all(r.low < true < r.high for r in compute_findings(comparison).ratios)
         sds.append(frequency_of(comparison)[1])
@@ -305,5 +292,4 @@ def test_what_is_not_close_is_fitted_by_the_equation_of_motion(monkeypatch: pyte
     assert weighed().data.averaged is None
     monkeypatch.setattr("bayesdamp.inference.deviation.quick.MOST_CYCLES", 400.0)
     kept = weighed()
-    assert kept.averaging is not None
     assert not kept.averaging.close

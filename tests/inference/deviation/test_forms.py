@@ -42,7 +42,6 @@ def found(kind: str, exponent: float = 1.0) -> Findings:
 def test_the_exponent_is_found(exponent: float) -> None:
     """95 % intervals, made wider: else one of two would fail with a probability of 1/10; the seed was not chosen."""
     q = found("power", exponent).exponent
-    assert q is not None
     assert q.low - 0.01 < exponent < q.high + 0.01
     assert not q.low < exponent + 0.5 < q.high  # control
     assert q.high - q.low < 0.5
@@ -55,13 +54,10 @@ def test_the_exponent_is_the_slope_of_the_damping_curve() -> None:
     deviation once gave 1.26 (1.23 to 1.28) for a record whose curve had 0.9.
     """
     said = found("drifting")
-    assert said.exponent is not None
-    assert said.free is not None
     slope = 1 + energy_weighted_slope(said.free.amplitude, said.free.ratio[:, 0])
     assert slope < 0.95
     assert said.exponent.low < slope < said.exponent.high
     control = found("power", 1.5).free
-    assert control is not None
     other = 1 + energy_weighted_slope(control.amplitude, control.ratio[:, 0])
     assert not said.exponent.low < other < said.exponent.high
 

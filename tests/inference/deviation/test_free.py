@@ -48,7 +48,6 @@ def test_the_band_holds_the_curve(kind: str) -> None:
     """The band contains at least 85 % of 40 correlated amplitudes of the true curve, and few of a curve that is off
     by a fifth."""
     free = found(kind).free
-    assert free is not None
     truth = np.array([lost(kind, a) for a in free.amplitude])
     low, high = free.lost[:, 1], free.lost[:, 2]
     assert np.mean((low <= truth) & (truth <= high)) > 0.85
@@ -72,11 +71,9 @@ def off(kind: str, low: float) -> float:
 def test_what_no_named_law_explains() -> None:
     """The unexplained share is 0 where a sum is the truth, and for a dip its distance from the nearest sum."""
     share = found("friction and drag").unnamed
-    assert share is not None
     assert share.low < 0.005
     assert share.high < 0.1
     share, truth = found("a dip").unnamed, off("a dip", found("a dip").amplitudes[1])
-    assert share is not None
     assert truth > 0.1
     assert share.low < truth < share.high
     assert not share.low < 1.5 * truth < share.high  # control

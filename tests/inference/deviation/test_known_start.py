@@ -90,7 +90,6 @@ def stamps(uneven: bool) -> np.ndarray:
 
 def shifted(data: Data, by: float) -> Data:
     """Return the data with another origin of time."""
-    assert data.windows is not None
     return replace(data, t=data.t - by, windows=Windows(data.windows.times - by, data.windows.weights))
 
 
@@ -114,7 +113,6 @@ def test_log_likelihoods_differ_as_those_of_all_samples(quantity: str, uneven: b
         given = {**KNOWN, **changed}
         p, active = np.array([given.get(n, 0.0) for n in solver.names]), np.array([False, True, False])
         solved = solver.solve(p, active, tangents=NONE)
-        assert solved is not None
         return -0.5 * data.thinned * float(np.sum((data.y - solved.y) ** 2)) / noise**2
 
     def difference(data: Data) -> float:

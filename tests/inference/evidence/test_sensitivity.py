@@ -45,7 +45,7 @@ def under_width(factor: float) -> float:
     """log evidence by quadrature with both half-normal priors that much wider."""
     axes, logs = posterior_grid(TWO, 56)
     for i, (name, axis) in enumerate(zip(("zeta", "mu_c"), axes)):
-        other = HalfNormal(scale=factor * PRIORS[name].scale)  # type: ignore[union-attr]
+        other = HalfNormal(scale=factor * PRIORS[name].scale)
         along = np.asarray(other.log_density(axis)) - np.asarray(PRIORS[name].log_density(axis))
         logs = logs + along.reshape((-1, 1) if i == 0 else (1, -1))
     return float(logsumexp(logs))

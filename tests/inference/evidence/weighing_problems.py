@@ -98,7 +98,7 @@ def problem(case: str) -> tuple[Target, Mode]:
     known = {n: v for n, v in KNOWN.items() if n not in ranges}
     shared = {n: SharedHalfNormal(per_ratio=r) for n, r in PER_RATIO.items()} if "shared" in case else {}
     priors = {n: {**PRIORS, **shared}[n] for n in ranges}
-    target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)  # type: ignore[arg-type]
+    target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)
     seed = {n: 0.5 * (low + high) for n, (low, high) in ranges.items()}
     return target, find_mode(target, {Seed("middle"): seed}, noise_level=KNOWN["noise_sd"])
 

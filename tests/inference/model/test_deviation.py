@@ -76,7 +76,6 @@ def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
     """Against SciPy's. Control: one combination alone."""
     of, z = deviating(3), scores()[0]
     deviation = of.target.deviation
-    assert deviation is not None
     r = of.residual(z) + deviation.shift
     effects = deviation.basis @ deviation.effects * NOISE
     dense = [stats.multivariate_normal(cov=NOISE**2 * np.eye(r.size) + e @ e.T).logpdf(r) for e in effects]
@@ -96,7 +95,6 @@ def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
     """Mean and covariance of 4,000 draws under one combination, to five standard errors, against the joint normal
     distribution. Control: the prior's mean is zero."""
     whole = deviating(2).target.deviation
-    assert whole is not None
     item = replace(whole, log_prior=np.zeros(1), maps=whole.maps[1:], effects=whole.effects[1:])
     r, rng = deviating(2).residual(scores()[0]), np.random.default_rng(2)
     drawn = np.array([item.draw_given(r, rng) for _ in range(4000)])
@@ -120,7 +118,6 @@ def test_whitening_and_information_are_those_of_the_dense_covariance() -> None:
     """Under one combination the scores are linear in the residuals, with unit covariance; under two, the information is
     the mean of the inverse covariances. Control: one of them alone."""
     whole = deviating(3).target.deviation
-    assert whole is not None
     whole = replace(whole, probabilities=np.array([0.2, 0.8]))
     covariances, gaps = dense(whole), np.diff(TIMES)
     for c in range(2):
@@ -140,7 +137,6 @@ def test_combinations_are_drawn_by_their_probabilities() -> None:
     """1,000 draws, to five standard errors, of residuals that leave both combinations possible; and the mixture's
     scores are those of the likeliest one."""
     whole, rng, gaps = deviating(3).target.deviation, np.random.default_rng(4), np.diff(TIMES)
-    assert whole is not None
     logs, r = np.zeros(2), np.zeros(TIMES.size)
     for size in (0.5, 1.0, 2.0, 4.0):
         r = size * NOISE * whole.basis.sum(axis=1) - whole.shift
@@ -155,7 +151,6 @@ def test_combinations_are_drawn_by_their_probabilities() -> None:
 
 def test_a_mixture_has_no_density_of_single_samples() -> None:
     whole = deviating(3).target.deviation
-    assert whole is not None
     assert whole.priors(FEATURES) == whole.start(TIMES, np.diff(TIMES)) == {}
     with pytest.raises(Refusal, match="independent only given the deviations"):
         whole.log_likelihoods(TIMES, np.diff(TIMES), {})
