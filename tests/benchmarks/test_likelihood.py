@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import lru_cache
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -24,8 +23,8 @@ from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Signal
-from tests.benchmarks.ledger import ratio
-from tests.benchmarks.timing import in_turns, table
+from tests.benchmarks.ledger import ratio, table
+from tests.benchmarks.timing import in_turns
 from tests.physics.independent import LAWS, PAPER, trajectory
 
 MODELS = ("viscous", "coulomb", "quadratic")
@@ -98,10 +97,17 @@ def loosest(solve: Solve, truth: np.ndarray) -> tuple[float, float]:
     raise AssertionError("no tolerance keeps to the error")
 
 
-def solver_of(terms: tuple[str, ...], t: np.ndarray, p: Mapping[str, float]) -> tuple[Solver, np.ndarray]:
+def our_solver(terms: tuple[str, ...], t: np.ndarray, p: Mapping[str, float], tangents: int = NONE) -> Solve:
+    """Tolerance to angles, or to their slopes too."""
     scales = abs(p["theta0"]), float(np.sqrt(p["stiffness"]))
     solver = Solver(terms, LAW, t, "angle", *scales, p["epsilon"], t[[0, -1]])
-    return solver, np.array([p[name] for name in solver.names])
+    values, active = np.array([p[name] for name in solver.names]), np.ones(len(terms), bool)
+
+    def solve(tolerance: float) -> np.ndarray:
+        motion = solver.solve(values, active, tangents=tangents, tolerance=tolerance)
+        return motion.y if tangents == NONE else (motion.y @ motion.tangents)
+
+    return solve
 
 
 def others_of(model: str, p: Mapping[str, float], times: np.ndarray) -> dict[str, Solve]:
@@ -126,86 +132,43 @@ def posterior_of(model: str, p: Mapping[str, float], y: np.ndarray) -> Target:
     return Target(Signal(TIMES, y), Oscillator((model,), LAW), "gaussian", priors, known)
 
 
-@lru_cache
 def measured(model: str) -> dict[str, float]:
     """CPU seconds of one likelihood of each, and the largest errors of the trajectory (rad)."""
     p = {TERMS.get(model).parameter: PAPER[TERMS.get(model).parameter], **LAWS[LAW]}
     truth = trajectory(LAW, p, TIMES, longest=0.01)[:, 0]
     y = truth + NOISE * np.random.default_rng(1).standard_normal(TIMES.size)
-    solver, values = solver_of((model,), TIMES, p)
-    active = np.ones(1, bool)
-
-    def ours(tolerance: float) -> np.ndarray:
-        motion = solver.solve(values, active, tangents=NONE, tolerance=tolerance)
-        assert motion is not None
-        return motion.y
-
-    solvers: dict[str, Solve] = {"ours": ours, **others_of(model, p, TIMES)}
+    solvers: dict[str, Solve] = {"ours": our_solver((model,), TIMES, p), **others_of(model, p, TIMES)}
     if find_spec("diffrax"):
         theirs = diffrax_solver(model, TIMES)
         solvers["diffrax Tsit5"] = lambda tol: np.asarray(theirs(tol, p))
     found, runs = {}, {}
     for name, solve in solvers.items():
         tolerance, found[f"{name} error"] = loosest(solve, truth)
-
-        def run(solve: Solve = solve, tolerance: float = tolerance) -> float:
-            r = (y - solve(tolerance)) / NOISE
-            return float(-0.5 * r @ r)
-
-        runs[name] = run
+        runs[name] = lambda solve=solve, tolerance=tolerance: np.sum(((y - solve(tolerance)) / NOISE) ** 2)
     target = posterior_of(model, p, y)
     z = target.scores(p)
     likelihood = Likelihood.near(target, z, ERROR)
     found["posterior error"] = float(np.max(np.abs(likelihood.motion(z) - truth)))
     runs["posterior"] = lambda: likelihood.log_posterior(z)
+    assert max(found.values()) <= ERROR
     return found | dict(zip(runs, in_turns(*runs.values(), rounds=7), strict=True))
 
 
-@lru_cache
-def gradient() -> dict[str, float]:
+def gradient() -> list[float]:
     """CPU seconds of a likelihood under all three terms, and of one with its slopes by seven parameters."""
-    terms = ("viscous", "coulomb", "quadratic")
-    p = {**{TERMS.get(t).parameter: PAPER[TERMS.get(t).parameter] for t in terms}, **LAWS[LAW]}
-    solver, values = solver_of(terms, TIMES, p)
+    p = {**PAPER, **LAWS[LAW]}
+    solve, slopes = our_solver(MODELS, TIMES, p), our_solver(MODELS, TIMES, p, PARAMETERS)
     y = trajectory(LAW, p, TIMES, longest=0.01)[:, 0]
-    active, free = np.ones(3, bool), [n for n in solver.names if n != "spring_angle"]
-    places = [solver.names.index(n) for n in free]
-
-    def one() -> float:
-        motion = solver.solve(values, active, tangents=NONE, tolerance=1e-7)
-        assert motion is not None
-        return float(np.sum((y - motion.y) ** 2))
-
-    def both() -> np.ndarray:
-        motion = solver.solve(values, active, tangents=PARAMETERS, tolerance=1e-7)
-        assert motion is not None
-        return ((y - motion.y) @ motion.tangents)[places]
-
-    times = in_turns(one, both, rounds=7)
-    return {"one": times[0], "with gradient": times[1], "parameters": float(len(places))}
+    return in_turns(lambda: np.sum((y - solve(1e-7)) ** 2), lambda: slopes(1e-7), rounds=7)
 
 
-@lru_cache
-def long() -> dict[str, float]:
-    """1,000 s in 100,001 samples, after a tenth of which the motion is over."""
-    times = np.linspace(0.0, 1000.0, 100_001)
-    p = {"zeta": PAPER["zeta"], **LAWS[LAW]}
-    solver, values = solver_of(("viscous",), times, p)
-    their = others_of("viscous", p, times)["odeint"]
-    close = replace(solver).solve(values, np.ones(1, bool), tangents=NONE, tolerance=1e-13)
-    assert close is not None
-
-    def ours(tolerance: float) -> np.ndarray:
-        motion = solver.solve(values, np.ones(1, bool), tangents=NONE, tolerance=tolerance)
-        assert motion is not None
-        return motion.y
-
-    found: dict[str, float] = {}
-    runs = []
-    for name, solve in (("ours", ours), ("odeint", their)):
-        tolerance, found[f"{name} error"] = loosest(solve, close.y)
-        runs.append(lambda solve=solve, tolerance=tolerance: solve(tolerance))
-    return found | dict(zip(("ours", "odeint"), in_turns(*runs, rounds=3), strict=True))
+def long() -> list[float]:
+    """CPU seconds of 1,000 s in 100,001 samples, after a tenth of which the motion is over: ours and odeint's."""
+    times, p = np.linspace(0.0, 1000.0, 100_001), {"zeta": PAPER["zeta"], **LAWS[LAW]}
+    ours, theirs = our_solver(("viscous",), times, p), others_of("viscous", p, times)["odeint"]
+    close = ours(1e-13)
+    tolerances = [loosest(solve, close)[0] for solve in (ours, theirs)]
+    return in_turns(lambda: ours(tolerances[0]), lambda: theirs(tolerances[1]), rounds=3)
 
 
 def growth() -> list[list[str]]:
@@ -214,52 +177,44 @@ def growth() -> list[list[str]]:
     for samples, cycles, terms in (
         (1_000, 7, 1), (10_000, 7, 1), (100_000, 7, 1), (1_000, 70, 1), (1_000, 700, 1), (1_000, 7, 3),
     ):  # fmt: skip
-        names = ("viscous", "coulomb", "quadratic")[:terms]
-        p = {**{TERMS.get(t).parameter: 0.003 for t in names}, **LAWS[LAW]}
+        p = {**{TERMS.get(t).parameter: 0.003 for t in MODELS[:terms]}, **LAWS[LAW]}
         times = np.linspace(0.0, cycles * 2 * np.pi / np.sqrt(20.0), samples)
-        solver, values = solver_of(names, times, p)
-        (spent,) = in_turns(
-            lambda s=solver, v=values, n=terms: s.solve(v, np.ones(n, bool), tangents=NONE, tolerance=1e-7),
-            rounds=3,
-        )
+        (spent,) = in_turns(partial(our_solver(MODELS[:terms], times, p), 1e-7), rounds=3)
         rows.append([f"{samples:,}", str(cycles), str(terms), f"{1e6 * spent:.0f}"])
     return rows
 
 
-def test_table() -> None:
+def test_one_likelihood() -> None:
+    """All keep to the error."""
     rows = []
     for model in MODELS:
         m = measured(model)
         for name in [n for n in SOLVERS if n in m]:
             ratio(f"compiled likelihood, {model}: {name} / ours", m[name] / m["ours"], BARS.get(name))
             ratio(f"log posterior, {model}: {name} / ours", m[name] / m["posterior"])
-            rows.append(
-                [
-                    model, name,
-                    *(c for n in (name, "ours", "posterior") for c in (f"{1e6 * m[n]:.0f}", f"{m[f'{n} error']:.1e}")),
-                    *(f"{m[name] / m[n]:.1f}" for n in ("ours", "posterior")),
-                ]
-            )  # fmt: skip
+            both = (
+                c
+                for n in (name, "ours", "posterior")
+                for c in (f"{1e6 * m[n]:.0f}", f"{m[f'{n} error']:.1e}")
+            )
+            rows.append([model, name, *both, *(f"{m[name] / m[n]:.1f}" for n in ("ours", "posterior"))])
     header = [
         "model", "solver", "µs", "error", "ours", "error", "log posterior", "error", "ratio", "of log posterior",
     ]  # fmt: skip
     table(f"One compiled likelihood of 1,001 samples, within {ERROR:g} rad", header, rows)
-    g, far = gradient(), long()
-    ratio("gradient by 7 parameters: 2.5 likelihoods / ours", GRADIENT * g["one"] / g["with gradient"], 1.0)
-    ratio("1,000 s, 100,001 samples: odeint / ours", far["odeint"] / far["ours"], LONG)
-    table(
-        "A likelihood with its gradient, and 1,000 s in 100,001 samples",
-        ["what", "µs", "beside", "µs", "ratio"],
-        [
-            ["likelihood with 7 slopes", f"{1e6 * g['with gradient']:.0f}", "likelihood", f"{1e6 * g['one']:.0f}",
-             f"{g['with gradient'] / g['one']:.2f}"],
-            ["1,000 s", f"{1e6 * far['ours']:.0f}", "odeint", f"{1e6 * far['odeint']:.0f}",
-             f"{far['odeint'] / far['ours']:.1f}"],
-        ],
-    )  # fmt: skip
+
+
+def test_gradient_length_and_growth() -> None:
+    (one, with_gradient), (ours, odeints) = gradient(), long()
+    ratio("gradient by 7 parameters: 2.5 likelihoods / ours", GRADIENT * one / with_gradient, 1.0)
+    ratio("1,000 s, 100,001 samples: odeint / ours", odeints / ours, LONG)
+    rows = [
+        [name, f"{1e6 * own:.0f}", beside, f"{1e6 * other:.0f}", f"{own / other:.2f}"]
+        for name, own, beside, other in (
+            ("likelihood with 7 slopes", with_gradient, "likelihood", one),
+            ("1,000 s by odeint", odeints, "ours", ours),
+        )
+    ]
+    title = "A likelihood with its gradient, and 1,000 s in 100,001 samples"
+    table(title, ["what", "µs", "beside", "µs", "ratio"], rows)
     table("Growth of one compiled likelihood", ["samples", "cycles", "terms", "µs"], growth())
-
-
-def test_all_keep_to_the_error() -> None:
-    for found in (*map(measured, MODELS), long()):
-        assert max(v for k, v in found.items() if k.endswith("error")) <= ERROR

@@ -11,18 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 import bayesdamp as bd
-from tests.benchmarks.ledger import LEDGER, ratio
-from tests.benchmarks.timing import table
+from tests.benchmarks.ledger import ratio, table
 
 MILLION = 1_000_000
 SIZES = tuple((rows, 1_000) for rows in (10_000, 30_000, 100_000, 300_000, MILLION))
 LONGER = ((100_000, 3_000), (300_000, 9_000), (MILLION, 30_000))
 """Rows and cycles."""
-GIB = 2.0**30
-TITLE = "What a record costs against its rows"
 
 
 @dataclass(frozen=True)
@@ -83,42 +79,14 @@ def test_rows(tmp_path: Path) -> None:
     few, many = found[2], found[4]
     assert len({one.memory for one in found}) > 1  # not that of what started them
     assert many.rows == 10 * few.rows
-    ratio(
-        "1,000,000 rows: ten times 100,000's read and cleaned / ours", 10 * few.cleaning / many.cleaning, 1.0
-    )
-    ratio(
-        "1,000,000 rows: 1 GiB / ours, imports among it", GIB / max(c.memory for c in (*found, *longer)), 1.0
-    )
+    linear, most = 10 * few.cleaning / many.cleaning, max(c.memory for c in (*found, *longer))
+    ratio("1,000,000 rows: ten times 100,000's read and cleaned / ours", linear, 1.0)
+    ratio("1,000,000 rows: 1 GiB / ours, imports among it", 2.0**30 / most, 1.0)
     table(
-        TITLE,
+        "What a record costs against its rows",
         ["rows", "cycles", "CPU s", "of it, read and cleaned", "peak MiB"],
         [
             [f"{c.rows:,}", f"{c.cycles:,}", f"{c.whole:.1f}", f"{c.cleaning:.2f}", f"{c.memory / 2**20:.0f}"]
             for c in (*found, *longer)
         ],
     )
-    LEDGER.figures[TITLE] = drawn(found, longer)
-
-
-def drawn(found: list[Cost], longer: list[Cost]) -> Figure:
-    """CPU seconds on logarithmic axes beside a line in proportion to the rows; memory below them."""
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    above, below = figure.subplots(2, sharex=True)
-    rows = [c.rows for c in found]
-    each = longer[-1].rows / longer[-1].cycles
-    for costs, name, colour in (
-        (found, f"{found[0].cycles:,} cycles", "C0"),
-        (longer, f"{each:.0f} rows a cycle", "C1"),
-    ):
-        at = [c.rows for c in costs]
-        above.loglog(at, [c.whole for c in costs], "o-", color=colour, label=f"compare --quick, {name}")
-        above.loglog(at, [c.cleaning for c in costs], "s--", color=colour, label="of it, read and cleaned")
-        below.semilogx(at, [c.memory / 2**20 for c in costs], "o-", color=colour, label=name)
-    last = found[-1]
-    above.loglog(rows, [last.cleaning * n / last.rows for n in rows], "k:", label="in proportion to the rows")
-    above.set_ylabel("CPU seconds")
-    above.legend(ncols=2, fontsize="small")
-    below.axhline(1024, color="tab:red", label="1 GiB")
-    below.set(xlabel="rows", ylabel="peak memory (MiB)", ylim=(0, None))
-    below.legend(loc="lower right")
-    return figure

@@ -17,8 +17,8 @@ import numpy as np
 
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from tests.benchmarks.ledger import ratio
-from tests.benchmarks.timing import in_turns, table
+from tests.benchmarks.ledger import ratio, table
+from tests.benchmarks.timing import in_turns
 from validation.contest.peers import ours, script
 from validation.contest.records import simulate_record
 
@@ -76,7 +76,6 @@ def compared(records: tuple[Path, ...], options: tuple[str, ...] = (), fresh: bo
     with subprocess.Popen(
         asked, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as run:
-        assert run.stdout is not None
         first = run.stdout.readline()  # what is read and shown on the way is on the other stream
         answer = time.perf_counter() - began
         run.stdout.read()
@@ -95,22 +94,17 @@ def repeats(count: int) -> tuple[Path, ...]:
 
 
 def test_one_record_and_three() -> None:
-    one, used = (record(),), ("one record, used installation", "three repeats")
     runs = {
-        "one record, nothing compiled yet": compared(one, ("--quick",), fresh=True),
-        used[0]: compared(one),
-        used[1]: compared(repeats(3), ("--repeats",)),
+        "one record, nothing compiled yet": compared(repeats(1), ("--quick",), fresh=True),
+        "one record, used installation": compared(repeats(1)),
+        "three repeats": compared(repeats(3), ("--repeats",)),
     }
     fresh, alone, three = runs.values()
     ratio("a record's verdict, fresh installation: 25 s / ours", FRESH / fresh.answer, 1.0)
     ratio("a record's verdict, used installation: 10 s / ours", USED / alone.answer, 1.0)
     ratio("a record's sampling and report: 60 s / ours", PROVEN / alone.end, 1.0)
     ratio("three repeats to their end: 90 s / ours", OF_THREE / three.end, 1.0)
-    table(
-        f"What a user waits for, {SAMPLES:,} samples and {CYCLES} cycles, by a stopwatch",
-        ["what", "s to the verdict", "s to the end", "CPU s"],
-        [_row(name, run) for name, run in runs.items()],
-    )
+    show(f"What a user waits for, {SAMPLES:,} samples and {CYCLES} cycles, by a stopwatch", runs)
 
 
 def test_growth() -> None:
@@ -126,15 +120,12 @@ def test_growth() -> None:
         "3 records, 2 workers": compared(repeats(3), ("--quick", "--workers", "2")),
     }
     ratio("3 records: 1 worker / 2", runs["3 records, 1 worker"].end / runs["3 records, 2 workers"].end)
-    table(
-        "How the wait for a verdict grows, one change at a time",
-        ["what", "s to the verdict", "s to the end", "CPU s"],
-        [_row(name, run) for name, run in runs.items()],
-    )
+    show("How the wait for a verdict grows, one change at a time", runs)
 
 
-def _row(name: str, run: Waited) -> list[str]:
-    return [name, *(f"{seconds:.1f}" for seconds in (run.answer, run.end, run.cpu))]
+def show(title: str, runs: dict[str, Waited]) -> None:
+    rows = [[name, *(f"{seconds:.1f}" for seconds in (r.answer, r.end, r.cpu))] for name, r in runs.items()]
+    table(title, ["what", "s to the verdict", "s to the end", "CPU s"], rows)
 
 
 def test_beside_a_script() -> None:
@@ -150,7 +141,5 @@ def test_beside_a_script() -> None:
     ratio("CPU seconds of an answer, median of ten records: script / ours", float(np.median(ratios)))
     ratio("CPU seconds of an answer, slowest of ten records: script / ours", min(ratios))
     table(
-        "CPU seconds of an answer beside a script of 130 lines",
-        ["record", "script", "ours", "ratio"],
-        rows,
+        "CPU seconds of an answer beside a script of 130 lines", ["record", "script", "ours", "ratio"], rows
     )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from tests.benchmarks.ledger import LEDGER
-
 
 def seconds(run: Callable[[], object], least: float = 0.02) -> float:
     """CPU seconds a call, from as many calls as fill `least` seconds."""
@@ -24,12 +22,3 @@ def in_turns(*runs: Callable[[], object], rounds: int = 15) -> list[float]:
         run()
     measured = [[seconds(run) for run in runs] for _ in range(rounds)]
     return [min(column) for column in zip(*measured, strict=True)]
-
-
-def table(title: str, header: list[str], rows: list[list[str]]) -> None:
-    """Print a table that is aligned, and keep it for the page."""
-    LEDGER.tables.append((title, header, rows))
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    print(f"\n{title}")
-    for row in (header, ["-" * w for w in widths], *rows):
-        print("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)))

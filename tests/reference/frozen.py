@@ -70,23 +70,18 @@ def sum_of_terms(number: int) -> Record:
     while True:
         draw = draw_oscillator(rng, damping, law)
         try:
-            motion = solve_motion(
-                draw.oscillator, draw.displacement, draw.frequency, draw.begin + draw.duration
-            )
+            end = draw.begin + draw.duration
+            motion = solve_motion(draw.oscillator, draw.displacement, draw.frequency, end)
+            break
         except NoMotionError:
             continue
-        break
     count = int(min(draw.cycles * draw.per_cycle, 6000))
     t = np.linspace(0.0, draw.duration, count)
     x, v = motion.at(draw.begin + t)
     pull = draw.oscillator.acceleration()
-    match quantity:
-        case "angle":
-            clean = x
-        case "velocity":
-            clean = v
-        case _:
-            clean = np.array([pull(*state, np.sign(state[2])) for state in zip(t, x, v, strict=True)])
+    clean = {"angle": x, "velocity": v}.get(quantity)
+    if clean is None:
+        clean = np.array([pull(*state, np.sign(state[2])) for state in zip(t, x, v, strict=True)])
     y = clean + _noise(rng, noise, draw, clean, count)
     unit = "m" if law in ("linear", "duffing") and number % 3 == 0 else "rad"
     name = f"sum-{number:03d}"
@@ -105,11 +100,9 @@ def _noise(rng: np.random.Generator, kind: str, draw: Draw, clean: np.ndarray, c
             return 1e-3 * white
         case "correlated":
             keep = float(np.exp(-10 * draw.cycles / count))  # a tenth of a period
-            found = np.empty(count)
-            last = white[0]
+            found, last = np.empty(count), white[0]
             for i, one in enumerate(white):
-                last = keep * last + np.sqrt(1 - keep**2) * one
-                found[i] = last
+                found[i] = last = keep * last + np.sqrt(1 - keep**2) * one
             return found
         case "outliers":
             hit = rng.random(count) < 0.02
@@ -127,12 +120,10 @@ def _noise(rng: np.random.Generator, kind: str, draw: Draw, clean: np.ndarray, c
 def simulated_names() -> dict[str, tuple[str, int]]:
     """Return what makes each simulated record, by name: the kind and the number of its draw."""
     found = {f"sum-{i:03d}": ("sum", i) for i in range(SUMS_OF_THREE)}
-    found |= {f"{form}-{i}": (form, i) for form in OTHER_FORMS for i in range(FORMS)}
     kinds = list(discrepancies.KINDS)
-    return found | {
-        f"{kinds[i % len(kinds)]}-{i // len(kinds)}": (kinds[i % len(kinds)], i // len(kinds))
-        for i in range(DISCREPANT)
-    }
+    others = [(form, i) for form in OTHER_FORMS for i in range(FORMS)]
+    others += [(kinds[i % len(kinds)], i // len(kinds)) for i in range(DISCREPANT)]
+    return found | {f"{kind}-{i}": (kind, i) for kind, i in others}
 
 
 def simulated(name: str) -> Record:
@@ -241,10 +232,9 @@ def rows_of(group: str, names: Sequence[str]) -> Iterator[tuple[str, dict[str, A
     if group == "measured":
         yield from (pair for pair in measured_rows() if not names or pair[0] in names)
         return
-    every = (
-        list(simulated_names()) if group == "simulated" else [f"ringdown-{i:02d}" for i in range(ENVELOPES)]
-    )
-    one_row = simulated_row if group == "simulated" else envelope_row
+    every, one_row = list(simulated_names()), simulated_row
+    if group == "envelopes":
+        every, one_row = [f"ringdown-{i:02d}" for i in range(ENVELOPES)], envelope_row
     chosen = [n for n in every if not names or n in names]
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
         yield from zip(chosen, pool.map(one_row, chosen), strict=True)
@@ -252,9 +242,8 @@ def rows_of(group: str, names: Sequence[str]) -> Iterator[tuple[str, dict[str, A
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """Return in words what has moved between two answers on one record."""
-    found = [
-        f"{key} {before[key]!r} -> {now[key]!r}" for key in ("grade", "damping") if before[key] != now[key]
-    ]
+    changed = (key for key in ("grade", "damping") if before[key] != now[key])
+    found = [f"{key} {before[key]!r} -> {now[key]!r}" for key in changed]
     for was, is_ in zip(before.get("ratios", ()), now.get("ratios", ()), strict=False):
         found += _ends(f"ratio at {was[0]:.3g}", was[1:], is_[1:])
     if before.get("frequency") and now.get("frequency"):
@@ -305,10 +294,9 @@ def main(task: str, names: Sequence[str]) -> int:
         for name, said in found.items():
             if said:
                 print(f"{name}: {'; '.join(said)}", flush=True)
-        moved += sum(map(bool, found.values()))
-        print(
-            f"{group}: {len(found)} answers, {sum(map(bool, found.values()))} moved, {leads} with another lead"
-        )
+        now_moved = sum(map(bool, found.values()))
+        moved += now_moved
+        print(f"{group}: {len(found)} answers, {now_moved} moved, {leads} with another lead")
     return 1 if moved else 0
 
 

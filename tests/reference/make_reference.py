@@ -2,9 +2,9 @@
 
     python tests/reference/make_reference.py viscous_coulomb      # or another; ten minutes each
 
-Each problem is written out here: the record (made here, from DOP853 and NumPy's generator), the model, the
-priors in natural units. What comes out is `<name>.json` beside this file: the record, the problem, moments and
-quantiles, their Monte Carlo errors, and how they were made. Raw emcee, stretch and differential-evolution
+`<name>.json` beside this file states the problem: the model, the priors in natural units, and the truth of the record,
+which is made here, from DOP853 and NumPy's generator. The same file receives the record, moments and quantiles, their
+Monte Carlo errors, and how they were made. Raw emcee, stretch and differential-evolution
 moves, independent ensembles; parameters are sampled in natural units (logarithms of those with a lognormal
 prior), the half-normal coefficients with a wall at zero.
 """
@@ -24,52 +24,8 @@ from scipy.integrate import solve_ivp
 
 LOG_2PI = math.log(2 * math.pi)
 
-VISCOUS_COULOMB: dict = {
-    "damping": ["viscous", "coulomb"],
-    "restoring": "horizontal_pendulum",
-    "noise": "gaussian",
-    "known": {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "epsilon": 0.1},
-    "truth": {"zeta": 0.04, "mu_c": 0.02, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.006},
-    "priors": {
-        "zeta": {"prior": "halfnormal", "scale": 0.4},
-        "mu_c": {"prior": "halfnormal", "scale": 0.8},
-        "theta0": {"prior": "normal", "mean": 0.05, "sd": 0.6},
-        "omega0": {"prior": "normal", "mean": 0.0, "sd": 2.0},
-        "noise_sd": {"prior": "lognormal", "median": 0.005, "sigma": 1.0},
-    },
-    "duration": 8.0,
-    "samples": 200,
-    "seed": 11,
-}
-PROBLEMS: dict[str, dict] = {
-    "viscous_coulomb": VISCOUS_COULOMB,
-    "coulomb_correlated": {
-        "damping": ["coulomb"],
-        "restoring": "linear",
-        "noise": "correlated",
-        "known": {"rest_angle": 0.0, "epsilon": 0.03},
-        "truth": {
-            "mu_c": 0.05, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.1, "noise_sd": 0.006, "noise_time": 0.05,
-        },
-        "priors": {
-            "mu_c": {"prior": "halfnormal", "scale": 0.8},
-            "stiffness": {"prior": "lognormal", "median": 21.0, "sigma": 0.5},
-            "theta0": {"prior": "normal", "mean": 0.0, "sd": 0.6},
-            "omega0": {"prior": "normal", "mean": 0.0, "sd": 2.0},
-            "noise_sd": {"prior": "lognormal", "median": 0.005, "sigma": 1.0},
-            "noise_time": {"prior": "lognormal", "median": 0.3, "sigma": 1.5},
-        },
-        "duration": 8.0,
-        "samples": 200,
-        "seed": 12,
-    },
-    "touching_zero": {
-        **VISCOUS_COULOMB,
-        "truth": {**VISCOUS_COULOMB["truth"], "zeta": 0.05, "mu_c": 0.0},
-        "seed": 13,
-    },
-}  # fmt: skip
-
+NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
+FOLDER = Path(__file__).parent
 ENSEMBLES = 3
 WALKERS = 512
 BURN = 250
@@ -141,7 +97,8 @@ def log_likelihood(problem: dict, t: np.ndarray, y: np.ndarray, p: dict[str, np.
 
 
 def make(name: str) -> dict:
-    problem = PROBLEMS[name]
+    stated = json.loads((FOLDER / f"{name}.json").read_text())
+    problem = {**stated["problem"], "truth": stated["truth"]}
     t, y = record_of(problem)
     names = list(problem["priors"])
     log = np.array([problem["priors"][n]["prior"] == "lognormal" for n in names])
@@ -155,18 +112,14 @@ def make(name: str) -> dict:
         inside = np.flatnonzero(~np.any(wall & (u < 0), axis=1))
         if inside.size:
             p = dict(zip(names, natural(u[inside]).T))
-            value[inside] = (
-                log_prior(problem, p) + log_likelihood(problem, t, y, p) + np.sum(u[inside][:, log], axis=1)
-            )
+            value[inside] = log_prior(problem, p) + log_likelihood(problem, t, y, p)
+            value[inside] += np.sum(u[inside][:, log], axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
     truth = np.array([problem["truth"][n] for n in names])
     centre = np.where(log, np.log(np.where(log, truth, 1.0)), truth)
     rng = np.random.default_rng(problem["seed"] + 1)
-    moves = [
-        (emcee.moves.DEMove(), 0.7),
-        (emcee.moves.StretchMove(), 0.3),
-    ]
+    moves = [(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)]
     chains, accepted = [], []
     for ensemble in range(ENSEMBLES):
         start = centre + 0.002 * np.maximum(np.abs(centre), 0.1) * rng.standard_normal((WALKERS, len(names)))
@@ -196,10 +149,7 @@ def make(name: str) -> dict:
             "rhat": math.sqrt(1 + float(means.var(ddof=1)) / within),
         }
     at_truth = {n: np.array([v]) for n, v in problem["truth"].items()}
-    return {
-        "name": name,
-        "problem": {k: v for k, v in problem.items() if k != "truth"},
-        "truth": problem["truth"],
+    return stated | {
         "record": {"t": t.tolist(), "y": y.tolist()},
         "at_truth": {
             "log_likelihood": float(log_likelihood(problem, t, y, at_truth)[0]),
@@ -218,16 +168,14 @@ def make(name: str) -> dict:
             "seed": problem["seed"],
             "versions": {
                 "python": platform.python_version(),
-                "numpy": np.__version__,
-                "scipy": scipy.__version__,
-                "emcee": emcee.__version__,
+                **{package.__name__: package.__version__ for package in (np, scipy, emcee)},
             },
         },
     }
 
 
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or PROBLEMS:
-        path = Path(__file__).parent / f"{wanted}.json"
+    for wanted in sys.argv[1:] or NAMES:
+        path = FOLDER / f"{wanted}.json"
         path.write_text(json.dumps(make(wanted), indent=1) + "\n")
         print(path)

@@ -13,23 +13,18 @@ from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.slices import SlicedProposal
-from validation.experiments.laws import Case, case
+from validation.experiments.laws import case
 
 
-@cache
-def record() -> Case:
-    found = case("stribeck", 8035)
-    assert found.damping == "stribeck"
-    return found
+def compared(signal: bd.Signal, **known: float) -> tuple[ModelComparison, CandidateResult]:
+    comparison = compare_signal(signal, damping=["stribeck"], restoring=["linear"], known=known)
+    return comparison, comparison.results[0]
 
 
 @cache
 def weighed(**known: float) -> tuple[ModelComparison, CandidateResult]:
-    signal, noise = record().signal, record().noise
-    comparison = compare_signal(
-        signal, damping=["stribeck"], restoring=["linear"], known={"noise_sd": noise, **known}
-    )
-    return comparison, comparison.results[0]
+    made = case("stribeck", 8035)
+    return compared(made.signal, noise_sd=made.noise, **known)
 
 
 def under_exact_laws(result: CandidateResult) -> CandidateResult:
@@ -88,19 +83,18 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     clean = (0.5 - (2 * half + 1) * loss) * np.cos(frequency * t) + loss * (-1.0) ** half
     signal = bd.Signal(t, clean + sd * np.random.default_rng(8040).standard_normal(t.size))
     known = {"noise_sd": sd, "epsilon": 0.01}
-    comparison = compare_signal(signal, damping=["stribeck"], restoring=["linear"], known=known)
-    result = under_exact_laws(comparison.results[0])
+    comparison, result = compared(signal, **known)
+    result = under_exact_laws(result)
 
     def evidence() -> np.ndarray:
-        each = [sampling.sampled_result(comparison, result, seed).sampled for seed in range(5)]
-        return np.array([one.log_evidence for one in each if one is not None])
+        each = (sampling.sampled_result(comparison, result, seed).sampled for seed in range(5))
+        return np.array([one.log_evidence for one in each])
 
     prior = result.fit.parameters.priors["stribeck_velocity"]
     logs, scores = [], np.linspace(-4.0, 4.0, 17)
     for z in scores:
-        held = {**known, "stribeck_velocity": float(prior.value(np.asarray(z)))}
-        fixed = compare_signal(signal, damping=["stribeck"], restoring=["linear"], known=held)
-        one = sampling.sampled_result(fixed, under_exact_laws(fixed.results[0])).sampled
+        fixed, own = compared(signal, **known, stribeck_velocity=float(prior.value(np.asarray(z))))
+        one = sampling.sampled_result(fixed, under_exact_laws(own)).sampled
         logs.append(one.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
     whole = max(logs) + np.log(np.trapezoid(np.exp(np.array(logs) - max(logs)), scores))
     sliced = evidence()

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.findings import compute_findings
-from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
@@ -21,20 +19,15 @@ W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
 PEAK = W * A
 
 
-def twins(seed: int) -> ModelComparison:
-    """Return a weighing of 500 cycles of viscous damping with structural damping, which cannot be distinguished from
-    it.
+def test_the_split_of_twins_is_not_in_the_ratio() -> None:
+    """Of 500 cycles of viscous damping with structural damping, which cannot be distinguished from it.
 
     Per unit of its coefficient the loss of structural damping depends on the width, so that a fit's split of the two
-    changes with it.
+    changes with it. With the noise of this seed both have a coefficient.
     """
     t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
-    y = viscous(t, RATIO * w, w, SIZE) + 0.01 * SIZE * np.random.default_rng(seed).standard_normal(t.size)
-    return compare_signal(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
-
-
-def test_the_split_of_twins_is_not_in_the_ratio() -> None:
-    made = twins(4)  # with its noise both have a coefficient
+    y = viscous(t, RATIO * w, w, SIZE) + 0.01 * SIZE * np.random.default_rng(4).standard_normal(t.size)
+    made = compare_signal(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
     grown = np.array([f.coefficients for f in made.frictions]) / made.frictions[-1].coefficients
     assert np.ptp(grown, axis=0).max() > 0.2  # the split does move
     for r in compute_findings(made).ratios:
@@ -42,19 +35,16 @@ def test_the_split_of_twins_is_not_in_the_ratio() -> None:
         assert r.high - r.low < 0.03 * RATIO
 
 
-def friction(
-    share: float,
-    seed: int,
-    known: dict[str, float] | None = None,
-    damping: Sequence[str] = ("viscous", "coulomb", "viscous+coulomb"),
-) -> ModelComparison:
-    """Return a weighing of viscous damping and friction of this width, as a share of the peak velocity, down to near
+def ratios(share: float, seed: int, known: dict[str, float] | None = None) -> tuple[Ratio, ...]:
+    """Return what is found of viscous damping and friction of this width, as a share of the peak velocity, down to near
     rest."""
     p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
     t = np.arange(0.0, 30.0, 0.02)
     y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
     y += 0.003 * A * np.random.default_rng(seed).standard_normal(t.size)
-    return compare_signal(Signal(t, y), damping=damping, restoring=["linear"], known=known)
+    sums = ["viscous", "coulomb", "viscous+coulomb"]
+    made = compare_signal(Signal(t, y), damping=sums, restoring=["linear"], known=known)
+    return compute_findings(made, amplitudes=[0.2, 0.05, 0.02, 0.01]).ratios
 
 
 def dry_loss(amplitude: float, width: float) -> float:
@@ -68,11 +58,6 @@ def truth(amplitude: float, share: float) -> float:
     return ZETA / W + MU * dry_loss(amplitude, share * PEAK) / (2 * math.pi * (W * amplitude) ** 2)
 
 
-def ratios(made: ModelComparison, amplitudes: list[float]) -> tuple[Ratio, ...]:
-    return compute_findings(made, amplitudes=amplitudes).ratios
-
-
-AMPLITUDES = [0.2, 0.05, 0.02, 0.01]
 SHARE = 0.01
 
 
@@ -84,15 +69,14 @@ def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
     A share of 0.03 is between those that are tried: without widths between them the last interval does so in 3 of 10.
     """
     held = [
-        [r.low < truth(r.amplitude, share) < r.high for r in ratios(friction(share, seed), AMPLITUDES)]
-        for seed in range(110, 120)
+        [r.low < truth(r.amplitude, share) < r.high for r in ratios(share, seed)] for seed in range(110, 120)
     ]
     assert np.min(np.sum(held, axis=0)) >= 8
 
 
 def test_under_a_wrong_width_they_do_not_hold() -> None:
     """Near rest a tenth of the width gives another loss, which the interval of an unknown width has to allow for."""
-    last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
+    last = ratios(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK})[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
 
 

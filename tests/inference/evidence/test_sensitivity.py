@@ -9,10 +9,8 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import truncnorm
 
-from bayesdamp.inference.checks import Prediction, predict_second_half
+from bayesdamp.inference.checks import predict_second_half
 from bayesdamp.inference.evidence.importance import Importance
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.sensitivity import (
     density_at_zero,
     evidence_by_prior_width,
@@ -56,13 +54,6 @@ def importance(case: str) -> Evidence:
     return Importance().evidence("m", target, mode, 1)
 
 
-def halves(target: Target, mode: Mode) -> tuple[Evidence, Prediction]:
-    half = target.signal.t.size // 2
-    return predict_from_half(
-        "m", first_half(mode), partial(predict_second_half, mode.likelihood, half=half), 1
-    )
-
-
 def test_widths_against_quadrature():
     target, mode = problem(TWO)
     evidence = importance(TWO)
@@ -86,9 +77,9 @@ def test_widths_against_quadrature():
 
 
 def test_the_first_half_against_quadrature():
-    target, mode = problem("one far")
-    result, _ = halves(target, mode)
-    half = TIMES.size // 2
+    mode, half = problem("one far")[1], TIMES.size // 2
+    predict = partial(predict_second_half, mode.likelihood, half=half)
+    result, _ = predict_from_half("m", first_half(mode), predict, 1)
     nodes, weights = np.polynomial.legendre.leggauss(80)
     low, high = 0.0, 0.3
     mu = low + 0.5 * (high - low) * (nodes + 1)

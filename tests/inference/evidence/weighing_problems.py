@@ -56,11 +56,6 @@ def record(zeta: float, mu_c: float, seed: int) -> np.ndarray:
     return clean + KNOWN["noise_sd"] * np.random.default_rng(seed).standard_normal(TIMES.size)
 
 
-def squares(y: np.ndarray, zeta: np.ndarray, mu_c: np.ndarray) -> np.ndarray:
-    """Σ (y − θ)² over matching arrays, shape (m,)."""
-    return np.sum((y - trajectories(zeta, mu_c)) ** 2, axis=-1)
-
-
 def log_density(square: np.ndarray, sd: np.ndarray | float, n: int = TIMES.size) -> np.ndarray:
     """Normal log density of residuals with this sum of squares."""
     return -0.5 * square / np.square(sd) - n * np.log(np.asarray(sd) * np.sqrt(2 * np.pi))
@@ -113,12 +108,12 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
     grids = np.meshgrid(*(axes[n] for n in motion), indexing="ij")
     given = dict(zip(motion, (g.ravel() for g in grids)))
     still = np.zeros(count ** len(motion))
-    square = squares(y, given.get("zeta", still), given.get("mu_c", still)).reshape(grids[0].shape)
-    free = "noise_sd" in ranges
-    logs = (
-        log_density(square[..., None], axes["noise_sd"]) if free else log_density(square, KNOWN["noise_sd"])
+    motions = trajectories(given.get("zeta", still), given.get("mu_c", still))
+    square = np.sum((y - motions) ** 2, axis=-1).reshape(grids[0].shape)
+    square, sd = (
+        (square[..., None], axes["noise_sd"]) if "noise_sd" in ranges else (square, KNOWN["noise_sd"])
     )
-    logs = logs + log_prior(case, axes)
+    logs = log_density(square, sd) + log_prior(case, axes)
     for i, (low, high) in enumerate(ranges.values()):
         along = np.log(0.5 * (high - low) * weights)
         logs = logs + along.reshape([-1 if j == i else 1 for j in range(len(ranges))])

@@ -20,8 +20,9 @@ ALIAS = 2 * np.pi / STEP - FREQUENCY
 """A damped cosine at this frequency has the same values at all multiples of STEP."""
 
 
-def aliased_target(jitter: float) -> Target:
-    """A linear oscillator sampled four times a period, on a clock with so much jitter (s)."""
+@lru_cache
+def climbed(jitter: float) -> tuple[Target, Mode]:
+    """A linear oscillator sampled four times a period, on a clock with so much jitter (s), and its mode."""
     rng = np.random.default_rng(5)
     t = STEP * np.arange(60) + np.concatenate([[0.0], jitter * rng.uniform(-1, 1, 59)])
     y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * rng.standard_normal(t.size)
@@ -32,18 +33,10 @@ def aliased_target(jitter: float) -> Target:
         "omega0": Normal(mean=0.0, sd=3.0),
     }
     known = {"rest_angle": 0.0, "noise_sd": SD, "epsilon": 0.1}
-    return Target(Signal(t, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
-
-
-@lru_cache
-def climbed(jitter: float) -> tuple[Target, Mode]:
-    target = aliased_target(jitter)
-    common = {"zeta": RATE, "theta0": 0.3}
-    seeds = {
-        Seed("slow"): {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
-        Seed("slow again"): {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
-        Seed("fast"): {**common, "stiffness": ALIAS**2, "omega0": 0.0},
-    }
+    target = Target(Signal(t, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+    starts = {"slow": FREQUENCY, "slow again": FREQUENCY, "fast": ALIAS}
+    common = {"zeta": RATE, "theta0": 0.3, "omega0": 0.0}
+    seeds = {Seed(name): {**common, "stiffness": w**2} for name, w in starts.items()}
     return target, find_mode(target, seeds, noise_level=SD)
 
 

@@ -30,10 +30,8 @@ PRIORS = {
 
 @lru_cache
 def exact() -> Likelihood:
-    oscillator = Oscillator(("viscous",), "linear")
-    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * np.random.default_rng(3).standard_normal(
-        TIMES.size
-    )
+    oscillator, rng = Oscillator(("viscous",), "linear"), np.random.default_rng(3)
+    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * rng.standard_normal(TIMES.size)
     target = Target(Signal(TIMES, y), oscillator, "gaussian", PRIORS, KNOWN)
     return Likelihood.near(target, target.scores(TRUTH), 1e-8)
 
@@ -44,16 +42,17 @@ def deviating(knots: int) -> Likelihood:
     rng, columns = np.random.default_rng(5), np.polynomial.chebyshev.chebvander(TIMES / 3 - 1, knots)[:, 1:]
     basis, upper = np.linalg.qr(columns)
     maps = np.array([0.004, 0.03])[:, None, None] * rng.standard_normal((2, knots, knots))
+    shift, effects = columns @ np.full(knots, 0.01), upper @ maps / NOISE
     deviation = Deviation(
         exact().motions,
         NOISE**2,
         TIMES.size,
         basis,
-        columns @ np.full(knots, 0.01),
+        shift,
         np.log([0.7, 0.3]),
         maps,
-        upper @ maps / NOISE,
-        np.array([0.5, 0.5]),
+        effects,
+        np.full(2, 0.5),
     )
     return replace(exact(), target=replace(exact().target, deviation=deviation))
 
@@ -77,10 +76,9 @@ def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
     of, z = deviating(3), scores()[0]
     deviation = of.target.deviation
     r = of.residual(z) + deviation.shift
-    effects = deviation.basis @ deviation.effects * NOISE
-    dense = [stats.multivariate_normal(cov=NOISE**2 * np.eye(r.size) + e @ e.T).logpdf(r) for e in effects]
-    assert of.log_likelihood(z) == pytest.approx(float(logsumexp(np.log([0.7, 0.3]) + dense)), rel=1e-9)
-    assert of.log_likelihood(z) != pytest.approx(dense[0], abs=0.01)
+    logs = [stats.multivariate_normal(cov=covariance).logpdf(r) for covariance in dense(deviation)]
+    assert of.log_likelihood(z) == pytest.approx(float(logsumexp(np.log([0.7, 0.3]) + logs)), rel=1e-9)
+    assert of.log_likelihood(z) != pytest.approx(logs[0], abs=0.01)
 
 
 def test_the_slope_is_that_of_the_value() -> None:

@@ -61,9 +61,8 @@ def test_slope(name):
     """Against central differences of SciPy's density, one residual at a time; not at other residuals."""
     r = drawn(name, np.random.default_rng(1))[0]
     step = 1e-4 * P["noise_sd"]
-    expected = [
-        (density(name, r + e).sum() - density(name, r - e).sum()) / (2 * step) for e in step * np.eye(r.size)
-    ]
+    moved = [(density(name, r + e), density(name, r - e)) for e in step * np.eye(r.size)]
+    expected = [(up.sum() - down.sum()) / (2 * step) for up, down in moved]
     atol = 1e-6 / P["noise_sd"]
     np.testing.assert_allclose(NOISES.get(name).slope(r, GAPS, P), expected, rtol=1e-6, atol=atol)
     assert not np.allclose(NOISES.get(name).slope(1.01 * r, GAPS, P), expected, rtol=1e-6, atol=atol)
@@ -117,9 +116,8 @@ def test_rounded_noise_keeps_its_digits_in_the_tails():
     fine, coarse = ({**P, "noise_step": step} for step in (1e-7, 1e-2))
     expected = gaussian.slope(r, gaps, P)
     np.testing.assert_allclose(quantised.slope(r, gaps, fine), expected, rtol=1e-7)
-    np.testing.assert_allclose(
-        quantised.log_likelihoods(r, gaps, fine), gaussian.log_likelihoods(r, gaps, P), rtol=1e-6
-    )
+    each = quantised.log_likelihoods(r, gaps, fine)
+    np.testing.assert_allclose(each, gaussian.log_likelihoods(r, gaps, P), rtol=1e-6)
     assert not np.allclose(quantised.slope(r, gaps, coarse), expected, rtol=1e-3)
 
 
