@@ -101,12 +101,13 @@ def _page(
         "\n".join(f"- {line}" for line in lost),
         "## Ratios\nHow many times faster ours is, or how many times less it takes.",
         _markdown(["what", "ratio", "bar", "before"], cells),
-        *(
-            f"## {title}\n{'' if title in ledger.tables else 'From a run before.'}\n\n{_markdown(*content)}"
-            for title, content in tables.items()
-        ),
+        *(f"## {title}\n{_mark(title in ledger.tables)}{_markdown(*content)}" for title, content in tables.items()),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _mark(is_new: bool) -> str:
+    return "" if is_new else "From a run before.\n\n"
 
 
 def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -171,19 +170,6 @@ def long() -> list[float]:
     return in_turns(lambda: ours(tolerances[0]), lambda: theirs(tolerances[1]), rounds=3)
 
 
-def growth() -> list[list[str]]:
-    """CPU seconds of a likelihood against samples, cycles and terms."""
-    rows = []
-    for samples, cycles, terms in (
-        (1_000, 7, 1), (10_000, 7, 1), (100_000, 7, 1), (1_000, 70, 1), (1_000, 700, 1), (1_000, 7, 3),
-    ):  # fmt: skip
-        p = {**{TERMS.get(t).parameter: 0.003 for t in MODELS[:terms]}, **LAWS[LAW]}
-        times = np.linspace(0.0, cycles * 2 * np.pi / np.sqrt(20.0), samples)
-        (spent,) = in_turns(partial(our_solver(MODELS[:terms], times, p), 1e-7), rounds=3)
-        rows.append([f"{samples:,}", str(cycles), str(terms), f"{1e6 * spent:.0f}"])
-    return rows
-
-
 def test_one_likelihood() -> None:
     """All keep to the error."""
     rows = []
@@ -204,7 +190,7 @@ def test_one_likelihood() -> None:
     table(f"One compiled likelihood of 1,001 samples, within {ERROR:g} rad", header, rows)
 
 
-def test_gradient_length_and_growth() -> None:
+def test_gradient_and_length() -> None:
     (one, with_gradient), (ours, odeints) = gradient(), long()
     ratio("gradient by 7 parameters: 2.5 likelihoods / ours", GRADIENT * one / with_gradient, 1.0)
     ratio("1,000 s, 100,001 samples: odeint / ours", odeints / ours, LONG)
@@ -217,4 +203,3 @@ def test_gradient_length_and_growth() -> None:
     ]
     title = "A likelihood with its gradient, and 1,000 s in 100,001 samples"
     table(title, ["what", "µs", "beside", "µs", "ratio"], rows)
-    table("Growth of one compiled likelihood", ["samples", "cycles", "terms", "µs"], growth())
