@@ -74,9 +74,7 @@ def test_models_need_a_reference_and_company(tmp_path):
 
 
 def test_the_studies_that_ship_can_be_run():
-    calibration = load_study(STUDIES / "calibration.toml")
-    ranks.check(calibration)
-    assert calibration.models.compare == ("viscous", "coulomb", "quadratic", "viscous+coulomb")
+    ranks.check(load_study(STUDIES / "calibration.toml"))
     study = load_study(STUDIES / "model_recovery.toml")
     recovery.check(study)
     levels = {recovery.design_of(study, "recovery", i) for i in range(16)}
@@ -97,10 +95,8 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
     np.testing.assert_array_equal(made.draw(problem.record_rng(1, "a"), "a").signal.y, drawn.signal.y)
     assert made.draw(problem.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
     # The noise of the record is that which was drawn: four standard errors.
-    p = {**made.blank.known, **drawn.truth}
-    clean = simulate_signal(
-        made.blank.oscillator, p, duration=10.0, samples=401, rng=np.random.default_rng(0)
-    )
+    p, rng = {**made.blank.known, **drawn.truth}, np.random.default_rng(0)
+    clean = simulate_signal(made.blank.oscillator, p, duration=10.0, samples=401, rng=rng)
     ratio = np.std(drawn.signal.y - clean.y) / drawn.truth["noise_sd"]
     assert abs(ratio - 1) < 4 / np.sqrt(2 * 401)
 
@@ -200,21 +196,12 @@ def invented(sharper: float):
         truth = [rng.choice(len(models), p=p) for p in right]
         told = np.exp(sharper * odds - logsumexp(sharper * odds, axis=1, keepdims=True))
         meta = {
-            "first": first,
-            "models": models,
-            "outcomes": ["ok"] * size,
-            "accepted": [True] * size,
+            "first": first, "models": models, "outcomes": ["ok"] * size, "accepted": [True] * size,
             "evidence_outcomes": [["ok"] * len(models)] * size,
-        }
+        }  # fmt: skip
         design = np.array([recovery.design_of(study, kind, first + i) for i in range(size)])
-        arrays = {
-            "model": np.array(truth),
-            "probability": told,
-            "log_evidence": odds,
-            "design": design,
-            "loss": np.ones(size),
-        }
-        return Product(RecoveryContent.of_meta(meta), arrays)
+        arrays = {"model": np.array(truth), "probability": told, "log_evidence": odds, "design": design}
+        return Product(RecoveryContent.of_meta(meta), {**arrays, "loss": np.ones(size)})
 
     return recovered
 
@@ -229,11 +216,8 @@ def test_overconfident_probabilities_are_seen(tmp_path, monkeypatch, sharper, in
         hits = result[series]["hits"]
         # false-alarm rate 1 % each
         assert (hits["low"] <= hits["excess"] <= hits["high"]) is inside
-        assert (
-            sum(map(sum, result[series]["confusion"]))
-            == hits["records"]
-            == (240 if series == "recovery" else 200)
-        )
+        confused = sum(map(sum, result[series]["confusion"]))
+        assert confused == hits["records"] == (240 if series == "recovery" else 200)
         # Probabilities that are right promise the log score that they get.
         gap = result[series]["log_score_expected"] - result[series]["log_score"]
         assert (gap < 0.15) is inside

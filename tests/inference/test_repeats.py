@@ -52,10 +52,8 @@ def agrees(repeats: Repeats, truth: Summed, grid: np.ndarray, share: float = 0.0
         assert repeats.draws[:, i].std() == pytest.approx(sd, rel=0.1)
     spread = truth.each.sum(axis=0)
     right = summarise(truth.spreads, spread / spread.sum())
-    for q in ("median", "q97.5"):
-        assert np.quantile(repeats.spreads, {"median": 0.5, "q97.5": 0.975}[q]) == pytest.approx(
-            right[q], rel=0.12, abs=0.004
-        )
+    for q, name in ((0.5, "median"), (0.975, "q97.5")):
+        assert np.quantile(repeats.spreads, q) == pytest.approx(right[name], rel=0.12, abs=0.004)
 
 
 @pytest.mark.parametrize(
@@ -72,9 +70,8 @@ def test_one_coefficient(prior: Prior, places: tuple[float, ...]) -> None:
     runs = [run_at(p, 0.001, log=j) for j, p in enumerate(places)]
     grid, log_prior = line(prior, 0.02, 0.16)
     truth = by_quadrature(runs, grid, log_prior)
-    agrees(
-        join_runs(runs, {"zeta": prior}, EXACTLY), truth, grid, share=0.05 if places[0] == places[1] else 0.25
-    )
+    share = 0.05 if places[0] == places[1] else 0.25
+    agrees(join_runs(runs, {"zeta": prior}, EXACTLY), truth, grid, share)
     same = join_runs(runs, {"zeta": prior}, EXACTLY, spread=0.0).log_evidence
     assert same == pytest.approx(by_quadrature(runs, grid, log_prior, 0.0).log_evidence, abs=NATS)
     assert abs(same - truth.log_evidence) > 1

@@ -34,12 +34,8 @@ def test_what_comes_of_a_verdict():
 
 
 def test_the_page_counts_what_is_wrong_and_unwarned():
-    made = [
-        {"kind": "clean", "outcome": RIGHT},
-        {"kind": "cubic", "outcome": WRONG},
-        {"kind": "cubic", "outcome": OPEN},
-    ]
-    said = page(pd.DataFrame(made))
+    made = [("clean", RIGHT), ("cubic", WRONG), ("cubic", OPEN)]
+    said = page(pd.DataFrame(made, columns=["kind", "outcome"]))
     assert "in 1 of 2 (" in said
     assert "named outright in 1 of 1 (" in said
     assert "| cubic | 2 | 0 | 1 | 0 | 1 |" in said

@@ -100,13 +100,8 @@ def test_laplace_draws_lean_on_the_wall():
     y = 0.3 * np.exp(0.004 * TIMES) * np.cos(np.sqrt(20.0) * TIMES)
     y = y + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
     known = {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": NOISE}
-    target = Target(
-        Signal(TIMES, y),
-        Oscillator(("viscous",), "linear"),
-        "gaussian",
-        {"zeta": HalfNormal(scale=0.8)},
-        known,
-    )
+    osc = Oscillator(("viscous",), "linear")
+    target = Target(Signal(TIMES, y), osc, "gaussian", {"zeta": HalfNormal(scale=0.8)}, known)
     mode = find_mode(target, {Seed("s"): {"zeta": 0.01}}, noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)

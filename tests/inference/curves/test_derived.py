@@ -82,7 +82,6 @@ def test_curves_are_quantiles_of_the_draws():
     result = curves_against_amplitude(motions(("viscous",), zeta=zeta), grid)
     expected = np.quantile(zeta.ravel()[::4] / W, [0.025, 0.5, 0.975])
     np.testing.assert_allclose(result["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
-    friction = curves_against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)["log_decrement"][
-        1
-    ]
+    curves = curves_against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)
+    friction = curves["log_decrement"][1]
     np.testing.assert_allclose(friction * grid, friction[0] * grid[0], rtol=1e-9)

@@ -30,6 +30,19 @@ FORMS: dict[str, Force] = {
 }
 
 
+def made(c: float, form: Force, times: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return a record without noise of viscous damping and so much of a form, and the share of the form in the loss."""
+    x, v = decay(lambda _, x, v: 2 * ZETA * v + c * form(x, v), times)
+    own = float(np.mean([c * form(*state) * state[1] for state in zip(x, v, strict=True)]))
+    return x, own / (own + float(np.mean(2 * ZETA * v * v)))
+
+
+def bounds_of(times: np.ndarray, y: np.ndarray) -> dict[str, float]:
+    signal = Signal(times, y)
+    comparison = compare_signal(signal, damping=["viscous"], restoring=["linear"], approximate=False)
+    return bound_other_forms(comparison, comparison.results[0], np.random.default_rng(0))
+
+
 @pytest.mark.parametrize("name", FORMS)
 def test_a_bound_holds_what_is_there(name: str) -> None:
     """A tenth of the loss in the middle of the record is of a form, and only viscous damping is fitted.
@@ -37,16 +50,8 @@ def test_a_bound_holds_what_is_there(name: str) -> None:
     The bound of that form is above the share that was put in and below three times of it, and that of every other
     form is a share.
     """
-    c = 0.1 / 0.9 * ZETA / W / LOST.get(name, LOST["coulomb"])
-    form = FORMS[name]
-    x, v = decay(lambda _, x, v: 2 * ZETA * v + c * form(x, v), TIMES)
-    y = x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size)
-    comparison = compare_signal(
-        Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False
-    )
-    bounds = bound_other_forms(comparison, comparison.results[0], np.random.default_rng(0))
-    own = float(np.mean([c * form(*state) * state[1] for state in zip(x, v, strict=True)]))
-    share = own / (own + float(np.mean(2 * ZETA * v * v)))
+    x, share = made(0.1 / 0.9 * ZETA / W / LOST.get(name, LOST["coulomb"]), FORMS[name], TIMES)
+    bounds = bounds_of(TIMES, x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size))
     assert share < bounds[name] < 3 * share
     assert set(bounds) == set(others()) - {"power"}
     assert all(0 < other <= 1 for other in bounds.values())
@@ -57,16 +62,7 @@ def test_bounds_hold_in_95_of_100() -> None:
 
     With the median instead of the 95 % point, 13 or more would hold in one run of 90.
     """
-    times, share = TIMES[::4], 0.03
-    c = share / (1 - share) * ZETA / W / LOST["cubic"]
-    x, v = decay(lambda _, __, v: 2 * ZETA * v + c * v**3, times)
-    lost = float(np.mean(c * v**4))
-    true = lost / (lost + float(np.mean(2 * ZETA * v * v)))
-    held = 0
-    for seed in range(16):
-        y = x + 0.01 * np.random.default_rng([8, seed]).standard_normal(times.size)
-        comparison = compare_signal(
-            Signal(times, y), damping=["viscous"], restoring=["linear"], approximate=False
-        )
-        held += bound_other_forms(comparison, comparison.results[0], np.random.default_rng(0))["cubic"] > true
-    assert held >= 13
+    times = TIMES[::4]
+    x, share = made(0.03 / 0.97 * ZETA / W / LOST["cubic"], FORMS["cubic"], times)
+    noises = (0.01 * np.random.default_rng([8, seed]).standard_normal(times.size) for seed in range(16))
+    assert sum(bounds_of(times, x + noise)["cubic"] > share for noise in noises) >= 13

@@ -75,6 +75,7 @@ def test_numbers_are_the_truth(comparison: ModelComparison) -> None:
         assert r.low < ratio(r.amplitude) < r.high
         assert not r.low < 1.1 * ratio(r.amplitude) < r.high  # control
         assert 0 < r.sd_noise < 0.05 * r.value
+        assert np.hypot(r.sd_noise, r.sd_law) == pytest.approx((r.high - r.low) / 3.92, rel=0.1)
     truth = {"zeta": ZETA, "mu_c": MU, "stiffness": W**2}
     for name, value in truth.items():
         assert found.coefficients[name].low < value < found.coefficients[name].high

@@ -39,14 +39,6 @@ def test_outliers_are_seen_and_count_for_little():
     assert own.high - own.low < 0.5 * (plain.high - plain.low)
 
 
-def test_gaussian_noise_stays_gaussian():
-    signal = bd.simulate({"viscous": 0.05}, "linear", seed=4, theta0=0.3, **MADE)
-    verdict, own = first_ratio(signal)
-    _, plain = first_ratio(signal, noise="gaussian")
-    assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
-    assert (own.value, own.low, own.high) == (plain.value, plain.low, plain.high)
-
-
 @pytest.mark.parametrize(("noise_time", "white"), [(None, True), (0.1, False)])
 def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: bool):
     """For four records each; with correlated noise, the control, the variance near the oscillation is larger."""

@@ -136,15 +136,18 @@ def test_combinations_are_drawn_by_their_probabilities() -> None:
     scores are those of the likeliest one."""
     whole, rng, gaps = deviating(3).target.deviation, np.random.default_rng(4), np.diff(TIMES)
     logs, r = np.zeros(2), np.zeros(TIMES.size)
-    for size in (0.5, 1.0, 2.0, 4.0):
+    found = set()
+    for size in (0.5, 1.0, 2.0, 4.0, 16.0):
         r = size * NOISE * whole.basis.sum(axis=1) - whole.shift
         normals = [stats.multivariate_normal(cov=covariance) for covariance in dense(whole)]
         logs = np.log([0.7, 0.3]) + [normal.logpdf(r + whole.shift) for normal in normals]
+        found.add(int(np.argmax(logs)))
         likeliest = whole.under(int(np.argmax(logs)))
         assert whole.whiten(r, gaps, {}) == pytest.approx(likeliest.whiten(r, gaps, {}), abs=1e-12)
         p = float(np.exp(logs[1] - logsumexp(logs)))
         share = np.mean([whole.combination_given(r, rng) for _ in range(1000)])
         assert abs(share - p) < 5 * np.sqrt(p * (1 - p) / 1000) + 1e-3
+    assert found == {0, 1}
 
 
 def test_a_mixture_has_no_density_of_single_samples() -> None:

@@ -85,6 +85,9 @@ def test_a_part_of_the_record():
         parts = [whole.on(slice(0, half)), whole.on(slice(half, None))]
         residuals = np.concatenate([p.residual(mode.z) for p in parts])
         np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
+        late, t, values = residuals[half:], whole.target.signal.t[half:], whole.target.noise_values(mode.z)
+        own = whole.target.noise_model.log_likelihood(late, np.diff(t), values)
+        assert parts[1].log_likelihood(mode.z) == pytest.approx(own, abs=1e-3)
         off = sum(p.log_likelihood(mode.z) for p in parts) - whole.log_likelihood(mode.z)
         assert abs(off) < MOST_CHANGE if independent else abs(off) > 1e-3
 

@@ -46,11 +46,9 @@ def test_against_the_reference(sampler, name):
 def test_the_running_estimates_of_the_filter_end_at_the_posterior():
     """Of a parameter that is hardly moved by the coefficients' end at zero. Later samples narrow the band, and it
     contains the end."""
-    posterior, reference = (
-        problems.posterior("viscous_coulomb", "kalman"),
-        problems.reference("viscous_coulomb"),
-    )
-    i, start = posterior.running.index("omega0"), reference["posterior"]["omega0"]
+    posterior = problems.posterior("viscous_coulomb", "kalman")
+    start = problems.reference("viscous_coulomb")["posterior"]["omega0"]
+    i = posterior.running.index("omega0")
     mean, sd = (posterior.arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
     assert mean[-1] == pytest.approx(start["mean"], abs=0.5 * start["sd"])
     assert sd[-1] == pytest.approx(start["sd"], rel=0.1)
@@ -62,10 +60,8 @@ def test_the_running_estimates_of_the_filter_end_at_the_posterior():
 def test_what_the_filter_refuses():
     kalman, touching = SAMPLERS.get("kalman"), problems.target("touching_zero")
     exact = replace(touching, known={**touching.known, "epsilon": 0.0})
-    for target, why in (
-        (problems.target("coulomb_correlated"), "independent, normal noise"),
-        (exact, "ε above 0"),
-    ):
+    correlated = problems.target("coulomb_correlated")
+    for target, why in ((correlated, "independent, normal noise"), (exact, "ε above 0")):
         with pytest.raises(Refusal, match=why):
             kalman.sample(target, problems.mode("touching_zero"), Settings())
 

@@ -16,10 +16,6 @@ from bayesdamp.priors import LogNormal
 from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems
 
-SAMPLER_NAMES = SAMPLERS.names()
-EACH = pytest.mark.parametrize("sampler", SAMPLER_NAMES)
-
-
 BARS = {"nuts": (0.05, 0.03)}
 """Largest departure from a reference by sampler: of a mean in sds, of an sd as a share."""
 WIDER = (0.1, 0.06)
@@ -71,7 +67,7 @@ def test_negative_control_half_the_noise():
     assert {"sd of zeta", "sd of theta0"} <= set(departures(posterior, name))
 
 
-@EACH
+@pytest.mark.parametrize("sampler", SAMPLERS.names())
 def test_contract(sampler):
     """Names, shapes, log likelihoods that belong to the draws, and the same draws again under the same seed."""
     plugin = SAMPLERS.get(sampler)
