@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.envelope.sums import Sum
 from bayesdamp.physics.amplitude import SUMS, DecayLaw, Scale, TabulatedLaw, decay, rates_per_unit
 from bayesdamp.physics.damping import TERMS
-
-T = np.linspace(0.0, 5.0, 101)
-RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
+from tests.physics.amplitude.test_laws import RATES, T, integrated
 
 
 def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
@@ -25,11 +22,10 @@ def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
 def test_the_paper_s_sums_decay_as_in_closed_form(terms):
     """Within what the cubics between nodes are off."""
     rates = np.array([RATES[term] for term in terms])
-    assert tabled(*terms).decay(T, 0.3, rates) == pytest.approx(decay(T, 0.3, terms, rates), abs=1e-7)
-    # Negative control: a rate that is a millionth larger is seen.
-    assert tabled(*terms).decay(T, 0.3, rates * (1 + 1e-5)) != pytest.approx(
-        decay(T, 0.3, terms, rates), abs=1e-7
-    )
+    truth = pytest.approx(decay(T, 0.3, terms, rates), abs=1e-7)
+    assert tabled(*terms).decay(T, 0.3, rates) == truth
+    # Negative control: a rate that is a hundred-thousandth larger is seen.
+    assert tabled(*terms).decay(T, 0.3, rates * (1 + 1e-5)) != truth
 
 
 @pytest.mark.parametrize(
@@ -42,9 +38,7 @@ def test_the_paper_s_sums_decay_as_in_closed_form(terms):
 def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
     law = tabled(*terms, scores=scores)
     rates = np.array(rates)
-    truth = solve_ivp(
-        lambda t, x: -law.rate(x, rates), (0.0, T[-1]), [0.3], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.05
-    ).y[0]
+    truth = integrated(lambda t, x: law.rate(x, rates), 0.3)
     x = law.decay(T, 0.3, rates)
     assert x == pytest.approx(truth, abs=1e-6)
     differences = DecayLaw.slopes(law, T, x, 0.3, rates, 1e-4)

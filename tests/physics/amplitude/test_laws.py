@@ -21,7 +21,7 @@ RATES = {"viscous": 0.4, "coulomb": 0.02, "quadratic": 0.3}
 
 def integrated(speed, x0: float) -> np.ndarray:
     return solve_ivp(
-        lambda t, x: -speed(t, x), (0.0, T[-1]), [x0], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.1
+        lambda t, x: -speed(t, x), (0.0, T[-1]), [x0], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.05
     ).y[0]
 
 
@@ -53,13 +53,11 @@ def test_a_power_law_decays_as_its_equation_says():
 def test_coefficients_are_those_of_the_equation_of_motion():
     """dA/dt of the averaged equation (Nayfeh & Mook 1979) at A = 0.2, ω = 7, from ζ, μc, μq and from rates at 0.2."""
     omega, amplitude, zeta, mu_c, mu_q = 7.0, 0.2, 0.05, 0.3, 0.4
-    losses = np.array(
-        [zeta * amplitude, 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)]
-    )
+    friction, drag = 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)
+    losses = np.array([zeta * amplitude, friction, drag])
     found = [coefficient_from_rate(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)]
     assert [name for name, _, _ in found] == ["zeta", "mu_c", "mu_q"]
     assert [float(value) for _, value, _ in found] == pytest.approx([zeta, mu_c, mu_q])
     free = [coefficient_from_rate(*pair, amplitude, None) for pair in zip(SUMS[-1], losses / amplitude)]
-    assert sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2))) == pytest.approx(
-        losses.sum()
-    )
+    total = sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2)))
+    assert total == pytest.approx(losses.sum())

@@ -10,7 +10,8 @@ import pytest
 from bayesdamp.inference.deviation.least_squares import SEARCHED
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
-from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from bayesdamp.physics.kernel.solve import PARAMETERS
+from tests.physics.kernel.test_march import central_difference
 
 TIMES = np.linspace(0.0, 12.0, 481)
 MOTION = {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": 0.02}
@@ -32,18 +33,12 @@ def worst(name: str, tolerance: float) -> float:
     made = Solver(("viscous", name), "linear", TIMES, "angle", a, w, epsilon, TIMES[::120])
     values = {n: OWN.get(n, 0.1) for n in made.names} | MOTION | {"zeta": 0.02}
     values[term.parameter] = SHARE * 2 * math.pi * w**2 * a**2 / term.work(a, w, values)
-    p, on = np.array([values[n] for n in made.names]), np.ones(2, bool)
-    found = made.solve(p, on, tangents=PARAMETERS, tolerance=tolerance)
+    p, none = np.array([values[n] for n in made.names]), np.zeros(made.knots.size)
+    found = made.solve(p, np.ones(2, bool), tangents=PARAMETERS, tolerance=tolerance)
     errors = []
     for parameter in (term.parameter, *(q.name for q in term.inferred if q.name != term.parameter)):
         i = made.names.index(parameter)
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = p.copy()
-            moved[i] += sign * 1e-4 * p[i]
-            end = made.solve(moved, on, tangents=NONE, tolerance=1e-12)
-            ends.append(end.y)
-        difference = (ends[0] - ends[1]) / (2e-4 * p[i])
+        difference = central_difference(made, p, i, 1e-4 * p[i], 1e-12, (none, none))
         errors.append(float(np.max(np.abs(found.tangents[:, i] - difference)) / np.max(np.abs(difference))))
     return max(errors)
 

@@ -13,7 +13,7 @@ from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES, Windows
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.physics.independent import LAWS, trajectory, with_coulomb
-from tests.physics.kernel.test_march import G, H
+from tests.physics.kernel.test_march import G, H, central_difference
 
 TIMES = np.linspace(0.0, 10.0, 1003)
 KNOTS = np.linspace(0.0, 10.0, 5)
@@ -99,20 +99,13 @@ def test_tangents_are_central_differences(terms: tuple[str, ...]) -> None:
     """By every parameter and knot, but at samples that a turning point passes between the two motions."""
     p = {**BASE, **STRIBECK, "zeta": 0.05, "mu_k": 0.1, "mu_c": 0.15, "omega0": 0.2}
     made = solver_of(terms)
-    values, on = np.array([p[name] for name in made.names]), np.ones(2, bool)
+    values = np.array([p[name] for name in made.names])
     motion = solved(made, p, G, H, ALL)
     turns = motion.times[:-1][np.diff(motion.times) == 0]
     apart = np.min(np.abs(TIMES[:, None] - turns), axis=1) > 2e-3
     assert turns.size > 8
     for i in range(values.size + G.size + H.size):
-        ends = []
-        for sign in (1.0, -1.0):
-            given = np.concatenate([values, G, H])
-            given[i] += sign * 1e-5
-            split = np.split(given, [values.size, values.size + G.size])
-            end = made.solve(split[0], on, split[1], split[2], NONE, tolerance=1e-13)
-            ends.append(end.y)
-        difference = (ends[0] - ends[1]) / 2e-5
+        difference = central_difference(made, values, i, 1e-5, 1e-13)
         error = np.abs(motion.tangents[:, i] - difference) / np.max(np.abs(difference))
         assert np.max(error[apart]) < 5e-6
 
