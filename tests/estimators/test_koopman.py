@@ -1,15 +1,24 @@
-"""Koopman: eigenvalues of the generator."""
+"""Koopman: eigenvalues of the generator, also of a record whose pieces have different intervals."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from tests.estimators.truths import damped_cosine, initial
 
 
-def test_the_generator_has_the_oscillators_eigenvalues():
-    """−ζ ± i√(k − ζ²) of a linear oscillator with k = 25 and ζ = 0.08. Control: those of another damping."""
-    details = initial("koopman", *damped_cosine()).details
+@pytest.mark.parametrize("every", [1, 3])
+def test_the_generator_has_the_oscillators_eigenvalues(every: int):
+    """−ζ ± i√(k − ζ²) of a linear oscillator with k = 25 and ζ = 0.08. Control: those of another damping.
+
+    For `every` = 3 only every third sample is left after a gap: the pieces have the same lag.
+    """
+    signal, problem = damped_cosine()
+    used = (signal.t < 4.0) | ((signal.t > 5.5) & (np.arange(signal.t.size) % every == 0)) | (every == 1)
+    details = initial("koopman", replace(signal, t=signal.t[used], y=signal.y[used]), problem).details
     values = np.array(details["generator_eigenvalues_re"]) + 1j * np.array(
         details["generator_eigenvalues_im"]
     )

@@ -119,14 +119,12 @@ def observe(
     form = law.linear_form(smoothed.everywhere[0], known)  # the same expansion for all pieces
     ends = np.cumsum([part.t.size for part in parts])[:-1]
     curves = np.column_stack([*smoothed.everywhere[:2], form.columns, form.offset])
-    before, after, forms, p, tau = [], [], [], len(library), 0.0
+    before, after, forms, p = [], [], [], len(library)
+    h = float(np.diff(parts[0].t).mean())  # the same interval, and so the same lag, for all pieces
+    step = max(1, round((lag or (STEP if smoothed.clean else NOISY_STEP)) * features.period / h))
     for part, piece in zip(parts, np.split(curves, ends)):
-        t, y, theta, omega, *of_law = to_even_clock(part.t, part.y, *piece.T)
-        h = float(t[1] - t[0])
+        t, y, theta, omega, *of_law = to_even_clock(part.t, h, part.y, *piece.T)
         g = np.column_stack([*(candidate.function(theta, omega) for candidate in library), *of_law])
-        periods = lag or (STEP if smoothed.clean else NOISY_STEP)
-        step = max(1, round(periods * features.period / h))
-        tau = step * h
         if smoothed.clean:
             edge = min(20, t.size // 10)
             g = g[edge : t.size - edge]
@@ -150,7 +148,7 @@ def observe(
     if not before:
         raise Refusal("the record is too short for pairs of states one lag apart")
     laws = np.vstack(forms)
-    return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], tau
+    return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], step * h
 
 
 def decompose(

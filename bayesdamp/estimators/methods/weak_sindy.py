@@ -159,12 +159,13 @@ def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float)
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:
         smoothed = motion(signal, problem, features)
-        t, y, theta, omega = to_even_clock(parts[0].t, parts[0].y, *smoothed.everywhere[:2])
-        return [Stretch(t[1] - t[0], y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
+        first, h = parts[0], float(np.diff(parts[0].t).mean())
+        t, y, theta, omega = to_even_clock(first.t, h, first.y, *smoothed.everywhere[:2])
+        return [Stretch(h, y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
     stretches = []
     for part in parts:
-        t, y = to_even_clock(part.t, part.y)
-        h = float(t[1] - t[0])
+        h = float(np.diff(part.t).mean())
+        t, y = to_even_clock(part.t, h, part.y)
         most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
         velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))
         stretches.append(Stretch(h, y, y, velocity @ y, velocity, 0))

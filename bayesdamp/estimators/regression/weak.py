@@ -43,12 +43,14 @@ class Stretch:
     order: int
 
 
-def to_even_clock(t: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return times and curves, (n,) each, on an even clock, by cubic interpolation if the times are uneven."""
-    gaps = np.diff(t)
-    if np.all(np.abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()):
+def to_even_clock(t: np.ndarray, h: float, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return times and curves, (n,) each, on an even clock of interval h (s).
+
+    They are interpolated (by cubic splines) if an interval of t differs from h by more than a thousandth.
+    """
+    if np.all(np.abs(np.diff(t) - h) <= 1e-3 * h):
         return (t, *curves)
-    even = np.linspace(t[0], t[-1], t.size)
+    even = t[0] + h * np.arange(int((t[-1] - t[0]) / h + 1e-6) + 1)
     return (even, *(np.asarray(make_interp_spline(t, curve, k=3)(even)) for curve in curves))
 
 
