@@ -45,6 +45,7 @@ from bayesdamp.interface.arguments import (
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
@@ -445,7 +446,7 @@ def fit_exact(
 def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
     """Choose the noise model by its evidence, and the width of friction if it is neither known nor inferred.
 
-    If the model has only one noise model, neither is chosen: notes and starts are then empty.
+    If there is nothing to choose, notes and starts are empty.
 
     Returns
     -------
@@ -464,7 +465,9 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
         If the model cannot be fitted to the record.
     """
     names = model.noises
-    if len(names) == 1:
+    has_friction = any(TERMS.get(t).switches for t in model.terms)
+    width_is_given = "epsilon" in {*model.known, *model.priors}
+    if len(names) == 1 and (width_is_given or not has_friction):
         return names[0], None, (), {}
     # Noise models without a parameter that the user specified are not compared.
     own = {n: set(NOISES.get(n).parameters) for n in names}

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import bayesdamp as bd
+from tests.estimators.truths import dry_friction
 from tests.interface.problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, not_refused, record
 
 
@@ -144,3 +145,16 @@ WRONG: dict[str, Callable[[], object]] = {
 
 def test_misuse_is_one_line() -> None:
     assert not_refused((call, line) for line, call in WRONG.items()) == []
+
+
+def test_the_width_of_friction_is_chosen_also_under_one_noise_model() -> None:
+    """Exact dry friction of 0.2 in closed form, with noise: the chosen width is far below 2 % of the peak velocity."""
+    clean, _ = dry_friction()
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(clean.t.size)
+    signal = bd.signal(clean.t, clean.y + noise, name="dry friction", cleaned=False)
+    known = {"stiffness": 25.0, "rest_angle": 0.0}
+    own = bd.fit(signal, bd.Model("coulomb", "linear", noise="gaussian", known=known))
+    assert any("was not given" in note for note in own.notes)
+    assert abs(own.values["mu_c"] - 0.2) < 4 * own.sd["mu_c"]
+    usual = bd.Model("coulomb", "linear", noise="gaussian", known={**known, "epsilon": 0.02 * 0.4 * 5.0})
+    assert bd.fit(signal, usual).log_posterior < own.log_posterior - 3

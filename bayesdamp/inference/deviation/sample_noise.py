@@ -30,9 +30,6 @@ LEAD_NATS = 5.0
 (conventional)."""
 AUTOREGRESSION_ORDER = 8
 """Order of the autoregression with which `predictable_nats` predicts residuals from those before (conventional)."""
-REFITS = 2
-"""Number of times that the noise model of a record that is reduced to amplitudes and phases is chosen; the second time
-for the residual under the first choice."""
 OSCILLATION_BAND = (0.3, 2.0)
 """Frequency band that counts as near the oscillation, in units of its frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
@@ -78,21 +75,21 @@ def prepare_for_noises(
     if data.averaged is None or tuple(names) == (GAUSSIAN,):
         return data
     t = np.asarray(signal.t, float)
-    for _ in range(REFITS):
-        residual = data.averaged.residual
-        used = np.arange(residual.size)
-        if used.size > MOST_SAMPLES:  # stretches along the record
-            firsts = np.linspace(0, used.size - MOST_SAMPLES // STRETCHES, STRETCHES).astype(int)
-            used = (firsts[:, None] + np.arange(MOST_SAMPLES // STRETCHES)).ravel()
-        record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
-        fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-        noise = _choose_noise(names, residual[used], fit_one)[0]
-        if noise.name in LEAST_SQUARES:
-            return replace(data, noise_model=noise)
-        data = prepare_data(signal, average, noise)
-        if data.averaged is None:
-            break
-    return data
+    used = np.arange(data.averaged.residual.size)
+    if used.size > MOST_SAMPLES:  # stretches along the record
+        firsts = np.linspace(0, used.size - MOST_SAMPLES // STRETCHES, STRETCHES).astype(int)
+        used = (firsts[:, None] + np.arange(MOST_SAMPLES // STRETCHES)).ravel()
+    record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
+    fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
+    noise = _choose_noise(names, data.averaged.residual[used], fit_one)[0]
+    if noise.name in LEAST_SQUARES:
+        return replace(data, noise_model=noise)
+    data = prepare_data(signal, average, noise)
+    if data.averaged is None:
+        return data
+    # Fit the parameters of the noise model again, to the residual under it.
+    fitted = fit_one(noise.name, data.averaged.residual[used])
+    return prepare_data(signal, average, replace(noise, fitted=fitted))
 
 
 def _choose_noise(
