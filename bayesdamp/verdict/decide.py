@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite, log
 
@@ -169,14 +169,16 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
     Each is returned as (term, twin, upper limit of the twin's energy fraction).
     """
     own = damping.split("+")
-    pairs = [
-        (term, twin) for term in own for twin in twins_of(term) if twin in findings.term and twin not in own
-    ]
     return tuple(
         (term, twin, findings.bound[twin])
-        for term, twin in pairs
+        for term, twin in twin_pairs(own, findings.term.keys() - set(own))
         if findings.bound.get(twin, 0.0) >= thresholds.TWIN
     )
+
+
+def twin_pairs(terms: Iterable[str], others: Container[str]) -> list[tuple[str, str]]:
+    """Return each of these terms with each of its twins that is among the others."""
+    return [(term, twin) for term in terms for twin in twins_of(term) if twin in others]
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:

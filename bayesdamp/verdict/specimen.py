@@ -13,11 +13,12 @@ from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
 from bayesdamp.priors import Prior
+from bayesdamp.types import NORMAL_95
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.decide import rivals_of
+from bayesdamp.verdict.decide import rivals_of, twin_pairs
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import named, sentence
+from bayesdamp.verdict.words import named, sentence, twin_remark
 
 SPREAD_VALUES = 400
 """Number of values of the spread between records in the quadrature of its posterior."""
@@ -60,7 +61,7 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
     if values.size == 1:
         v, s = float(values[0]), float(sds[0])
-        return PooledMean(v, s, 0.0, 0.0, 0.0, v - 1.96 * s, v + 1.96 * s)
+        return PooledMean(v, s, 0.0, 0.0, 0.0, v - NORMAL_95 * s, v + NORMAL_95 * s)
     scale = PRIOR_SCATTERS * max(float(np.std(values)), float(np.median(sds)))
     spreads = np.concatenate([[0.0], np.geomspace(1e-3, 20.0, SPREAD_VALUES - 1) * scale])
     precision = 1.0 / (sds**2 + spreads[:, None] ** 2)
@@ -137,7 +138,7 @@ def specimen(
     frequency = known[0] if known else None
     if known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
         p = pool_records(
-            np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known])
+            np.array([i.value for i in known]), np.array([(i.high - i.low) / (2 * NORMAL_95) for i in known])
         )
         frequency = Interval(p.mean, p.low, p.high, known[0].unit)
     verdict = replace(
@@ -161,8 +162,9 @@ def common_verdict(
 ) -> Verdict:
     """Return a specimen's verdict with the fields that are computed alike for motions and for envelopes.
 
-    It is decided by the probability and the grade alone. The grade and the deviations are the worst of the records, the
-    energy fractions and the noise medians over them.
+    It is decided by the probability, the grade and possible twins (see `decide`); a twin is possible if each record
+    allows it. The grade and the deviations are the worst of the records, the energy fractions and the noise medians
+    over them.
 
     Parameters
     ----------
@@ -183,17 +185,21 @@ def common_verdict(
         present = sum(p for sum_name, p in damping.items() if term in sum_name.split("+"))
         middle = float(np.median([s.share for s in each]))
         shares.append(Share(term, middle, min(s.low for s in each), max(s.high for s in each), present))
+    terms = first.split("+")
+    compared = {t for name in damping for t in name.split("+")} - set(terms)
+    limits = {pair: min(_limit(v, pair[1]) for v in own) for pair in twin_pairs(terms, compared)}
+    twins = {pair: limit for pair, limit in limits.items() if limit >= thresholds.TWIN}
     every = {**damping, **others}
     likeliest = max(every, key=every.__getitem__)
     alone = Counter(max(v.probabilities, key=v.probabilities.__getitem__) for v in own)
-    remarks: tuple[str, ...] = ()
+    remarks = tuple(twin_remark(*pair, limit, len(own)) for pair, limit in twins.items())
     if set(alone) != {likeliest}:
         counts = ", ".join(f"{named(n)} {count}" for n, count in alone.most_common())
-        remarks = (f"The most probable damping of each record by itself: {counts}.",)
+        remarks += (f"The most probable damping of each record by itself: {counts}.",)
     return Verdict(
         record=name,
         grade=grade,
-        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES,
+        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES and not twins,
         damping=first,
         probability=min(probability, thresholds.CAP),
         rivals=tuple(
@@ -286,6 +292,12 @@ def _ratios(
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
+
+
+def _limit(v: Verdict, term: str) -> float:
+    """Return the upper limit of a term's energy fraction in one record, as a term of its damping or another form."""
+    limits = {b.form: b.share_below for b in v.other_forms} | {s.term: s.high for s in v.energy}
+    return limits.get(term, 0.0)
 
 
 def _largest(intervals: Sequence[Interval | None]) -> Interval | None:

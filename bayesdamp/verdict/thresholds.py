@@ -59,6 +59,9 @@ TERM_SURE = 0.95
 """The sentence says that a term is sure if all sums with it together have at least this probability."""
 EXPONENT_NAMED = 0.3
 """The sentence names the law with an exponent only if half the exponent's 95 % interval is at most this."""
+EXPONENT_MARGIN = 0.02
+"""The interval of the exponent is widened by this at both ends before laws are sought whose exponents it contains
+(conventional)."""
 HARDLY_FALLS = 0.7
 """If the last amplitude is more than this fraction of the first, a remark says that damping models are hard to
 distinguish."""

@@ -289,25 +289,32 @@ def _law_quality(v: Verdict) -> str:
 def power_in_words(e: Interval, damping: str = "") -> str:
     """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
 
-    A law is named only if half the interval is at most `thresholds.EXPONENT_NAMED`, and the interval, widened by 0.02
-    at both ends, contains its exponent alone. If the verdict names another sum, `damping`, the text only says that the
-    exponent is near: friction and drag together may grow like viscous damping.
+    A law is named only if half the interval is at most `thresholds.EXPONENT_NAMED`, and the interval, widened by
+    `thresholds.EXPONENT_MARGIN` at both ends, contains its exponent alone. If the verdict names another sum, `damping`,
+    the text only says that the exponent is near: friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
     if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
         return grows
-    laws = [
-        (p, name)
-        for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
-        if e.low - 0.02 <= p <= e.high + 0.02
-    ]
+    low, high = e.low - thresholds.EXPONENT_MARGIN, e.high + thresholds.EXPONENT_MARGIN
+    laws = [(p, name) for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic")) if low <= p <= high]
     if len(laws) != 1:
         return grows
     power, name = laws[0]
     if damping in ("", name.lower()):
         return f"{grows}, which is {name}"
     return f"{grows}, near the v^{power} of {name} damping"
+
+
+def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
+    """Return the remark that a twin of a term is possible, with up to this fraction of the energy loss."""
+    what = "The record" if records == 1 else "No record"
+    can = "cannot distinguish" if records == 1 else "can distinguish"
+    return (
+        f"{what} {can} {words_of(term)} damping from {words_of(twin)}: both lose the same at every amplitude and "
+        f"differ only within a cycle. Up to {100 * share:.0f} % of the loss may be the other."
+    )
 
 
 def parameter_in_words(name: str) -> str:
@@ -346,12 +353,7 @@ def remarks(
     weighted = [(0.0, note) for note in notes]
     if not v.contradicted:
         for term, twin, share in twins:
-            text = (
-                f"The record cannot distinguish {words_of(term)} damping from {words_of(twin)}: both lose the same at "
-                f"every amplitude and differ only within a cycle. Up to {100 * share:.0f} % of the loss may be the "
-                "other."
-            )
-            weighted.append((0.9, text))
+            weighted.append((0.9, twin_remark(term, twin, share)))
         for name in findings.undetermined:
             text = f"The record does not determine the {_in_words(name)}; its interval is just the prior."
             weighted.append((0.6, text))

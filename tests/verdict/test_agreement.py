@@ -13,7 +13,9 @@ from bayesdamp.verdict.types import Verdict
 
 
 def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True) -> Verdict:
-    ratio = DampingRatio(0.1, "rad", value, 1e-4, 0.0, value - 1.96e-4, value + 1.96e-4)
+    ratio = DampingRatio(
+        0.1, "rad", value, 1e-4, 0.0, value - 1.959963984540054e-4, value + 1.959963984540054e-4
+    )
     return replace(Verdict("a", Grade.EXACT, decided, damping, 0.9), damping_ratio=(ratio,))
 
 
@@ -30,10 +32,10 @@ def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
 
 
 def test_intervals_are_confirmed_by_place_and_width() -> None:
-    low, high = 0.02 - 1.96e-4, 0.02 + 1.96e-4
+    low, high = 0.02 - 1.959963984540054e-4, 0.02 + 1.959963984540054e-4
     assert worst_agreement(verdict(), [(0.02, low, high)]).confirms
     moved = worst_agreement(verdict(), [(0.0203, low + 3e-4, high + 3e-4)])
-    wider = worst_agreement(verdict(), [(0.02, low - 1.96e-4, high + 1.96e-4)])
+    wider = worst_agreement(verdict(), [(0.02, low - 1.959963984540054e-4, high + 1.959963984540054e-4)])
     assert not moved.confirms
     assert not wider.confirms
     assert (moved.moved, wider.wider) == pytest.approx((3.0, 2.0))
@@ -49,7 +51,7 @@ def test_the_worst_amplitude_counts_and_an_interval_may_reach_zero() -> None:
     assert abs(worst_agreement(first, [(0.02, 0.012, 0.022)] * 3).wider - 0.5) < 1e-9
     moved = worst_agreement(first, [(0.02, 0.01, 0.03), (0.02, 0.0101, 0.03), (0.05, 0.04, 0.06)])
     assert (moved.amplitude, moved.confirms) == (0.03, False)
-    assert abs(moved.moved - 3 * 1.96) < 1e-9
+    assert abs(moved.moved - 3 * 1.959963984540054) < 1e-9
     assert agreement(first, replace(first, damping_ratio=())).moved == 0.0
 
 

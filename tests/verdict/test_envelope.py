@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
@@ -192,7 +193,7 @@ def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
     assert common.value == pytest.approx(np.exp(p.mean), rel=1e-9)
     assert common.sd_noise == pytest.approx(common.value * np.sum(sd**-2.0) ** -0.5, rel=1e-9)
     assert np.hypot(common.sd_noise, common.sd_law) == pytest.approx(common.value * p.sd, rel=1e-9)
-    assert (common.low, common.high) == pytest.approx(tuple(np.exp(p.mean + p.sd * np.array([-1.96, 1.96]))))
+    assert (common.low, common.high) == pytest.approx(tuple(np.exp(norm.interval(0.95, p.mean, p.sd))))
     assert (found.next_value.low, found.next_value.high) == pytest.approx((np.exp(p.low), np.exp(p.high)))
     middle = np.sum(x / sd**2) / np.sum(sd**-2.0)
     assert found.standardised == pytest.approx(np.sum(((x - middle) / sd) ** 2) / 2, rel=1e-9)

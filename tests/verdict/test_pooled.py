@@ -33,7 +33,7 @@ def test_one_value_has_no_spread() -> None:
     p = pool_records(np.array([2.0]), np.array([0.1]))
     assert (p.mean, p.sd, p.spread) == (2.0, 0.1, 0.0)
     assert (p.spread_low, p.spread_high) == (0.0, 0.0)
-    assert (p.low, p.high) == pytest.approx((2.0 - 0.196, 2.0 + 0.196))
+    assert (p.low, p.high) == pytest.approx((2.0 - 0.1959963984540054, 2.0 + 0.1959963984540054))
 
 
 VALUES, SDS = np.array([0.30, 0.36, 0.29, 0.45]), np.array([0.02, 0.03, 0.01, 0.05])

@@ -20,7 +20,7 @@ from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
+from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.specimen import RecordAnswer, pool_records, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
@@ -181,10 +181,26 @@ def test_ratios_are_given_at_amplitudes_that_all_records_have() -> None:
     assert middle == pytest.approx(np.sqrt(0.8 * AMPLITUDE.max() * AMPLITUDE.min()))
 
 
+def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
+    """As for one record; a single record that excludes the twin decides for all."""
+    structural = ("structural", "linear")
+    for limits, decided in [((0.6, 0.4), False), ((0.6, 0.05), True)]:
+        records = [answered(n, 0.01, {V: 0.0, structural: -8.0}) for n in "ab"]
+        bounds = [(Bound("structural", limit),) for limit in limits]
+        records = [
+            replace(r, verdict=replace(r.verdict, other_forms=bound))
+            for r, bound in zip(records, bounds, strict=True)
+        ]
+        verdict = specimen("rig", records)
+        assert verdict.decided is decided
+        remark = "No record can distinguish viscous damping from structural"
+        assert any(remark in r and "Up to 40 % of the loss" in r for r in verdict.remarks) is not decided
+
+
 def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
     """As numbers with the sds of their intervals; `pooled` has tests of its own."""
     one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
-    places, sd = [2.0, 2.3], 0.1 / 1.96
+    places, sd = [2.0, 2.3], 0.1 / 1.959963984540054
     second = replace(two, verdict=replace(two.verdict, frequency=Interval(2.3, 2.2, 2.4, "Hz")))
     expected = pool_records(np.array(places), np.full(2, sd))
     frequency = specimen("rig", [one, second]).frequency
