@@ -15,6 +15,8 @@ OK = "ok"
 """Outcome of a task that succeeded."""
 VERDICT_SCHEMA = 1
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
+NORMAL_95 = 1.959963984540054
+"""Half the width of the central 95 % interval of a normal distribution, in standard deviations."""
 LAW_MARK = "@"
 """Separator between damping sum and restoring law in the name of a candidate."""
 _OPTIONS = {"value": "angle", "channels": "channel"}

@@ -191,7 +191,7 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
         second = run_estimator(SECOND_ESTIMATOR, drawn.signal, problem, stages=["initial"], seed=0)
         more = [*first[:-1], *second]
         seeds |= {Seed(e.estimator, e.stage): e.values for e in more if e.values}
-        seeds[Seed("prior centre", drawn=True)] = {}
+        seeds[Seed("prior centre")] = {}
     return find_mode(drawn.target, seeds, noise_level=roughness), refined
 
 

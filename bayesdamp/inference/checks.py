@@ -30,7 +30,7 @@ from bayesdamp.inference.residual_tests import (
     orthonormal,
 )
 from bayesdamp.outcomes import P_LIMIT, FitStatus
-from bayesdamp.types import FitCheck, Forecast, PartialFit, Refusal
+from bayesdamp.types import NORMAL_95, FitCheck, Forecast, PartialFit, Refusal
 
 PREDICTIVE_DRAWS = 200
 """Number of posterior draws for the predictive check, and number of series of noise that they are compared with."""
@@ -39,8 +39,6 @@ FORECAST_DRAWS = 50
 With 50, the part of the predictive standard deviation that comes from the parameters is accurate to a tenth."""
 MOST_RESIDUALS = 2_000_000
 """Greatest number of residuals in memory at a time."""
-HALF_INTERVAL = 1.959963984540054
-"""Half-width of the central 95 % interval of a normal distribution, in standard deviations."""
 DIFFERENCE_STEP = 0.1
 """Step of finite differences of the residuals by a parameter, in posterior sds."""
 ZERO_SCORE = 1e-6
@@ -302,7 +300,7 @@ class Prediction:
     @property
     def coverage(self) -> float:
         """Fraction of the m samples inside their predictive 95 % intervals."""
-        return float(np.mean(np.abs(self.error) < HALF_INTERVAL * self.sd))
+        return float(np.mean(np.abs(self.error) < NORMAL_95 * self.sd))
 
 
 def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) -> Prediction:

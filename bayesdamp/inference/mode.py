@@ -22,7 +22,7 @@ from bayesdamp.numerics.levenberg_marquardt import (
 )
 from bayesdamp.numerics.orthant import log_probability
 from bayesdamp.priors import shared_precision
-from bayesdamp.types import Refusal, Seed
+from bayesdamp.types import NORMAL_95, Refusal, Seed
 
 LAST_STEP = 1e-3
 """A search ends if a step is shorter than this, in posterior sds, and gains less than its cube, in nats
@@ -48,8 +48,6 @@ FINER_FACTOR = 0.01
 NEGLIGIBLE_NATS = 15.0
 """Values of the common prior scale whose log evidence is this far below the best one (nats) are left out; together they
 add less than 1e-5."""
-HALF_INTERVAL = 1.959964
-"""Half-width of a normal's 95 % interval, in standard deviations."""
 
 
 def maximise_posterior(
@@ -455,7 +453,7 @@ def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, 
 
     Intervals of parameters with half-normal priors do not go below zero.
     """
-    low, high = z - HALF_INTERVAL * sd, z + HALF_INTERVAL * sd
+    low, high = z - NORMAL_95 * sd, z + NORMAL_95 * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)
     ends = target.values(low), target.values(high)
     return {n: (float(ends[0][n]), float(ends[1][n])) for n in target.names}

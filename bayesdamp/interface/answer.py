@@ -27,10 +27,10 @@ from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
+from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
 from bayesdamp.serial import split
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
-from bayesdamp.types import OK, InputError, Reference, Refusal, Signal
+from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, UsedWindow
@@ -306,12 +306,12 @@ def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeA
     except Refusal:
         return None
     at = curve.at(curve.times_of(np.array(amplitudes)))
-    half = TWO_SIDED * at.ratio_sd
+    half = NORMAL_95 * at.ratio_sd
     columns = np.column_stack([at.amplitude, at.ratio, at.ratio_sd, at.ratio - half, at.ratio + half])
     ratios = tuple(
         DampingRatio(a, signal.unit, r, sd, 0.0, low, high) for a, r, sd, low, high in columns.tolist()
     )
-    value, half = (float(v[-1]) / (2 * np.pi) for v in (at.frequency, TWO_SIDED * at.frequency_sd))
+    value, half = (float(v[-1]) / (2 * np.pi) for v in (at.frequency, NORMAL_95 * at.frequency_sd))
     frequency = FrequencyAt(float(at.amplitude[-1]), signal.unit, value, value - half, value + half)
     return LawFreeAt(ratios, frequency)
 
@@ -323,7 +323,7 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     ratio ζ, the angular frequency ω and the amplitude A.
     """
     at = amplitude_curves(signal)
-    order, half = np.argsort(at.amplitude), TWO_SIDED * at.ratio_sd
+    order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd
     lost = 2 * np.pi * (at.frequency * at.amplitude) ** 2
     arrays = {"free/amplitude": at.amplitude[order]}
     for end, values in (("", at.ratio), ("_low", at.ratio - half), ("_high", at.ratio + half)):

@@ -40,7 +40,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Storable
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import NORMAL_95, OK, InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.words import UNDETECTED_DEVIATION
 
@@ -61,8 +61,6 @@ PRECISION = 1e-6
 """Precision of a predicted motion, as a fraction of the record's range (conventional)."""
 PRINTED_TIMES = 8
 """Largest number of times in a printed prediction."""
-TWO_SIDED = 1.96
-"""Half width of a 95 % band in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,7 +92,7 @@ class Prediction(Result):
         """Plot the motion with its 95 % band, and return the axes."""
         ax = get_axes(ax)[0]
         order = np.argsort(self.t)
-        t, value, half = self.t[order], self.value[order], TWO_SIDED * self.sd[order]
+        t, value, half = self.t[order], self.value[order], NORMAL_95 * self.sd[order]
         ax.fill_between(t, value - half, value + half, color=FAINT, label="95 %")
         ax.plot(t, value, color=BLUE, lw=1.0, label="best fit")
         ax.set_xlabel("time / s")

@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import NORMAL_95, Refusal, Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, UsedWindow
 from bayesdamp.verdict.types import Verdict
@@ -16,8 +16,6 @@ from bayesdamp.verdict.words import sentence
 
 DERIVATIVES = {"angle": 0, "velocity": 1, "acceleration": 2}
 """Number of time derivatives of the displacement in each recorded quantity."""
-TWO_SIDED = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
@@ -51,7 +49,7 @@ def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
     if other is None or other.size < thresholds.OTHER_MOTION:
         return None
     own = other.modes
-    ratios, half = own.ratios, TWO_SIDED * own.errors / (2 * np.pi * own.frequencies)
+    ratios, half = own.ratios, NORMAL_95 * own.errors / (2 * np.pi * own.frequencies)
     scale = (2 * np.pi * own.frequencies) ** DERIVATIVES[signal.quantity]
     columns = np.column_stack(
         [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]

@@ -110,7 +110,10 @@ class Oscillator:
         return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON_STEPS)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
-        """Return the stable equilibrium nearest to `near`, in rad. Raises ValueError if there is none within 10 rad."""
+        """Return the stable equilibrium nearest to `near`, in rad.
+
+        Raises ValueError if there is none within `SEARCH_REACH`.
+        """
         return _equilibrium(
             self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
         )

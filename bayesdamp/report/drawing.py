@@ -72,9 +72,9 @@ DPI = 150
 
 
 def colour(model: str) -> str:
-    """Return the colour of a model; for sums of the three classical terms it depends on the damping sum only.
+    """Return the colour of a model, which depends on its damping sum only.
 
-    For any other sum it is one of `_OTHERS`, chosen by the whole name of the model.
+    For any other sum it is one of `_OTHERS`, chosen by the name of the sum.
     """
     return _look(model)[0]
 
@@ -86,8 +86,9 @@ def dash(model: str) -> str:
 
 def _look(model: str) -> tuple[str, str]:
     """Return the colour and the line style of a model, which are chosen as `colour` says."""
-    known = _MODELS.get(frozenset(candidate_parts(model)[0].split("+")))
-    return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")
+    damping = candidate_parts(model)[0]
+    known = _MODELS.get(frozenset(damping.split("+")))
+    return known or (_OTHERS[sum(damping.encode()) % len(_OTHERS)], ":")
 
 
 def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 
+from bayesdamp.types import NORMAL_95
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTHS_AGREE
 from bayesdamp.verdict.types import Verdict
-
-Z95 = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> li
     comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
         width = max(r.high - r.low, 1e-300)
-        moved = abs(value - r.value) * 2 * Z95 / width
+        moved = abs(value - r.value) * 2 * NORMAL_95 / width
         comparisons.append(RatioAgreement(r.amplitude, moved, (high - low) / width))
     return comparisons
 

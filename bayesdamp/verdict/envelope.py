@@ -36,7 +36,7 @@ from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient_from_rate, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
-from bayesdamp.types import InputError, Reference
+from bayesdamp.types import NORMAL_95, InputError, Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import interval_of, rivals_of
 from bayesdamp.verdict.parts import (
@@ -412,7 +412,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     value, unit = float(np.exp(p.mean)), values[0].unit
     alone = min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
     low, high, next_low, next_high = np.exp(
-        [p.mean - 1.96 * p.sd, p.mean + 1.96 * p.sd, p.low, p.high]
+        [p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd, p.low, p.high]
     ).tolist()
     between = value * float((p.sd**2 - alone**2) ** 0.5)
     common = MeasuredNumber(value, value * alone, between, low, high, unit)

@@ -40,7 +40,7 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Ratio, sum_probabilities
+from bayesdamp.types import NORMAL_95, Ratio, sum_probabilities
 
 SENSOR = 0.002
 """Relative standard deviation of every damping ratio from the sensor's linearity and clock (conventional); the draws
@@ -331,7 +331,7 @@ def _parameters(
     loose = [
         name
         for name in (*solver.names[: len(solver.terms)], *own)
-        if name in drawn and 1.96 * drawn[name].std() > LOOSE_INTERVAL * abs(drawn[name].mean())
+        if name in drawn and NORMAL_95 * drawn[name].std() > LOOSE_INTERVAL * abs(drawn[name].mean())
     ]
     inseparable = [
         (a, b)
@@ -352,7 +352,7 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 
     Widths are compared in scores.
     """
-    whole = 2.24 - 0.03 if prior.reflected else 2 * 1.96
+    whole = 2.24 - 0.03 if prior.reflected else 2 * NORMAL_95
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
 
 

@@ -59,7 +59,7 @@ class Importance(EvidenceMethod):
         y, log_weights = self._weights(target, mode, *chosen, rng, PILOT_DRAWS)
         evaluations = PILOT_DRAWS
         others = (
-            lambda: self._truncated(target, mode, *chosen),
+            lambda: self._truncated(target, mode, chosen[1]),
             lambda: None if (ridge := shear_of(target, mode)) is None else (chosen[0], ridge),
         )
         for other in others if mode.linear is None else ():
@@ -109,9 +109,7 @@ class Importance(EvidenceMethod):
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
-    def _truncated(
-        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
-    ) -> tuple[ReflectedT, Shear] | None:
+    def _truncated(target: Target, mode: Mode, shear: Shear) -> tuple[ReflectedT, Shear] | None:
         """Return a Student t with mean and 1.2 times the covariance of the truncated normal, and the same shear.
 
         The normal is that of `truncated_about`. None if no bound is near or the covariance is singular. (Near a bound,

@@ -24,7 +24,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.noise import group_by_size
 from bayesdamp.records.oscillation.spectrum import block_means
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import NORMAL_95, Refusal, Signal
 from bayesdamp.units import Unit
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
@@ -68,8 +68,6 @@ FREQUENCY_ERROR = 1.0
 """Relative systematic error of a frequency, in units of the squared damping ratio. The phase of a decaying sinusoid is
 slower than the natural frequency by 0.5 of this unit for viscous damping, and by 2 for dry friction, whose alternating
 offset 4 δ / π is in quadrature with the sinusoid and grows relative to it."""
-TWO_SIDED = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 DEGREE = 5
 """Highest degree of the polynomial of the log amplitude in time, from which the time of a given amplitude follows."""
 AVERAGING_ROUNDS = 2
@@ -481,7 +479,7 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         variance = (float(np.sum((aim - white @ c) ** 2)) + NOISE_WEIGHT) / (
             t.size - count - 1 + NOISE_WEIGHT
         )
-        wide = float(scipy.special.stdtrit(independent - count - 1 + NOISE_WEIGHT, 0.975)) / TWO_SIDED
+        wide = float(scipy.special.stdtrit(independent - count - 1 + NOISE_WEIGHT, 0.975)) / NORMAL_95
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
         fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
     logs = np.array([f[0] for f in fits])
@@ -527,7 +525,7 @@ def _smooth_power(
     free = x.size - 2
     wide = (
         float(scipy.special.stdtrit(free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT, 0.975))
-        / TWO_SIDED
+        / NORMAL_95
     )
     base_at = np.interp(at, x, base)
     curves = []
@@ -634,7 +632,7 @@ class FirstWords:
         span = f"({self.start:.4g} to {self.stop:.4g} s)"
         lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles {span}"
         at = [
-            f"{fmt.with_error(100 * d.ratio, 100 * TWO_SIDED * d.stderr)} % at {d.amplitude:.2g} {self.unit}"
+            f"{fmt.with_error(100 * d.ratio, 100 * NORMAL_95 * d.stderr)} % at {d.amplitude:.2g} {self.unit}"
             for d in self.damping
         ]
         ratio = f"the equivalent viscous damping ratio (95 %) is {fmt.listing(at)}"
@@ -668,7 +666,7 @@ def first_words(signal: Signal) -> FirstWords:
     damping = zip(at.amplitude[:3].tolist(), at.ratio[:3].tolist(), at.ratio_sd[:3].tolist(), strict=True)
     top, middle, least = (DampingAt(*values) for values in damping)
     frequency = float(at.frequency[3:].mean()) / (2 * np.pi)
-    half = TWO_SIDED * float(at.frequency_sd[3:].mean()) / (2 * np.pi)
+    half = NORMAL_95 * float(at.frequency_sd[3:].mean()) / (2 * np.pi)
     begin, half_window = signal.provenance.start, 0.5 * float(fit.windows.widths[-1])
     return FirstWords(
         frequency,

@@ -28,8 +28,8 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.store.contents import PosteriorContent
-from bayesdamp.types import OK, candidate_parts
-from bayesdamp.verdict.agreement import Z95, Agreement, agreement, worst_agreement
+from bayesdamp.types import NORMAL_95, OK, candidate_parts
+from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
@@ -318,7 +318,7 @@ class RecordChecks:
                     moved = (
                         abs(r["median"] - self.answer_coefficients[name].value)
                         * 2
-                        * Z95
+                        * NORMAL_95
                         / max(high - low, 1e-300)
                     )
                     if moved >= AGREEMENT_SDS:
