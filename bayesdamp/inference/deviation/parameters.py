@@ -114,7 +114,7 @@ class Parameters(Scores):
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (d,); in this class z itself."""
+        """Return the standard normal scores at coordinates z, both (..., d); in this class z itself."""
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
@@ -160,17 +160,16 @@ class StraightParameters(Parameters):
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where z has no such parameters."""
-        if z.ndim > 1:
-            return np.array([self.values(row) for row in z])
         p = super().values(z)
-        p[self.free[self.places]] = self._law_values(z[self.places])
+        p[..., self.free[self.places]] = self._law_values(z[..., self.places])
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the values of the parameters `at` for coordinates v, both (b,); NaN where v has no such values."""
-        natural = self.origin + self.inverse_jacobian @ (v - self.anchor)
-        values = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
-        return np.full(v.size, np.nan) if values is None else np.array([values[name] for name in self.at])
+        """Return the values of the parameters `at` for coordinates v, both (..., b); NaN where v has no such values."""
+        natural = self.origin + (v - self.anchor) @ self.inverse_jacobian.T
+        values = self.law.from_natural({name: natural[..., i] for i, name in enumerate(self.at)})
+        assert values is not None  # see `straighten_at`
+        return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Convert a Jacobian by the kernel's parameters, (n, k), to one by the coordinates z, (n, d)."""
@@ -179,13 +178,15 @@ class StraightParameters(Parameters):
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (d,); NaN where z has no such scores."""
+        """Return the standard normal scores at coordinates z, both (..., d); NaN where z has no such scores."""
         scores = z.copy()
-        scores[self.places] = self._law_scores(self._law_values(z[self.places]))
+        scores[..., self.places] = self._law_scores(z)
         return scores
 
-    def _law_scores(self, values: np.ndarray) -> list[float]:
-        return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
+    def _law_scores(self, z: np.ndarray) -> np.ndarray:
+        """Return the scores of the parameters `at`, (..., b), at coordinates z, (..., d)."""
+        values = self._law_values(z[..., self.places])
+        return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return `new` unchanged: these coordinates need no correction of a step."""
@@ -196,25 +197,20 @@ class StraightParameters(Parameters):
 
         Only the coordinates v count.
         """
-        return np.apply_along_axis(self._log_prior_ratio, -1, z)
-
-    def _log_prior_ratio(self, z: np.ndarray) -> float:
-        plain = np.array(self._law_scores(self._law_values(z[self.places])))
-        if not np.all(np.isfinite(plain)):
-            return -np.inf
-        rates = [float(self.priors[name].rate(score)) for name, score in zip(self.at, plain, strict=True)]
-        sign, log = np.linalg.slogdet(self.slopes(z) / np.array(rates)[:, None])
-        if not np.isfinite(log) or sign == 0:
-            return -np.inf
-        return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))
+        ratios, plain = np.full(z.shape[:-1], -np.inf), self._law_scores(z)
+        inside = np.all(np.isfinite(plain), axis=-1)
+        z, plain = z[inside], plain[inside]
+        rates = [self.priors[name].rate(plain[..., i]) for i, name in enumerate(self.at)]
+        log = np.linalg.slogdet(self.slopes(z) / np.stack(rates, axis=-1)[..., None])[1]
+        own = log - 0.5 * np.sum(plain**2, axis=-1) + 0.5 * np.sum(z[..., self.places] ** 2, axis=-1)
+        ratios[inside] = np.where(np.isfinite(own), own, -np.inf)
+        return ratios
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the parameters `at` by v, at coordinates z (d,): (b, b)."""
-        v = z[self.places]
-        slopes = np.empty((v.size, v.size))
-        for i, step in enumerate(DERIVATIVE_STEP * np.eye(v.size)):
-            slopes[:, i] = (self._law_values(v + step) - self._law_values(v - step)) / (2 * DERIVATIVE_STEP)
-        return slopes
+        """Return the derivatives of the parameters `at` by v, at coordinates z (..., d): (..., b, b)."""
+        v, steps = z[..., self.places], DERIVATIVE_STEP * np.eye(self.places.size)
+        changes = [self._law_values(v + step) - self._law_values(v - step) for step in steps]
+        return np.stack(changes, axis=-1) / (2 * DERIVATIVE_STEP)
 
 
 def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:

@@ -8,7 +8,9 @@ stiffness, gravity and spring angle is curved, and a linear model in the scores 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 from zlib import crc32
 
 import numpy as np
@@ -39,6 +41,7 @@ LARGEST_ERROR = 0.05
 parameter by more than this fraction of the parameter's sd."""
 TRIED_DRAWS = 4
 """Number of draws for which the error of motions is checked."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -68,18 +71,23 @@ class DrawSolver:
     tolerance: float = TOLERANCE
     correction: np.ndarray | float = 0.0
 
-    def at(self, row: np.ndarray) -> np.ndarray | None:
-        """Return the motion at the samples, (n,), for a row u = (scores, g, h), (K,), or scores alone, (d,).
+    def at_each(self, rows: np.ndarray, use: Callable[[np.ndarray | None], T]) -> list[T]:
+        """Apply `use` to the motion at the samples, (n,), of each row u = (scores, g, h), (K,), or scores alone, (d,).
 
-        None if the motion escapes or the scores have no finite parameters.
+        A motion is None if it escapes or the scores have no finite parameters. rows: (m, K) or (m, d).
         """
         d, n = self.parameters.free.size, self.solver.knots.size
-        p = self.parameters.values(row[:d])
-        if not np.all(np.isfinite(p)):
-            return None
-        g, h = (np.expm1(row[d : d + n]), row[d + n :]) if row.size > d else (None, None)
-        motion = self.solver.solve(p, self.active, g, h, NONE, tolerance=self.tolerance)
-        return None if motion is None else motion.y + self.correction
+        values, deviations = self.parameters.values(rows[:, :d]), rows[:, d:]
+        g, h = np.expm1(deviations[:, :n]), deviations[:, n:]
+
+        def at(i: int) -> T:
+            if not np.all(np.isfinite(values[i])):
+                return use(None)
+            own = (g[i], h[i]) if deviations.size else (None, None)
+            motion = self.solver.solve(values[i], self.active, *own, NONE, tolerance=self.tolerance)
+            return use(None if motion is None else motion.y + self.correction)
+
+        return at_once(at, range(len(rows)))
 
 
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
@@ -91,13 +99,13 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
-    rows = [start.middle, *start.scores(drawn)]
-    wanted = [usual.at(row) for row in rows]
+    rows = np.vstack([start.middle, start.scores(drawn)])
+    wanted = usual.at_each(rows, lambda y: y)
     if any(y is None for y in wanted):
         return usual
     for tolerance in LOOSER_TOLERANCES:
         looser = replace(usual, tolerance=tolerance)
-        motions = [looser.at(row) for row in rows]
+        motions = looser.at_each(rows, lambda y: y)
         errors = [np.inf if y is None else right - y for right, y in zip(wanted, motions, strict=True)]
         if all(float(np.linalg.norm(error - errors[0])) / sd < LARGEST_ERROR for error in errors[1:]):
             return replace(looser, correction=errors[0])
@@ -223,13 +231,12 @@ def sampled_result(
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)
 
-    def squares(row: np.ndarray) -> float:
-        motion = motions.at(row)
+    def squares(motion: np.ndarray | None) -> float:
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(w: np.ndarray) -> np.ndarray:
         """Return the log importance weights of draws w, (n, K), from the proposal `start`: (n,)."""
-        return start.log_ratio(w, np.array(at_once(squares, start.scores(w))), result.variance)
+        return start.log_ratio(w, np.array(motions.at_each(start.scores(w), squares)), result.variance)
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
     sampled = sample_posterior(ratio, start, draws=draws, seed=own_seed)
@@ -241,5 +248,5 @@ def sampled_result(
         accepted = np.log(rng.random(len(w))) < ratio(new) - sampled.log_ratios
         w = np.where(accepted[:, None], new, w)
     d, u = start.parameters.free.size, start.scores(w)
-    u[:, :d] = [start.parameters.plain(row) for row in u[:, :d]]
+    u[:, :d] = start.parameters.plain(u[:, :d])
     return replace(result, sampled=replace(sampled, draws=u))

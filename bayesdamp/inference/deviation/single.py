@@ -315,8 +315,8 @@ class Single:
             solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
         assert solver.kernel  # compile it before several threads need it
         none = np.full(solver.t.size, np.nan)
-        motions = at_once(DrawSolver(solver, fit.parameters, fit.active).at, u)
-        return np.stack([none if y is None else y for y in motions]) if len(u) else np.empty((0, none.size))
+        solve = DrawSolver(solver, fit.parameters, fit.active).at_each
+        return np.array(solve(u, lambda y: none if y is None else y)).reshape(len(u), none.size)
 
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
         """Predict the second half of the record from draws of scores, (n, d), for the first half.

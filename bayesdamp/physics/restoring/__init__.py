@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,8 +88,12 @@ class RestoringLaw(ABC):
         """
         return None
 
-    def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return the parameters from coordinates of `natural`; None if no valid parameters have these coordinates."""
+    def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return the parameters from coordinates of `natural`, which are numbers or arrays of one shape.
+
+        At least one parameter is NaN where no valid parameters have these coordinates. Return None if the law has no
+        such coordinates.
+        """
         return None
 
     def unit(self, parameter: str) -> str:

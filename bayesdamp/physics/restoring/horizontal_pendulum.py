@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -58,16 +59,15 @@ class HorizontalPendulum(RestoringLaw):
             "theta0": displacement,
         }
 
-    def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+    def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters from θ_e, γ, ω² and θ₀ − θ_e: k = ω² − γ sin θ_e, and θ_s from F(θ_e) = 0.
 
-        None if k ≤ 0.
+        k and θ_s are NaN where k would be ≤ 0.
         """
         rest, gravity = p["spring_angle"], p["gravity"]
-        k = p["stiffness"] - gravity * math.sin(rest)
-        if k <= 0:
-            return None
-        spring = rest - gravity * math.cos(rest) / k
+        k = p["stiffness"] - gravity * np.sin(rest)
+        k = np.where(k > 0, k, np.nan)
+        spring = rest - gravity * np.cos(rest) / k
         start = p.get("theta0", 0.0) + rest
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
