@@ -192,6 +192,11 @@ def rounded(percent: float) -> str:
     return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
 
 
+def percentage(fraction: float) -> str:
+    """Return a fraction in per cent with two significant digits, from 10 % on as an integer; without the sign %."""
+    return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else f"{100 * fraction:.2g}"
+
+
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
     """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 

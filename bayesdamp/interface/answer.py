@@ -27,6 +27,7 @@ from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
+from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
 from bayesdamp.serial import split
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
@@ -217,7 +218,8 @@ def answer(
     findings = compute_findings(comparison, wanted, sensor=sensor, seed=seed)
     first = signal.provenance.start
     averaging = comparison.averaging
-    own = [remark_on(signal), _noise_remark(comparison.noise), _phase_remark(comparison.data, first)]
+    unused = other_decays(signal.provenance.decays, first, first + float(signal.t[-1] - signal.t[0]))
+    own = [remark_on(signal), _noise_remark(comparison.noise), _phase_remark(comparison.data, first), unused]
     remarks = [*notes, *filter(None, own)]
     if damping:
         clear = {r.candidate.damping for r in comparison.results}
@@ -238,7 +240,7 @@ def answer(
         if findings.ratios
         else None,
     )
-    other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
+    other = no_free_decay(signal, no_law_fits=True) if verdict.law_free else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))
     arrays = dict(picture(comparison, findings))
@@ -372,9 +374,10 @@ def _noise_remark(noise: SampleNoise) -> str:
     """Return a sentence on the noise model; empty if the noise is Gaussian."""
     if noise.name == GAUSSIAN:
         return ""
-    if not np.isfinite(noise.ahead):
+    if np.isnan(noise.ahead):
         return f"The noise model is {noise.name}, as specified."
-    ahead = f"is {noise.ahead:.0f} nats ahead of Gaussian noise"
+    nats = f"{noise.ahead:.0f} nats" if np.isfinite(noise.ahead) else "far"
+    ahead = f"is {nats} ahead of Gaussian noise"
     match noise.name:
         case "student_t":
             freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"

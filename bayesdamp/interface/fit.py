@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, compact, data_frame, percentage
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
@@ -358,9 +358,9 @@ class Fit(Result, Storable):
         rows += [(n, "", compact(v, 6), "known", *empty) for n, v in self.known.items()]
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
-            f"No deviation of the {what} from its law is detected (95 %: below {100 * q.high:.2g} %)."
+            f"No deviation of the {what} from its law is detected (95 %: below {percentage(q.high)} %)."
             if q.value < UNDETECTED_DEVIATION
-            else f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
+            else f"The {what} follows its law within {percentage(q.value)} % (95 %: below {percentage(q.high)} %)."
             for what, q in both
             if q is not None
         )

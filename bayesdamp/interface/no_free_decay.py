@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.formatting import percentage
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
 from bayesdamp.types import NORMAL_95, Refusal, Signal
@@ -20,33 +21,37 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
 @once_per_record
-def _other_motion(signal: Signal, harmonics: bool) -> OtherMotion | None:
+def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
     """Return the motion of a signal that is not a free decay of one oscillator; None if it may be one.
 
-    Also None if it has no period. `harmonics` is as in `no_free_decay`.
+    Also None if it has no period. `no_law_fits` is as in `no_free_decay`.
     """
     try:
         period = features(signal).period
     except Refusal:
         return None
-    return find_other_motion(signal.t, signal.y, period, harmonics)
+    return find_other_motion(signal.t, signal.y, period, no_law_fits)
 
 
-def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
+def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be one.
 
-    It may be one if no other motion is found, or if its size is below `thresholds.OTHER_MOTION`.
+    It may be one if no other motion is found, or if its size is below `thresholds.OTHER_MOTION`: below
+    `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
 
     Parameters
     ----------
     signal
         The signal.
-    harmonics
-        Whether an oscillation at a multiple of the frequency counts as a second oscillation. It may also be a harmonic
-        of a nonlinear oscillator, so use True only if no law of one oscillator fits the record.
+    no_law_fits
+        Whether no law of one oscillator fits the record; then smaller and closer second oscillations count, and those
+        at a multiple of the frequency, which may also be harmonics of a nonlinear oscillator.
     """
-    other = _other_motion(signal, harmonics)
-    if other is None or other.size < thresholds.OTHER_MOTION:
+    other = _other_motion(signal, no_law_fits)
+    if other is None:
+        return None
+    small = no_law_fits and other.complete
+    if other.size < (thresholds.SMALL_OTHER_MOTION if small else thresholds.OTHER_MOTION):
         return None
     own = other.modes
     ratios, half = own.ratios, NORMAL_95 * own.errors / (2 * np.pi * own.frequencies)
@@ -83,4 +88,4 @@ def remark_on(signal: Signal) -> str:
     if other is None or len(other.modes.frequencies) < 2:
         return ""
     at = f"{other.modes.frequencies[1]:.4g} Hz"
-    return f"A second oscillation, at {at}, has {100 * other.size:.2g} % of the amplitude."
+    return f"A second oscillation, at {at}, has {percentage(other.size)} % of the amplitude."

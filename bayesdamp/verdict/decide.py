@@ -154,8 +154,10 @@ def decide(
         quantity=quantity,
         over_law=_over_law(findings, unit),
     )
-    if contradicted:  # energy, exponent and coefficients follow from the law that is contradicted
-        verdict = replace(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
+    if instead is not None:  # the energy of each term follows from the law
+        verdict = replace(verdict, energy=(), other_forms=())
+    if contradicted:
+        verdict = replace(verdict, exponent=None, unnamed=None, coefficients=())
     if off and by_law is not None and instead is None:
         notes = [*notes, frequency_remark(verdict, by_law)]
     reservations = remarks(verdict, findings, same, notes, twins)

@@ -41,6 +41,8 @@ amplitude (conventional: half)."""
 OTHER_MOTION = 0.05
 """Size of a second oscillation or of a growth, relative to the amplitude of the first oscillation, from which the
 record is not a free decay of one oscillator."""
+SMALL_OTHER_MOTION = 0.01
+"""As `OTHER_MOTION`, if no law fits the record but two oscillations explain it to its noise (conventional)."""
 REMARK = 0.01
 """There is a remark if the rms residual beyond the noise is at least this fraction of the amplitude."""
 EXTRAPOLATED = 0.005

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from bayesdamp.formatting import by_ten, digits, probability, with_interval
+from bayesdamp.formatting import by_ten, digits, percentage, probability, with_interval
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
@@ -68,12 +68,10 @@ def _answer(v: Verdict) -> str:
         left = f"which leaves {_amplitude_share(0.01 * v.unexplained_pct)} unexplained"
         misfits = [(v.unexplained_pct / (100 * thresholds.UNEXPLAINED), left)]
         if (i := v.deviation) is not None:
-            interval = f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
-            text = f"from which the damping deviates by {interval}"
+            text = f"from which the damping deviates by {_percentages(i)}"
             misfits.append((i.value / thresholds.DEVIATES, text))
         if (i := v.restoring_deviation) is not None:
-            interval = f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
-            text = f"while the restoring force deviates from its law by {interval}"
+            text = f"while the restoring force deviates from its law by {_percentages(i)}"
             misfits.append((i.low / thresholds.RESTORING_DEVIATES, text))
         _, misfit = max(misfits)
         measured = ", measured without a law of damping" if v.law_free else ""
@@ -96,6 +94,11 @@ def _answer(v: Verdict) -> str:
     sure = [words_of(s.term) for s in v.energy if s.probability >= thresholds.TERM_SURE]
     certain = f"; {' and '.join(sure)} {'is' if len(sure) == 1 else 'are'} sure" if sure else ""
     return f"{answer}; damping {dampings}{certain}{power}{_law_quality(v)}."
+
+
+def _percentages(i: Interval) -> str:
+    """Return an interval of a fraction as percentages, such as `26 % (18 to 34)`."""
+    return f"{percentage(i.value)} % ({percentage(i.low)} to {percentage(i.high)})"
 
 
 def _size(v: Verdict) -> str:
@@ -163,7 +166,7 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
         return (
             f"no decay is detected: it oscillates at {_frequency_of(first)} Hz with a constant amplitude of "
             f"{first.first:.3g} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
-            f"below {100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
+            f"below {percentage(limit)} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
         )
     if motion is MotionKind.EXCITED:
         return (
@@ -183,7 +186,7 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
             f"in addition to a decay at {_mode(decaying)}"
         )
     what = "two oscillations beat" if motion is MotionKind.BEATS else "it contains two modes"
-    share = f"{100 * max(second.first, second.last) / max(first.first, first.last):.2g} %"
+    share = f"{percentage(max(second.first, second.last) / max(first.first, first.last))} %"
     return f"{what}, at {_mode(first)} and at {_mode(second)}, the second with {share} of the amplitude of the first"
 
 
@@ -203,7 +206,7 @@ def _frequency_of(m: Oscillation) -> str:
 
 def _amplitude_share(share: float) -> str:
     """Return a fraction of the first amplitude as text, such as `2 % of the amplitude`."""
-    return f"{100 * share:.2g} % of the amplitude" if share < 1 else "more than the amplitude itself"
+    return f"{percentage(share)} % of the amplitude" if share < 1 else "more than the amplitude itself"
 
 
 def _capitalise(text: str) -> str:
@@ -246,7 +249,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     likely = [r for r in v.rivals if r.probability >= thresholds.NAMED]
     listed = {t for r in likely for t in r.damping.split("+")} | {s.term for s in stated}
     absent = ", ".join(
-        f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %"
+        f"{words_of(b.form)} {percentage(max(b.share_below, 0.01 * LEAST_BOUND))} %"
         for b in v.other_forms
         if b.form not in listed
     )
@@ -275,10 +278,10 @@ def _law_quality(v: Verdict) -> str:
         return ""
     d = v.deviation
     if v.grade is Grade.EXACT:
-        return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
+        return f"; the law holds within {percentage(max(d.high, 0.001))} %"
     if d.value < UNDETECTED_DEVIATION:
-        return f"; no deviation from the law is detected (95 %: below {100 * d.high:.2g} %)"
-    within = f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
+        return f"; no deviation from the law is detected (95 %: below {percentage(d.high)} %)"
+    within = f"; the law holds within {percentage(d.value)} % (95 %: below {percentage(d.high)} %)"
     o = v.over_law
     if o is None:
         return within
@@ -370,7 +373,7 @@ def remarks(
         text = f"{_capitalise(_amplitude_share(findings.unexplained))} is not explained by the law."
         weighted.append((findings.unexplained, text))
     if (drift := abs(findings.midline)) >= thresholds.MIDLINE:
-        text = f"The midline drifts by {100 * drift:.2g} % of the first amplitude over the record."
+        text = f"The midline drifts by {percentage(drift)} % of the first amplitude over the record."
         weighted.append((drift, text))
     fallen = findings.amplitudes[1] / findings.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:

@@ -18,7 +18,6 @@ from bayesdamp.config.compare import RecordOptions, comparison
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.plugins import read_modules, use_modules
-from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.oscillation.law_free import first_words
@@ -110,6 +109,8 @@ def compare(
     check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
     if out is not None:
         check_folder(out, "")
+    if quick and exact:
+        raise InputError("--quick leaves out what --exact adds; give only one of them")
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
     use_modules(plugins)  # they may contain readers
@@ -235,9 +236,5 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
             continue
         with suppress(Refusal):
             lines.append(f"{label}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
-            provenance = signal.provenance
-            start = provenance.start
-            others = other_decays(provenance.decays, start, start + float(signal.t[-1]))
-            lines += [f"{label}: {others}"] if others else []
     unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
     return [*lines, *(f"{name}: {unit}" for name in assumed)]

@@ -46,6 +46,8 @@ MIN_RISE = 0.05
 after the rise."""
 RISE_SIGMAS = 3.0
 """A rise counts if it exceeds this many standard deviations of a sample's noise."""
+MOST_MISFIT = 1.3
+"""Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
 """Number of successive periods whose ranges must all be larger, so that a rise counts."""
 GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
@@ -269,15 +271,18 @@ class OtherMotion:
     size
         For two modes, the largest amplitude of the second relative to that of the first; for "growing", the factor of
         growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
+    complete
+        Whether two modes explain the record to its noise.
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
     modes: Modes
     size: float
+    complete: bool = False
 
 
 def find_other_motion(
-    t: np.ndarray, y: np.ndarray, period: float, harmonics: bool = False
+    t: np.ndarray, y: np.ndarray, period: float, no_law_fits: bool = False
 ) -> OtherMotion | None:
     """Return the motion of a record that is not the free decay of one oscillator; None if it may be one.
 
@@ -291,16 +296,18 @@ def find_other_motion(
         Times in s and values, each (n,).
     period
         Approximate period of the oscillation, s.
-    harmonics
-        Whether to accept also a second mode whose frequency is a multiple of the first one's, or that soon decays.
+    no_law_fits
+        Whether no law of one oscillator fits the record. Then a second mode is also accepted whose frequency is a
+        multiple of the first one's, or that soon decays; and one that is close to the first one although the amplitude
+        never rises, if both together explain the record to its noise.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
         return None
-    return _other_by_modes(t, y, harmonics) or find_excited(t, y, period)
+    return _other_by_modes(t, y, no_law_fits) or find_excited(t, y, period)
 
 
-def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotion | None:
+def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMotion | None:
     """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay."""
     fits = damped_modes(t, y)
     single = next(fits, None)
@@ -317,7 +324,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
     two = next(fits, None)
     if two is None or two.left > (1 - MIN_EXPLAINED) or two.left > 0.5 * single.left:
         return None
-    if not harmonics and transient_duration(two, duration / 4):
+    if not no_law_fits and transient_duration(two, duration / 4):
         return None
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
@@ -330,8 +337,10 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
     slow = int(np.argmin(two.frequencies))
     if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
         return None  # a drift of the baseline
+    noise = float(np.std(y)) * two.left**0.5
+    complete = noise < MOST_MISFIT * roughness(t, y, 1 / f)
     if g / f - 1 < CLOSE_FREQUENCIES:
-        ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
+        ranges = _ranges(t, y, 1 / f)
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
         last = ranges[-(ranges.size // 3) :]
         levels = steady and last.size >= 3 * SUCCESSIVE_PERIODS
@@ -340,13 +349,13 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, harmonics: bool) -> OtherMotio
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
-        if relative_rise(ranges, noise) < MIN_RISE and not levels:
+        if relative_rise(ranges, noise) < MIN_RISE and not levels and not (no_law_fits and complete):
             return None
-        return OtherMotion("driven" if steady else "beats", two, size)
+        return OtherMotion("driven" if steady else "beats", two, size, complete)
     multiple = two.frequencies[1] / two.frequencies[0]
-    if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC_TOLERANCE * multiple:
+    if not no_law_fits and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC_TOLERANCE * multiple:
         return None
-    return OtherMotion("driven" if steady else "two modes", two, size)
+    return OtherMotion("driven" if steady else "two modes", two, size, complete)
 
 
 def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:

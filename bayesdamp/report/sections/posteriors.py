@@ -277,7 +277,9 @@ def _sentences(mode: ModeContent) -> list[str]:
         best = modes[1] if len(modes) > 1 else None
         depth = mode.log_posterior - best.log_posterior if best else math.nan
         share = (
-            f", has about {100 * best.share:.2g} % of the posterior," if best and best.share > 1e-3 else ""
+            f", has about {fmt.percentage(best.share)} % of the posterior,"
+            if best and best.share > 1e-3
+            else ""
         )
         sentences.append(
             f"{_starting_points(elsewhere)} ended in another maximum; the highest of these is {fmt.number(depth, 3)} "

@@ -36,10 +36,10 @@ class AskedSection(Section):
         forces = [f"{a['force']} ({words.model(term)})" for term, a in terms.items() if a.get("force")]
         rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]
         if forces and rests:
-            metres = " θ is the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
+            units = sorted({run.unit(s).base for s in run.signals}, reverse=True)
             sentences.append(
                 f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp consists of {fmt.listing(forces)} and "
-                f"F_rest is {fmt.listing(rests, 'or')}; θ in rad, time in s.{metres}"
+                f"F_rest is {fmt.listing(rests, 'or')}; θ in {' or '.join(units)}, time in s."
             )
         sentences += _systems(run)
         posterior = run.study.get("posterior") or {}
