@@ -197,6 +197,12 @@ def percentage(fraction: float) -> str:
     return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else f"{100 * fraction:.2g}"
 
 
+def time_span(start: float, stop: float) -> str:
+    """Return a range of times in s, such as `36000 to 36014.99 s`, accurate to a thousandth of its length or better."""
+    digits = max(0, 3 - math.floor(math.log10(stop - start))) if stop > start else 4
+    return f"{round(start, digits):.12g} to {round(stop, digits):.12g} s"
+
+
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
     """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 

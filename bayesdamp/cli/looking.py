@@ -11,7 +11,7 @@ import numpy as np
 from rich.text import Text
 
 from bayesdamp.cli.records import MAYBE_ENVELOPE, FileRecord
-from bayesdamp.formatting import Table
+from bayesdamp.formatting import Table, time_span
 from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import window_between
 from bayesdamp.records.files.contents import Contents
@@ -135,7 +135,7 @@ def view_envelope(
             else f"For Q: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
         ]
     y = level if record.logarithmic else np.array([record.amplitude(float(x))[0] for x in level])
-    what = f"{t.size} readings from {t[0]:.4g} to {t[-1]:.4g} s"
+    what = f"{t.size} readings from {time_span(t[0], t[-1])}"
     return RecordView(f"an envelope in {record.unit}", what, [*record.notes, *lines], (), t, y, inside)
 
 
@@ -180,5 +180,5 @@ def plot(
     if window:
         ruler = "".join("─" if edges[0] <= i <= edges[1] else " " for i in range(columns))
         text.append(f"{ruler}\n", "cyan")
-    text.append(f"{t[0]:.4g} s to {t[-1]:.4g} s, {y.min():.4g} to {y.max():.4g}")
+    text.append(f"{time_span(t[0], t[-1])}, {y.min():.4g} to {y.max():.4g}")
     return text

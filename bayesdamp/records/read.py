@@ -32,6 +32,10 @@ from bayesdamp.types import InputError, Provenance
 SLOWEST_RATE, FASTEST_RATE = 1e-9, 1e12
 """Smallest and largest sampling rate in Hz that is accepted (conventional)."""
 
+FAR = 10.0
+"""A number of nines counts as a mark of missing values if its distance from the median of all other values is more than
+this many times their range (conventional)."""
+
 FIRST_DATE = 1e4
 """Times in days from this number on are dates; times are then counted from midnight of the first day (conventional)."""
 
@@ -126,6 +130,8 @@ def read_records(
     if time_unit is not None and time_unit.lower() not in SECONDS:
         valid = "s, ms, us, ns, ps, min, h, d"
         raise file_error(path, f"unknown unit of time {time_unit[:20]!r}; valid are {valid}")
+    if path.suffix == ".toml":
+        raise file_error(path, "is a study, not a record; compute it with `bayesdamp study`")
     content = separate_clocks(read_contents(path))
     try:
         values = (*([value] if value is not None else []), *channels)
@@ -277,12 +283,23 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
 
 
 def _refuse_unusable(y: np.ndarray) -> None:
-    """Raise InputError for values that are too large, constant, or change too little to compute with."""
+    """Raise InputError for values that are too large, constant, or change too little to compute with.
+
+    Also for marks of missing values: a repeated number of nines, such as −9999, that is far from all other values.
+    """
     largest = float(np.abs(y).max())
     if largest > LARGEST_VALUE:
         raise InputError(
             f"the values go up to {largest:.3g}, which is not a measurement; is it the right column?"
         )
+    for mark in (float(y.min()), float(y.max())):
+        others = y[y != mark]
+        is_nines = set(f"{abs(mark):.12g}") <= {"9", "."}
+        if is_nines and y.size / 2 < others.size < y.size - 1 and _is_far(mark, others):
+            raise InputError(
+                f"{y.size - others.size} values are {mark:g}, far from all others; if they mark missing samples, "
+                "leave these cells empty"
+            )
     span = float(np.ptp(y))
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
@@ -290,6 +307,11 @@ def _refuse_unusable(y: np.ndarray) -> None:
         raise InputError(
             f"the values change by {span:.3g} at most, too little to compute with; give another unit"
         )
+
+
+def _is_far(value: float, others: np.ndarray) -> bool:
+    """Return whether a value is far from all others, (n,) (see `FAR`)."""
+    return abs(value - float(np.median(others))) > FAR * float(np.ptp(others)) > 0
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:

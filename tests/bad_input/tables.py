@@ -42,6 +42,24 @@ CELLS = [
 ]
 """One bad cell is reported with its line; a column of them is not taken for times."""
 
+MARKS = [
+    Case(
+        "missing values marked by nines",
+        LOOK,
+        write=partial(rows, y=lambda i: -9999 if i % 50 == 7 else Y[i]),
+        said="4 values are -9999, far from all others",
+    ),
+    Case(
+        "a single outlier of nines",
+        LOOK,
+        write=partial(rows, y=lambda i: -9999 if i == 7 else Y[i]),
+        said="no oscillation stands out",
+        ends=(READ,),
+    ),
+    Case("a study as a record", ("compare", "FILE"), "a.toml", text("[system]"), said="bayesdamp study"),
+    Case("quick and exact", ("compare", "FILE", "--quick", "--exact"), write=rows, said="only one of them"),
+]
+
 _LINES = [f"{t},{y}" for t, y in zip(T, Y)]
 TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "empty": (raw(b""), "is empty"),
@@ -94,4 +112,10 @@ MISSING = [
 ]  # fmt: skip
 """What says that a sample is missing is refused, with what to do; an empty cell is left out."""
 
-GROUPS = {"cells": CELLS, "missing samples": MISSING, "texts": WRONG, "wrong names": NAMES}
+GROUPS = {
+    "cells": CELLS,
+    "missing samples": MISSING,
+    "marks and others": MARKS,
+    "texts": WRONG,
+    "wrong names": NAMES,
+}

@@ -26,6 +26,13 @@ def test_a_number_has_four_digits():
     assert {value: fmt.number(value) for value in texts} == texts
 
 
+def test_percentages_and_times_have_no_exponent():
+    texts = {0.9987: "100", 0.0994: "9.9", 0.26: "26", 0.00123: "0.12"}
+    assert {value: fmt.percentage(value) for value in texts} == texts
+    assert fmt.time_span(36000.0, 36014.99) == "36000 to 36014.99 s"
+    assert fmt.time_span(0.001155, 14.25) == "0 to 14.25 s"
+
+
 def test_probabilities_are_never_rounded_to_certainty():
     assert fmt.probability(1.0) == "> 0.999"
     assert fmt.probability(0.0) == "< 0.001"

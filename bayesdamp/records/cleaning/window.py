@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import scipy  # loads its modules when they are used
 
+from bayesdamp.formatting import time_span
 from bayesdamp.records.cleaning.swings import (
     MAX_RISE,
     NOISE_ERRORS,
@@ -187,7 +188,7 @@ def free_decay(
         if share < MIN_POWER_SHARE:
             raise InputError(
                 f"its largest half cycles, near {times[loudest]:.4g} s, are not the decay of one oscillation; the "
-                f"decay from {times[a]:.4g} to {times[b - 1]:.4g} s has only {100 * share:.1g} % of the power; if "
+                f"decay from {time_span(times[a], times[b - 1])} has only {100 * share:.1g} % of the power; if "
                 "there are several modes, band-pass filter the record around one, else give start and stop",
                 name,
             )
@@ -335,7 +336,7 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
         return ""
-    spans = ", ".join(f"{d.start:.4g} to {d.stop:.4g} s" for d in others[:LISTED_DECAYS])
+    spans = ", ".join(time_span(d.start, d.stop) for d in others[:LISTED_DECAYS])
     more = len(others) - LISTED_DECAYS
     if len(others) == 1:
         return f"Another free decay is in the record and not used: {spans}; start and stop choose it."

@@ -629,8 +629,8 @@ class FirstWords:
         half = (self.frequency_high - self.frequency_low) / 2
         near = half < self.frequency
         frequency = fmt.with_error(self.frequency, half) if near else f"about {self.frequency:.2g}"
-        span = f"({self.start:.4g} to {self.stop:.4g} s)"
-        lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles {span}"
+        times = fmt.time_span(self.start, self.stop)
+        lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles ({times})"
         at = [
             f"{fmt.with_error(100 * d.ratio, 100 * NORMAL_95 * d.stderr)} % at {d.amplitude:.2g} {self.unit}"
             for d in self.damping
