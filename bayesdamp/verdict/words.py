@@ -268,7 +268,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     if shares:
         sentences.append(f"Energy lost: {shares}.")
     if absent:
-        sentences.append(f"Other damping terms can account for at most (95 %): {absent}.")
+        sentences.append(f"A damping term added to these would account for at most (95 %): {absent}.")
     return tuple(sentences)
 
 
