@@ -207,12 +207,12 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
     """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 
     unit: text after the value. scale: factor for the three numbers. If an end is not finite, the text is the value and
-    "within no bounds".
+    "interval unbounded".
     """
     if not math.isfinite(value):
         return NONE
     if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{value * scale:.3g}{unit}, within no bounds"
+        return f"{value * scale:.3g}{unit}, interval unbounded"
     width = (high - low) * scale
     shown = [digits(x * scale, width / 2) for x in (value, low, high)]
     return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"

@@ -81,7 +81,9 @@ class Generator:
                 escaped = fault
                 continue
             return DrawnRecord(truth, signal, replace(self.blank, signal=signal))
-        raise InputError(f"{self.model}: {MOST_ESCAPES} draws from the prior in a row, and {escaped}")
+        raise InputError(
+            f"{self.model}: none of {MOST_ESCAPES} draws from the prior gave a record; the last error: {escaped}"
+        )
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:

@@ -450,7 +450,10 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Choose the columns of values in each block; in several runs, use the columns that most runs would choose.
+    """Choose the columns of values in each block (one run of a file), and return one `RecordColumns` for each of them.
+
+    The records of all blocks are in one list, in the order of the blocks. If there are several runs, the columns that
+    most of them would choose are used in each run that has them.
 
     Raises InputError if several columns of a run are chosen and neither their unit nor the file shows that each is a
     record of its own.

@@ -112,7 +112,7 @@ class Genetic(Estimator[GeneticOptions]):
                 break
             people, misfit = _next_generation(people, genes, options, elite, rng), misfit[:elite]
         if not np.isfinite(best[-1]):
-            raise Refusal("every trajectory within the search range escapes")
+            raise Refusal("every trajectory within the search range is unbounded")
         values = genes.decode(np.array(leaders))
         course = {name: values[name] for name in genes.names}
         trace = {"best_misfit": np.array(best), "mean_misfit": np.array(mean), **course}

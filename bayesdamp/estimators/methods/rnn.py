@@ -235,7 +235,9 @@ class Simulator:
         pure = self.quadratures(centre + half * place)
         good = np.all(np.isfinite(pure), axis=(1, 2))
         if np.count_nonzero(good) < every // 2:
-            raise Refusal("the simulated trajectories escape: there is nothing to train on")
+            raise Refusal(
+                "most of the simulated trajectories are unbounded, so there are too few to train the network"
+            )
         # All copies of a record are on the same side, or the training would be stopped by records that it knows.
         last = COPIES * (np.count_nonzero(good) * records // every)
         place = np.repeat(place[good], COPIES)

@@ -122,17 +122,18 @@ def _choose_noise(
 
 @dataclass(frozen=True)
 class AdaptedData:
-    """A record that is adapted to a noise model, so that least squares are right under it.
+    """A record that is adapted to a noise model, so that a fit by least squares is also correct under this noise.
 
     Attributes
     ----------
     data : Data
-        The record, with working residuals in place of residuals (under Gaussian noise unchanged).
+        The record, whose values are replaced by the motion plus the working residuals; unchanged under Gaussian noise.
     noise : SampleNoise
         The noise model.
     variance : float
-        Variance of equivalent white noise for each value of the data, in the record's unit squared. Under Gaussian
-        noise it is only a lower bound: 0, or for correlated residuals that of the noise near the oscillation.
+        Variance of the equivalent white noise, the same for every value of `data`, in the record's unit squared. Under
+        Gaussian noise it is only a lower bound: 0, or for correlated residuals the variance of the noise near the
+        oscillation.
     """
 
     data: Data

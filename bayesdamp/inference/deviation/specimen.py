@@ -109,10 +109,18 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
 
 @dataclass(frozen=True)
 class OtherForm:
-    """The evidence of a rival on one record, under the best restoring law of that record.
+    """The evidence on one record of a rival: a damping sum with another form of damping than the compared sums.
 
-    log_evidence: relative to the best sum, in nats. place: the sum that the rival becomes in a limit of its own
-    parameters; empty if there is no such sum.
+    Attributes
+    ----------
+    damping : str
+        Name of the rival's damping sum.
+    restoring : str
+        The one restoring law under which it was evaluated: the most probable law of this record.
+    log_evidence : float
+        Its log evidence minus that of the best compared sum, in nats.
+    place : str
+        Name of the compared sum that the rival becomes in a limit of its own parameters; "" if there is none.
     """
 
     damping: str

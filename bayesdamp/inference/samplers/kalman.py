@@ -30,7 +30,7 @@ STORED_TIMES = 300
 
 @dataclass(frozen=True)
 class OnlineEstimates:
-    """Online estimates of the k scores that determine the motion.
+    """Online estimates of the k parameters that determine the motion, as scores (normalised, with normal priors).
 
     means, sds (n, k): of the scores after each sample; nan from where the filter diverged. covariance (k, k): of the
     scores after the last sample.
@@ -95,10 +95,18 @@ def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
 
 @dataclass(frozen=True)
 class LastPass:
-    """The last pass of the repeated filter.
+    """The last pass of the filter, which is repeated over the record until its final mean converges.
 
-    means (n, k), covariances (n, k, k): of the scores after each sample, without truncation at zero. final: the
-    distribution after the whole record. passes: number of passes.
+    It estimates the k parameters that determine the motion, as scores: normalised parameters with normal priors.
+
+    Attributes
+    ----------
+    means, covariances : ndarray, shapes (n, k) and (n, k, k)
+        Mean and covariance of the scores after each of the n samples of the record, without truncation at zero.
+    final : TruncatedNormal
+        Distribution of the scores after the last sample, truncated at zero.
+    passes : int
+        Number of passes until the final mean converged.
     """
 
     means: np.ndarray

@@ -148,7 +148,7 @@ def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> 
     weights = probabilities(by_method[method])
     weights |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.PRUNED}
     if len(weights) < len(models):
-        raise Refusal("not applicable: not every model has its evidence")
+        raise Refusal("not applicable: some models have no evidence")
     drawn: dict[str, Mapping[str, np.ndarray]] = {}
     for model in models:
         result = store.find(f"posterior/{record}/{model}/nuts")
@@ -165,7 +165,7 @@ def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> 
             drawn[model] = arrays
             from_weights.append(model)
     if not drawn:
-        raise Refusal("not applicable: no model has damping against amplitude")
+        raise Refusal("not applicable: no model has a damping curve")
     covered = sum(weights[m] for m in drawn)
     if covered < LEAST_COVERED:
         total = f"the models with draws have {covered:.2f} of the probability"

@@ -128,8 +128,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             )
     if is_auto and 0 < repeated_fraction < BURST_REPEATS:
         raise InputError(
-            f"the time {raw.t[first_repeat]:.10g} s repeats, as do {share} of the times, too few for bursts; correct "
-            'the file, or use the clock "uniform"',
+            f"the time {raw.t[first_repeat]:.10g} s repeats, as do {share} of the times; these are too few for bursts. "
+            'Correct the file, or use the clock "uniform"',
             name,
             _describe_row(raw, first_repeat),
             ["clock"],
@@ -138,8 +138,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     in_bursts = begins.size < raw.y.size
     if is_auto and in_bursts:
         raise InputError(
-            f'the time stamps come in bursts of about {raw.y.size / begins.size:.2g}: use the clock "uniform" if the '
-            'samples were taken evenly and only their stamps come late, "as_logged" if they were taken in bursts',
+            f'the time stamps come in bursts of about {raw.y.size / begins.size:.2g} samples: use the clock "uniform" '
+            'if the samples were taken evenly and only their stamps are late, "as_logged" if they were taken in bursts',
             name,
             arguments=["clock"],
         )
@@ -149,7 +149,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     if is_auto and largest_misfit > MOST_STEPS_OFF * float(np.median(gaps[gaps > 0])):
         raise InputError(
             f"{share} of the times repeat, but a uniform clock would be off by up to {largest_misfit:.3g} s; is there "
-            'a pause in the record? The clock "uniform" uses a uniform clock nevertheless',
+            'a pause in the record? To assume equal steps nevertheless, use the clock "uniform"',
             name,
             arguments=["clock"],
         )

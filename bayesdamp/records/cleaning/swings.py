@@ -383,7 +383,8 @@ class Series:
     grid, values
         Equally spaced times in s and values, each (m,).
     step, noise
-        Recording step, and standard deviation of the noise, in the unit of the values.
+        Resolution of the recorded values (smallest difference between two values), and standard deviation of the
+        noise, both in the unit of the values.
     """
 
     t: np.ndarray

@@ -241,7 +241,7 @@ class SeedsSection(SignalSection):
             "chain": lambda s: str(s[0]),
             "starting point": lambda s: _listing([s[1].seed]),
             "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
-            "sds after moving it": lambda s: fmt.number(s[1].distance, 2),
+            "sds from the mode after moving it": lambda s: fmt.number(s[1].distance, 2),
             "difference of its mean from that of all chains / sd": lambda s: fmt.fixed_decimals(
                 s[1].shift, 2
             ),

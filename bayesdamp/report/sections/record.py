@@ -222,7 +222,7 @@ class FitQualitySection(SignalSection):
             columns: dict[str, Callable[[AddedForm], str]] = {
                 "additional form": lambda form: form.words,
                 "ln Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
-                "probability, against none": lambda form: fmt.probability(
+                "probability at equal prior odds": lambda form: fmt.probability(
                     float(scipy.special.expit(form.log_bayes))
                 ),
             }

@@ -169,7 +169,9 @@ def test_stamps_in_bursts_without_repeats_are_for_the_user_to_judge():
     t = index / 16
     for short in (1e-3, 1e-2):
         raw = record(index // 8 / 2 + short * (index % 8), decay(t, zeta=0.1, w=7.0))
-        with pytest.raises(InputError, match='in bursts of about 8: use the clock "uniform" if') as caught:
+        with pytest.raises(
+            InputError, match='in bursts of about 8 samples: use the clock "uniform" if'
+        ) as caught:
             clean(raw, name="x")
         assert caught.value.arguments == ("clock",)
         rebuilt = clean(raw, name="x", clock="uniform").provenance.more
