@@ -8,6 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp.types import OK, Evidence
+
+
+def agrees(evidence: Evidence, area: float, most: float) -> bool:
+    """Return whether an evidence is trusted, its stated error is small, and the closed form is within four of them: a
+    false alarm in 16,000."""
+    within = abs(evidence.log_evidence - area) < 4 * evidence.stderr
+    return bool(evidence.outcome == OK and evidence.stderr < most and within)
+
 
 def near(curvature: Callable, reflected: np.ndarray) -> Any:
     """Return the density with this value, gradient and information in place of a record's."""

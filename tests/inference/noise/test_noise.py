@@ -128,24 +128,20 @@ def is_white(scores: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_whitened_noise_is_white(name):
-    """4,000 scores. Control: residuals divided by their sd alone are not."""
+def test_noise_is_drawn_and_whitened_to_white_noise(name):
+    """4,000 scores of noise from outside, and of a model's own; the latter, where it is rounded, by its variance with
+    Sheppard's correction. Control: residuals divided by their sd alone are not white."""
+    model, rng = NOISES.get(name), np.random.default_rng(6)
     many = drawn(name, np.random.default_rng(2), 40)
-    assert is_white(NOISES.get(name).whiten(many, GAPS, P))
+    own = np.array([model.draw(rng, GAPS, P) for _ in range(40)])
+    assert own.shape == many.shape
+    assert is_white(model.whiten(many, GAPS, P))
     if name in ("correlated", "student_t"):
         assert not is_white(NOISES.get("gaussian").whiten(many, GAPS, P))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_model_draws_its_own_noise(name):
-    """4,000 whitened draws are white; rounded ones are compared by their variance, with Sheppard's correction."""
-    model, rng = NOISES.get(name), np.random.default_rng(6)
-    many = np.array([model.draw(rng, GAPS, P) for _ in range(40)])
-    assert many.shape == (40, T.size)
     if name == "quantised":
-        assert np.var(many) == pytest.approx(P["noise_sd"] ** 2 + P["noise_step"] ** 2 / 12, rel=0.1)
+        assert np.var(own) == pytest.approx(P["noise_sd"] ** 2 + P["noise_step"] ** 2 / 12, rel=0.1)
     else:
-        assert is_white(model.whiten(many, GAPS, P))
+        assert is_white(model.whiten(own, GAPS, P))
 
 
 def test_correlated_residuals_given_all_others():
