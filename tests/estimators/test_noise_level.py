@@ -18,7 +18,6 @@ def noisy(samples: int, sd: np.ndarray | float) -> Signal:
 @pytest.mark.parametrize("samples", [600, 3 * NOISE_SAMPLES])
 def test_white_noise(samples):
     """A median of n values is within 1.2/√n of itself: four such here."""
-    assert noise_level(noisy(samples, 0.01)) == pytest.approx(
-        0.01, rel=5 / np.sqrt(min(samples, NOISE_SAMPLES))
-    )
+    within = 5 / np.sqrt(min(samples, NOISE_SAMPLES))
+    assert noise_level(noisy(samples, 0.01)) == pytest.approx(0.01, rel=within)
     assert noise_level(noisy(samples, 0.02)) != pytest.approx(0.01, rel=0.5)

@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.estimators import names_for_all, run
 from bayesdamp.types import Estimate, Problem, Signal, System
-from tests.physics.independent import trajectory, viscous, with_coulomb
+from tests.physics.independent import LAWS, trajectory, viscous, with_coulomb
 
 TERM = {"zeta": "viscous", "mu_c": "coulomb", "mu_q": "quadratic"}
 PAPER = ({"zeta": 0.05}, {"mu_c": 0.03}, {"mu_q": 0.05})
@@ -41,16 +41,12 @@ def pendulum(
 ) -> tuple[Signal, Problem]:
     """The paper's pendulum (γ = 1, θ_s = 0, θ̇0 = 0), and the problem of finding its damping."""
     t = np.linspace(0.0, 10.0, samples)
-    known = {"stiffness": k, "gravity": 1.0, "spring_angle": 0.0, "theta0": theta0, "omega0": 0.0}
-    known["epsilon"] = 0.1
+    known = {**LAWS["horizontal_pendulum"], "stiffness": k, "theta0": theta0}
     motion = trajectory("horizontal_pendulum", {**known, **damping}, t, longest=0.02)
     values = motion[:, ("angle", "velocity", "acceleration").index(quantity)]
     values = values + noise * np.random.default_rng(seed).normal(size=samples)
-    system = System(
-        "horizontal_pendulum",
-        {name: value for name, value in known.items() if name not in free},
-        dict.fromkeys(free),
-    )
+    given = {name: value for name, value in known.items() if name not in free}
+    system = System("horizontal_pendulum", given, dict.fromkeys(free))
     return Signal(t, values, quantity), Problem(model or tuple(TERM[name] for name in damping), system)
 
 
@@ -65,9 +61,8 @@ def dry_friction() -> tuple[Signal, Problem]:
     """Linear spring and exact dry friction of 0.2, in closed form: amplitude drops by 2μ/k each half-cycle."""
     t = np.linspace(0.0, 10.0, 3000)
     known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0, "epsilon": 0.0}
-    return Signal(t, with_coulomb({**known, "mu_c": 0.2}, t)[:, 0]), Problem(
-        ("coulomb",), System("linear", known)
-    )
+    y = with_coulomb({**known, "mu_c": 0.2}, t)[:, 0]
+    return Signal(t, y), Problem(("coulomb",), System("linear", known))
 
 
 def initial(

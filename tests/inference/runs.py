@@ -29,11 +29,8 @@ def run_of(
     at, information = np.asarray(place, float), np.linalg.inv(np.atleast_2d(covariance))
     logs = np.atleast_1d(np.asarray(log, float))
     count = logs.size
-    likelihood = DampingLikelihood(
-        logs - 0.5 * at @ information @ at,
-        np.tile(information @ at, (count, 1)),
-        np.tile(information, (count, 1, 1)),
-    )
+    log, slopes = logs - 0.5 * at @ information @ at, np.tile(information @ at, (count, 1))
+    likelihood = DampingLikelihood(log, slopes, np.tile(information, (count, 1, 1)))
     return RecordLikelihood(tuple(names), np.array([n not in shared for n in names]), at, likelihood)
 
 

@@ -45,10 +45,8 @@ def by_quadrature(mean: np.ndarray, r: float) -> float:
     at = int(np.argmax(values))
     top, centre = values[at], grid[::40][at]
     near = [p for p in (centre - 0.1, centre, centre + 0.1) if p > 0]
-    part = quad(
-        lambda y: np.exp(log_density(y) - top), max(centre - 12, 0), centre + 12, points=near, limit=400
-    )
-    return top + float(np.log(part[0]))
+    ends = max(centre - 12, 0), centre + 12
+    return top + float(np.log(quad(lambda y: np.exp(log_density(y) - top), *ends, points=near, limit=400)[0]))
 
 
 @pytest.mark.parametrize(
@@ -70,10 +68,8 @@ def rejected(rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, pla
 def apart(found: np.ndarray, truth: np.ndarray) -> float:
     """Least p-value of two-sample Kolmogorov–Smirnov tests of all coordinates and their sums in pairs."""
     rows, columns = np.triu_indices(found.shape[1])
-    return min(
-        float(ks_2samp(found[:, i] + found[:, j], truth[:, i] + truth[:, j]).pvalue)
-        for i, j in zip(rows, columns)
-    )
+    sums = ((x[:, rows] + x[:, columns]).T for x in (found, truth))
+    return min(float(ks_2samp(*pair).pvalue) for pair in zip(*sums, strict=True))
 
 
 @pytest.mark.parametrize("places", [[1], [0, 1, 3]])

@@ -78,17 +78,8 @@ def trajectory(
             return y[1]
 
         turns.terminal, turns.direction = True, -sign
-        run = solve_ivp(
-            slope,
-            (t, end),
-            (x, v),
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-13,
-            max_step=longest,
-            events=turns,
-            dense_output=True,
-        )
+        fine = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13, "max_step": longest}
+        run = solve_ivp(slope, (t, end), (x, v), events=turns, dense_output=True, **fine)
         inside = (times >= t) & (times <= run.t[-1])
         state = run.sol(times[inside]) if inside.any() else np.empty((2, 0))
         out[inside, :2] = state.T

@@ -22,13 +22,11 @@ from bayesdamp.inference.deviation.linear import (
 @pytest.mark.parametrize(("exact", "coarse"), [(False, True), (True, False)])
 def test_masses_sum_to_one(exact: bool, coarse: bool) -> None:
     grid = grid_of(5, exact=exact, coarse=coarse)
-    mass = np.exp(grid.log_prior)
+    mass, p = np.exp(grid.log_prior), 1.0 if exact else PROBABILITY_EXACT
     assert mass.sum() == pytest.approx(1.0, abs=1e-12)
-    assert mass[grid.size_g == 0].sum() == pytest.approx(1.0 if exact else PROBABILITY_EXACT)
-    assert mass[grid.size_h == 0].sum() == pytest.approx(1.0 if exact else PROBABILITY_EXACT)
-    assert mass[(grid.size_g == 0) & (grid.size_h == 0)].sum() == pytest.approx(
-        1.0 if exact else PROBABILITY_EXACT**2
-    )
+    assert mass[grid.size_g == 0].sum() == pytest.approx(p)
+    assert mass[grid.size_h == 0].sum() == pytest.approx(p)
+    assert mass[(grid.size_g == 0) & (grid.size_h == 0)].sum() == pytest.approx(p**2)
     assert grid.factors.shape == (mass.size, 10, 10)
 
 

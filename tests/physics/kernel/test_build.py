@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
+from subprocess import PIPE, Popen
 
 import pytest
 
@@ -25,18 +25,13 @@ print(sum(march.stats.cache_hits.values()), sum(march.stats.cache_misses.values(
 """
 
 
-def started(cache: Path) -> subprocess.Popen[str]:
-    env = {
-        **os.environ,
-        "BAYESDAMP_CACHE": str(cache),
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
-    }
-    return subprocess.Popen(
-        [sys.executable, "-c", SOLVE], env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+def started(cache: Path) -> Popen[str]:
+    paths = os.pathsep.join(filter(None, sys.path))
+    env = os.environ | {"BAYESDAMP_CACHE": str(cache), "PYTHONPATH": paths}
+    return Popen([sys.executable, "-c", SOLVE], env=env, text=True, stdout=PIPE, stderr=PIPE)
 
 
-def ended(process: subprocess.Popen[str]) -> tuple[float, tuple[int, int]]:
+def ended(process: Popen[str]) -> tuple[float, tuple[int, int]]:
     """The motion's last value, and how often the kernel was loaded and compiled."""
     said, faults = process.communicate(timeout=600)
     assert process.returncode == 0, faults
@@ -88,15 +83,10 @@ def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_warm_compiles_what_ships(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-    kept = build.kernel_of
-    monkeypatch.setattr(
-        "bayesdamp.physics.kernel.solve.kernel_of",
-        lambda terms, laws: asked.append((terms, laws)) or kept(terms, laws),
-    )
+    made, kernel = [], build.kernel_of(SHIPPED, SHIPPED_LAWS)
+    monkeypatch.setattr("bayesdamp.physics.kernel.solve.kernel_of", lambda *of: made.append(of) or kernel)
     warm()
-    assert asked == [(SHIPPED, SHIPPED_LAWS)]
-    kernel = build.kernel_of(SHIPPED, SHIPPED_LAWS)
+    assert made == [(SHIPPED, SHIPPED_LAWS)]
     assert len(kernel.march.signatures) == 1
     assert len(kernel.sums.signatures) == 1
 

@@ -124,9 +124,8 @@ def test_a_deviation_releases_a_body_that_is_held() -> None:
     def slope(t: float, y: np.ndarray) -> list[float]:
         return [y[1], 0.3 - (1 + 2 * np.interp(t, KNOTS, h)) * 20.0 * (y[0] - 0.05)]
 
-    truth = solve_ivp(
-        slope, (free, inside[-1]), (p["theta0"], 0.0), "DOP853", inside, rtol=1e-12, atol=1e-14, max_step=0.01
-    ).y[0]
+    fine = {"rtol": 1e-12, "atol": 1e-14, "max_step": 0.01}
+    truth = solve_ivp(slope, (free, inside[-1]), (p["theta0"], 0.0), "DOP853", inside, **fine).y[0]
     assert np.all(truth <= p["theta0"])
     assert np.all(motion.y[free > TIMES] == p["theta0"])
     assert np.max(np.abs(motion.y[np.isin(TIMES, inside)] - truth)) < 1e-9
