@@ -40,10 +40,8 @@ def test_least_squares_variants_are_four_honest_computations():
 
 def test_another_damping_is_no_good_fit():
     """Negative control: the right damping is a good fit of the same record."""
-    wrong, right = (
-        initial("least_squares", *pendulum({"mu_c": 0.06}, noise=0.003, model=model), stage="refined")
-        for model in (("viscous",), None)
-    )
+    records = (pendulum({"mu_c": 0.06}, noise=0.003, model=model) for model in (("viscous",), None))
+    wrong, right = (initial("least_squares", *record, stage="refined") for record in records)
     assert "the model is incomplete" in wrong.outcome
     assert wrong.values["zeta"] > 0
     assert right.outcome == "ok"

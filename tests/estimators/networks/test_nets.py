@@ -72,10 +72,8 @@ def test_sums_and_free_parameters_are_named(name):
 def test_pinn_negative_control_a_wrong_equation_of_motion_does_not_fit():
     signal, problem = pendulum({"zeta": 0.05}, samples=800)
     wrong = dataclasses.replace(problem.system, known={**problem.system.known, "stiffness": 22.0})
-    fits, misses = (
-        initial("pinn", signal, dataclasses.replace(problem, system=system), rounds=25).details
-        for system in (problem.system, wrong)
-    )
+    problems = (dataclasses.replace(problem, system=system) for system in (problem.system, wrong))
+    fits, misses = (initial("pinn", signal, of, rounds=25).details for of in problems)
     assert misses["data_rms"] > 10 * fits["data_rms"]
 
 

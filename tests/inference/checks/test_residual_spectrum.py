@@ -28,9 +28,8 @@ def white(seed: int) -> np.ndarray:
 def test_chances_are_those_of_white_noise() -> None:
     """1,000 series of noise after a fit, seeds fixed. Bonferroni's bound over four parts: at or below the nominal
     share, by at most three binomial standard deviations above it (two tests: 0.3 %), and not empty at a fifth."""
-    chances = np.array(
-        [find_spectral_line(T, fitted(white(s)), PERIOD, ABSORBED).chance for s in range(1000)]
-    )
+    noises = (fitted(white(seed)) for seed in range(1000))
+    chances = np.array([find_spectral_line(T, noise, PERIOD, ABSORBED).chance for noise in noises])
     for share in (0.01, 0.05):
         assert np.mean(chances < share) <= share + 3 * np.sqrt(share * (1 - share) / chances.size)
     assert np.mean(chances < 0.2) > 0.1

@@ -81,12 +81,9 @@ def test_the_answer_is_that_of_the_equation_of_motion() -> None:
 
 def test_the_check_finds_a_motion_that_is_not_corrected() -> None:
     few, _ = both()
-    spoilt = (
-        replace(r, solver=replace(r.solver, defect=None), linearisation=None, approximate_posterior=None)
-        for r in few.results
-    )
-    found = averaging_of(replace(few, results=tuple(spoilt)))
-    assert not found.close
+    lost = {"linearisation": None, "approximate_posterior": None}
+    spoilt = tuple(replace(r, solver=replace(r.solver, defect=None), **lost) for r in few.results)
+    assert not averaging_of(replace(few, results=spoilt)).close
 
 
 def test_few_cycles_and_a_known_start_are_left_to_the_equation_of_motion() -> None:
@@ -185,9 +182,8 @@ def test_phases_are_solved_to_a_tolerance_that_allows_for_their_scaling() -> Non
     at, active = np.array([p.get(n, 0.0) for n in solver.names]), np.arange(3) == 2
 
     def off(tolerance: float) -> float:
-        one, other = (
-            solver.solve(at, active, tangents=NONE, tolerance=x).y for x in (tolerance, 1e-2 * TOLERANCE)
-        )
+        each = (tolerance, 1e-2 * TOLERANCE)
+        one, other = (solver.solve(at, active, tangents=NONE, tolerance=x).y for x in each)
         return float(np.max(np.abs(one - other)) / data.averaged.noise)
 
     assert off(TOLERANCE) < MOST_SHIFT

@@ -43,9 +43,8 @@ def test_what_a_fit_took_is_given_back() -> None:
     for _ in range(60):
         noise = coloured(rng, t, 4.0)
         left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
-        found.append(
-            (inflation(t, left, W, columns.shape[1]), inflation(t, left, W, 0), inflation(t, noise, W, 0))
-        )
+        cases = (left, columns.shape[1]), (left, 0), (noise, 0)
+        found.append([inflation(t, values, W, taken) for values, taken in cases])
     given, ignored, whole = np.mean(found, axis=0)
     assert given == pytest.approx(whole, rel=0.1)
     assert ignored < 0.8 * whole

@@ -31,9 +31,7 @@ def test_a_pendulum_of_large_amplitude() -> None:
         return math.sqrt(2 * k * (math.cos(x) - math.cos(amplitude)))
 
     shapes = (lambda v: 2 * v, lambda v: 1.0, lambda v: v * v)
-    work = [
-        4 * quad(lambda phi, s=s: s(speed(phi)) * amplitude * math.cos(phi), 0, math.pi / 2)[0]
-        for s in shapes
-    ]
+    powers = (lambda phi, s=s: 4 * s(speed(phi)) * amplitude * math.cos(phi) for s in shapes)
+    work = [quad(power, 0, math.pi / 2)[0] for power in powers]
     assert works == pytest.approx(work, rel=1e-3)
     assert abs(works[0] * W / (4 * np.pi * orbit.energy) - 1) > 0.03  # control: not the small amplitude's

@@ -53,9 +53,8 @@ def test_terms_that_a_record_cannot_tell_are_said() -> None:
     osc, k = Oscillator(("power",), "linear"), 20.0
     p = {"c_power": 0.003, "exponent": 1.4, "stiffness": k, "rest_angle": 0.0, "theta0": 0.3}
     p |= {"omega0": 0.0, "epsilon": 0.001}
-    signal = simulate_signal(
-        osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=np.random.default_rng(1), name="weak"
-    )
+    rng = np.random.default_rng(1)
+    signal = simulate_signal(osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=rng)
     verdict = answer(signal, damping=["power"], restoring=["linear"]).verdict
     assert any("does not determine the exponent" in remark for remark in verdict.remarks)
     sure, *_ = found("cubic")
@@ -69,9 +68,7 @@ def test_damping_by_displacement_is_no_viscous_damping_where_the_zero_is_not_rec
     t = np.arange(150) / 20
     clean = (0.003 * pole * np.exp(pole * t)).real
     noise = 0.05 * np.abs(clean).max() * np.random.default_rng(50).standard_normal(t.size)
-    comparison = compare_signal(
-        Signal(t, clean + noise, quantity="velocity"), damping=["viscous", "displacement", "cubic"],
-        restoring=["linear"],
-    )  # fmt: skip
+    signal, asked = Signal(t, clean + noise, quantity="velocity"), ["viscous", "displacement", "cubic"]
+    comparison = compare_signal(signal, damping=asked, restoring=["linear"])
     assert [r.candidate.damping for r in comparison.results] == [("viscous",)]
     assert {c.damping for c in comparison.refused} == {("displacement",), ("cubic",)}

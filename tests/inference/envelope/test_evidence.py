@@ -85,8 +85,6 @@ def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
 def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
     ringdown = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
     truth = simulate(ringdown, np.random.default_rng(3))
-    here, other = (
-        analyse(make_record("x", truth.t * unit, truth.level, "dBm")).verdict.probabilities
-        for unit in (1.0, 2.0**13)
-    )
+    records = (make_record("x", truth.t * unit, truth.level, "dBm") for unit in (1.0, 2.0**13))
+    here, other = (analyse(record).verdict.probabilities for record in records)
     assert other == pytest.approx(here, abs=1e-6)

@@ -34,11 +34,9 @@ NOISE = 0.003
 @lru_cache
 def record(factor: float) -> Signal:
     """Damping and noise of so many times the size: the information of the record is the same."""
-    truth = {**KNOWN, "zeta": 0.04 * factor, "mu_c": 0.03 * factor}
-    return simulate_signal(
-        Oscillator(SUMS[-1], "linear"), truth, duration=8.0, samples=300, noise_sd=NOISE * factor,
-        rng=np.random.default_rng(3),
-    )  # fmt: skip
+    truth, osc = {**KNOWN, "zeta": 0.04 * factor, "mu_c": 0.03 * factor}, Oscillator(SUMS[-1], "linear")
+    noise = {"noise_sd": NOISE * factor, "rng": np.random.default_rng(3)}
+    return simulate_signal(osc, truth, duration=8.0, samples=300, **noise)
 
 
 @lru_cache

@@ -109,10 +109,9 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
     given = dict(zip(motion, (g.ravel() for g in grids)))
     still = np.zeros(count ** len(motion))
     motions = trajectories(given.get("zeta", still), given.get("mu_c", still))
-    square = np.sum((y - motions) ** 2, axis=-1).reshape(grids[0].shape)
-    square, sd = (
-        (square[..., None], axes["noise_sd"]) if "noise_sd" in ranges else (square, KNOWN["noise_sd"])
-    )
+    square, sd = np.sum((y - motions) ** 2, axis=-1).reshape(grids[0].shape), KNOWN["noise_sd"]
+    if "noise_sd" in ranges:
+        square, sd = square[..., None], axes["noise_sd"]
     logs = log_density(square, sd) + log_prior(case, axes)
     for i, (low, high) in enumerate(ranges.values()):
         along = np.log(0.5 * (high - low) * weights)

@@ -37,9 +37,8 @@ def test_working_residuals_lead_to_the_mode_of_the_density():
     def depth(c: np.ndarray) -> float:
         return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
 
-    best = optimize.minimize(
-        depth, [1.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}
-    ).x
+    fine = {"xatol": 1e-9, "fatol": 1e-9}
+    best = optimize.minimize(depth, [1.0, 0.5], method="Nelder-Mead", options=fine).x
     sd = 0.05 * np.sqrt(2 / T.size)
     assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
     assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
