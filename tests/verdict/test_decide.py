@@ -114,9 +114,8 @@ def test_decided() -> None:
         assert found.decided is outright
         assert found.damping == "viscous"
         assert found.sentence.startswith("Viscous damping") is outright
-        assert any("would be the most probable" in r for r in found.remarks) is (
-            exact is not None and not outright
-        )
+        another = any("would be the most probable" in remark for remark in found.remarks)
+        assert another is (exact is not None and not outright)
 
 
 def test_probabilities_of_measured_records_are_capped() -> None:

@@ -32,17 +32,14 @@ def faults(kind: Any, value: Any, at: str = "verdict") -> list[str]:
     if is_dataclass(one):
         hints = {f.name: get_type_hints(one)[f.name] for f in fields(one) if f.name != "provenance"}
         given = {k: v for k, v in value.items() if k != "schema"}
-        found = [f"{at}.{name}: {what}" for name, what in _apart(hints, given).items()]
-        return found + [
-            text for name in hints.keys() & given for text in faults(hints[name], given[name], f"{at}.{name}")
-        ]
+        found = [f"{at}.{name}: missing" for name in hints.keys() - given]
+        found += [f"{at}.{name}: unknown" for name in given.keys() - hints]
+        for name in hints.keys() & given:
+            found += faults(hints[name], given[name], f"{at}.{name}")
+        return found
     expected = {float: (int, float)}.get(one, str if issubclass(one, StrEnum) else one)
     right = isinstance(value, expected) and isinstance(value, bool) == (one is bool)
     return [] if right else [f"{at}: {value!r} is no {one.__name__}"]
-
-
-def _apart(hints: dict[str, Any], given: dict[str, Any]) -> dict[str, str]:
-    return dict.fromkeys(hints.keys() - given, "missing") | dict.fromkeys(given.keys() - hints, "unknown")
 
 
 @pytest.fixture(scope="module")

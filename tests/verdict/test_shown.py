@@ -10,45 +10,44 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bayesdamp.report.terminal import VerdictPrinter, print_verdict
+from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit
 
+SURE = Verdict("a", Grade.EXACT, True, "viscous", 0.99)
+
+
+def printed(*verdicts: Verdict) -> str:
+    console = Console(record=True, file=io.StringIO(), width=200)
+    show = VerdictPrinter(console)
+    for one in verdicts:
+        show(one)
+    return console.export_text()
+
 
 def test_a_verdict_is_a_table_in_a_notebook() -> None:
     ratio = DampingRatio(0.2, "rad", 0.01, 1e-4, 1e-4, 0.008, 0.0125)
-    shown = Verdict(
-        "a", Grade.EXACT, True, "viscous", 0.99, damping_ratio=(ratio,), sentence="Viscous & sure."
-    )
-    html = shown._repr_html_()
+    html = replace(SURE, damping_ratio=(ratio,), sentence="Viscous & sure.")._repr_html_()
     assert "Viscous &amp; sure." in html
     assert '<th class="t">amplitude</th><th>equivalent damping ratio (95 %)</th>' in html
     assert '<td class="t">0.2 rad</td><td>1.00 % (0.80 to 1.25)</td>' in html
 
 
 def test_a_field_with_a_label_is_on_the_terminal_and_in_the_table() -> None:
-    verdict = Verdict("a", Grade.EXACT, True, "viscous", 0.99, noise_pct=0.345)
-    console = Console(record=True, file=io.StringIO(), width=200)
-    print_verdict(verdict, console)
-    assert "Noise: 0.34 % of the first amplitude." in console.export_text()
+    verdict = replace(SURE, noise_pct=0.345)
+    assert "Noise: 0.34 % of the first amplitude." in printed(verdict)
     assert verdict.row()["noise_pct"] == 0.345
-    assert Verdict("a", Grade.EXACT, True, "viscous", 0.99).facts == {}  # control: not known, not shown
+    assert SURE.facts == {}  # control: not known, not shown
 
 
 def test_the_sampled_sentence_is_printed_too() -> None:
     """Once as it is, where sampling confirms the first answer; the numbers of the page are then on the terminal."""
-    first = Verdict("a", Grade.EXACT, True, "viscous", 0.99, sentence="The first one.")
-    console = Console(record=True, file=io.StringIO(), width=200)
-    show = VerdictPrinter(console)
-    show(first)
-    show(replace(first, sentence="The sampled one."))
-    shown = console.export_text()
-    assert shown.count("The first one.") == shown.count("The sampled one.") == 1
-    assert shown.index("Sampling (sequential Monte Carlo) confirms this result") < shown.index(
-        "The sampled one."
-    )
+    text = printed(*(replace(SURE, sentence=said) for said in ("The first one.", "The sampled one.")))
+    assert text.count("The first one.") == text.count("The sampled one.") == 1
+    confirmed = text.index("Sampling (sequential Monte Carlo) confirms this result")
+    assert confirmed < text.index("The sampled one.")
 
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:

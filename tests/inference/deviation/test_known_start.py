@@ -64,10 +64,8 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int) -> None:
     t = np.arange(7 * rate) * PERIOD / rate
     noise = NOISE * np.sqrt(rate / 70) * np.random.default_rng(5).standard_normal(t.size)
     signal = Signal(12.5 + t, trajectory(LAW, {**KNOWN, **TRUTHS[kind]}, t)[:, 0] + noise, name=kind)
-    verdict = answer(
-        signal, [AMPLITUDE], damping=list(TRUTHS), restoring=[LAW], known=KNOWN, deviation="none", measured=False,
-        sample=False,
-    ).verdict  # fmt: skip
+    asked = {"damping": list(TRUTHS), "restoring": [LAW], "known": KNOWN, "deviation": "none"}
+    verdict = answer(signal, [AMPLITUDE], **asked, measured=False, sample=False).verdict
     data = prepare_data(signal)
     assert (data.windows is not None) == (rate >= 160)
     assert data.times[0] == pytest.approx((data.thinned - 1) / 2 * PERIOD / rate)  # of the picture
