@@ -164,8 +164,11 @@ def _times_ten(power: int) -> str:
 
 
 def compact(value: float, digits: int = 4) -> str:
-    """Return a number with at most `digits` significant digits, as short as possible; a dash for NaN."""
-    return NONE if math.isnan(value) else f"{value:.{digits}g}"
+    """Return a number with at most `digits` significant digits, as short as possible; a dash for NaN.
+
+    A large number is written without an exponent up to 1e9.
+    """
+    return NONE if math.isnan(value) else f"{float(f'{value:.{digits}g}'):.9g}"
 
 
 MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6

@@ -229,7 +229,7 @@ def quality_of(r: DampingRatio) -> str:
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
     """Return a table of damping ratios against amplitude; `parts` adds the parts of their standard deviations."""
     columns: dict[str, Callable[[DampingRatio], str]] = {
-        "amplitude": lambda r: f"{r.amplitude:.3g} {r.unit}",
+        "amplitude": lambda r: f"{fmt.compact(r.amplitude, 3)} {r.unit}",
         "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
         "Q": quality_of,
     }

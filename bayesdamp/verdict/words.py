@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from bayesdamp.formatting import by_ten, digits, percentage, probability, with_interval
+from bayesdamp.formatting import by_ten, compact, digits, percentage, probability, with_interval
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
@@ -111,7 +111,7 @@ def _size(v: Verdict) -> str:
     if v.rate is not None:
         return f"decay rate {by_ten(with_interval(v.rate.value, v.rate.low, v.rate.high, ' ' + v.rate.unit))}"
     ratios = [
-        f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {r.amplitude:.2g} {r.unit}"
+        f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {compact(r.amplitude, 2)} {r.unit}"
         for r in v.damping_ratio
         if isfinite(r.value)
     ]
@@ -125,9 +125,9 @@ def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
     """Return the remark that the restoring law's frequency contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
-        f"The best restoring law, {_in_words(v.restoring)}, has {value} at {by_law.amplitude:.2g} {by_law.unit}, which "
-        "contradicts the measured frequency. The frequency given is the measured one, and it is not extrapolated "
-        "to small oscillations."
+        f"The best restoring law, {_in_words(v.restoring)}, has {value} at {compact(by_law.amplitude, 2)} "
+        f"{by_law.unit}, which contradicts the measured frequency. The frequency given is the measured one, and it "
+        "is not extrapolated to small oscillations."
     )
 
 
@@ -144,7 +144,7 @@ def _frequency(v: Verdict) -> str:
         return "" if natural is None else f", natural frequency {natural}"
     measured = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
     beyond = "" if natural is None else f" (extrapolated to small oscillations: {natural})"
-    return f", frequency {measured} at {at.amplitude:.2g} {at.unit}{beyond}"
+    return f", frequency {measured} at {compact(at.amplitude, 2)} {at.unit}{beyond}"
 
 
 def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
@@ -286,7 +286,7 @@ def _law_quality(v: Verdict) -> str:
     if o is None:
         return within
     times = with_interval(o.value, o.low, o.high)
-    return f"{within} but at {o.amplitude:.2g} {o.unit}, where the damping is {times} times the law's"
+    return f"{within} but at {compact(o.amplitude, 2)} {o.unit}, where the damping is {times} times the law's"
 
 
 def power_in_words(e: Interval, damping: str = "") -> str:

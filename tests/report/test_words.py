@@ -29,6 +29,7 @@ def test_a_number_has_four_digits():
 def test_percentages_and_times_have_no_exponent():
     texts = {0.9987: "100", 0.0994: "9.9", 0.26: "26", 0.00123: "0.12"}
     assert {value: fmt.percentage(value) for value in texts} == texts
+    assert [fmt.compact(x, 2) for x in (12744.5, 0.0000123, 2e10)] == ["13000", "1.2e-05", "2e+10"]
     assert fmt.time_span(36000.0, 36014.99) == "36000 to 36014.99 s"
     assert fmt.time_span(0.001155, 14.25) == "0 to 14.25 s"
 

@@ -632,7 +632,8 @@ class FirstWords:
         times = fmt.time_span(self.start, self.stop)
         lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles ({times})"
         at = [
-            f"{fmt.with_error(100 * d.ratio, 100 * NORMAL_95 * d.stderr)} % at {d.amplitude:.2g} {self.unit}"
+            f"{fmt.with_error(100 * d.ratio, 100 * NORMAL_95 * d.stderr)} % at {fmt.compact(d.amplitude, 2)} "
+            f"{self.unit}"
             for d in self.damping
         ]
         ratio = f"the equivalent viscous damping ratio (95 %) is {fmt.listing(at)}"

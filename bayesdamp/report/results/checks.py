@@ -245,7 +245,7 @@ class RecordChecks:
             """Return the damping ratio from the chains at the i-th amplitude, as text."""
             place = v.damping_ratio[i]
             size = fmt.with_interval(*ratios[i], " %", 100)
-            return f"{size} at {place.amplitude:.2g} {place.unit}"
+            return f"{size} at {fmt.compact(place.amplitude, 2)} {place.unit}"
 
         worst, middle = worst_agreement(v, ratios), ratio_at(len(ratios) // 2)
         if self.exact_only:
