@@ -115,11 +115,14 @@ class Kernels:
         variance = width**2 + tau**2
 
         def overlap(centre: float) -> np.ndarray:
-            """Return log ∫ K(θ) N(θ | m, τ) dθ over all θ up to a constant, for a normal density K about the centre."""
+            """Return log ∫ K(θ) N(θ | m, τ) dθ over all θ, in the shape of m, up to a constant.
+
+            K is the normal density with standard deviation `width` about the centre.
+            """
             return -0.5 * (m - centre) ** 2 / variance - 0.5 * np.log(variance)
 
         def inside(centre: float) -> np.ndarray:
-            """Return the log of the integral of `overlap` over θ ≥ 0 only."""
+            """Return the log of the integral in `overlap`, but over θ ≥ 0 only; in the shape of m."""
             top = (m * width**2 + centre * tau**2) / variance
             return overlap(centre) + scipy.special.log_ndtr(top * np.sqrt(variance) / (width * tau))
 

@@ -33,7 +33,7 @@ KINDS = get_args(get_args(GivenPrior)[0])
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that must be positive."""
 EPSILON = "epsilon"
-"""The width of friction, which may be zero (the sign function)."""
+"""Name of the parameter ε, the width of friction; a known value of it may be zero (the sign function)."""
 LARGEST_SENSOR = 0.5
 """Upper limit of a sensor's relative linearity error (conventional)."""
 

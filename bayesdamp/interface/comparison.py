@@ -110,7 +110,8 @@ class Comparison(Result):
     def law_curve(self) -> pd.DataFrame:
         """The damping ratio by amplitude from the damping laws, averaged by their probability, with 95 % intervals.
 
-        It has no rows if no law describes the record (`verdict.law_free`).
+        Columns: amplitude, ratio (equivalent damping ratio), ratio_low and ratio_high (ends of the interval), unit (of
+        the amplitude), record. It has no rows if no law describes the record (`verdict.law_free`).
         """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)

@@ -511,7 +511,7 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     posterior
         The draws with their summaries.
     u
-        Parameters and deviations of each draw, as in `Posterior`.
+        Parameters and deviations of each draw, shape (chain, draw, K), as in `Posterior`; empty if laws hold exactly.
 
     Raises
     ------

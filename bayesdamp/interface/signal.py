@@ -230,7 +230,7 @@ def signal(
 
 
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
-    """Find the free decay in a raw record, and return it together with the whole record.
+    """Find the free decay in a raw record, and return it as a signal.
 
     Parameters
     ----------
@@ -240,6 +240,11 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
         Name of the signal, unit of the raw values, and recorded quantity.
     **window
         Options clock, start and stop, as in `Record.signal`.
+
+    Returns
+    -------
+    Signal
+        The decay, in base units (rad, m or that of the sensor). Its `whole_t` and `whole_y` contain the whole record.
 
     Raises
     ------

@@ -157,7 +157,7 @@ class DecayLaw(ABC):
 
     @abstractmethod
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shapes s_i at x (n,), as an array (terms, n)."""
+        """Return the shape s_i(x) of each term at x = ln(A/A_ref), (n,), as an array (terms, n)."""
 
     @abstractmethod
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
@@ -188,11 +188,11 @@ class ClosedForm(DecayLaw):
     terms: tuple[str, ...]
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return exp((p_i - 1) x), shape (terms, n)."""
+        """Return exp((p_i - 1) x), shape (terms, n), at x = ln(A/A_ref), (n,); p_i is the power of A in term i."""
         return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t (s from the start), see the function `decay`."""
+        """Return x = ln(A/A_ref), (n,), at times t (s from the start), see the function `decay`."""
         return decay(t, x0, self.terms, rates)
 
 
@@ -210,7 +210,7 @@ class PowerLaw(DecayLaw):
         raise NotImplementedError
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t (s from the start), see `power_decay`."""
+        """Return x = ln(A/A_ref), (n,), at times t (s from the start), see `power_decay`."""
         return power_decay(t, x0, float(rates[0]), float(rates[1]))
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -240,7 +240,7 @@ class TabulatedLaw(DecayLaw):
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shapes s_i at x (n,), as an array (terms, n)."""
+        """Return the shape s_i(x) of each term at x = ln(A/A_ref), (n,), as an array (terms, n)."""
         return np.stack([shape(x) for shape in self.each])
 
     @cached_property

@@ -201,7 +201,11 @@ def _balance(
     given = {name: np.asarray(value)[:, None] for name, value in p.items()}
 
     def errors(x: np.ndarray) -> np.ndarray:
-        """Return the errors (..., m, k) of frequency and midline at values x, (..., m, k)."""
+        """Return the left minus the right sides (..., m, k) of the k equations of harmonic balance at x (..., m, k).
+
+        The unknowns are those in `names`: the stiffness, whose equation is that of the squared frequency, in (rad/s)²,
+        and the angle, whose equation is that of the mean force, in rad/s².
+        """
         force = law.force(rest + amplitude * wave, given | dict(zip(names, np.moveaxis(x, -1, 0)[..., None])))
         means = {"stiffness": 2 * np.mean(force * wave, axis=-1) / amplitude, angle: np.mean(force, axis=-1)}
         return np.stack([means[name] for name in names], axis=-1) - goal

@@ -286,6 +286,12 @@ def train(
         Largest relative change of a converged number.
     samples
         Number of samples with independent noise whose mean square misfit is the loss.
+
+    Returns
+    -------
+    Training
+        The unknowns after the last round, and the course of the training. If it did not converge within `rounds`, the
+        outcome says so.
     """
     course: list[Round] = []
     watched: list[np.ndarray] = []

@@ -332,7 +332,7 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
 def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
-    """Return the work of each of m terms in a cycle, divided by its coefficient and the inertia, (d, m).
+    """Return the energy that each of m terms dissipates in a cycle, per unit of its coefficient and of inertia, (d, m).
 
     further: rows of the terms' own parameters, (d, e). active: which terms act, (m,). epsilon: width of friction, by
     default that of the solver.
@@ -546,9 +546,10 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return the fraction of the energy loss that no sum explains, for about `count` draws of a candidate.
+    """Return, for each of about `count` draws of a candidate, the fraction of its energy loss that no sum explains.
 
-    It is empty if an amplitude has no orbit; draws that lose no energy are left out.
+    `amplitudes` are in rad or m. Draws that lose no energy are left out. The result is empty if there is no orbit at
+    one of the amplitudes.
     """
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))

@@ -43,10 +43,12 @@ NO_DEVIATION: Size = (0.0, 1.0, 0.0)
 class Grid:
     """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
 
+    g and h, at n knots each, are the deviations of the damping and of the frequency from their laws.
+
     Attributes
     ----------
     size_g, size_h : ndarray, shape (c,)
-        Sizes of g and h at each grid point.
+        Sizes (prior standard deviations, dimensionless) of g and h at each grid point.
     log_prior : ndarray, shape (c,)
         Log prior probability of each grid point.
     scales : ndarray, shape (c, 2n)
@@ -414,8 +416,8 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 class Normals:
     """Normal posteriors at c grid points, where each score has the prior N(0, 1) and may be negative.
 
-    log: log of (evidence · prior probability of the grid point), (c,). means (c, K), and factors of the covariances,
-    (c, K, K): of the scores alone, or of scores, g and h.
+    log: log of (evidence · prior probability of the grid point), (c,), in nats. means (c, K), and factors of the
+    covariances, (c, K, K): of the scores alone, or of scores, g and h.
     """
 
     log: np.ndarray

@@ -624,9 +624,10 @@ class _CandidateFits:
         return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
 
     def modes(self) -> dict[str, tuple[Linearisation, float]]:
-        """Return the `fullest` candidates linearised about their modes, and their noise variances, by restoring law.
+        """Linearise the `fullest` candidate of each restoring law about its mode.
 
-        Those that cannot be linearised are left out.
+        Return the linearised candidate and the variance of its noise, in the record's unit squared, by the name of the
+        law. Candidates that cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(

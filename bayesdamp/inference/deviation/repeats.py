@@ -199,8 +199,8 @@ class _Problem:
     def integrate_factors(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
         """Integrate out the factors of the records at grid points (b,) with spreads (b,), by Laplace's approximation.
 
-        Return log evidence (b,), means (b, k) and factors of covariances (b, k, k) of the scores z, under priors N(0,
-        1) that allow negative scores.
+        The spreads are the standard deviations s of the log factors η. Return log evidence (b,), means (b, k) and
+        Cholesky factors of the covariances (b, k, k) of the scores z, under priors N(0, 1) that allow negative scores.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)

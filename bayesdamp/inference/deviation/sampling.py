@@ -144,7 +144,7 @@ class LinearProposal:
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
+        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:

@@ -36,7 +36,8 @@ a and t (conventional)."""
 LEAST_COEFFICIENT = 1e-3
 """Smallest c, relative to its pivot, for which s is computed: below it s would overflow (conventional)."""
 MOVING_SDS = 3.0
-"""The mode of a coefficient is shifted with a only if it is this many posterior sds above zero (conventional)."""
+"""The mode of a coefficient is shifted with the score a of the sliced parameter only if it is more than this many
+posterior sds above zero (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ class SlicedProposal:
         return new
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
+        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:

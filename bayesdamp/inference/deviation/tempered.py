@@ -97,7 +97,7 @@ class Proposal(Protocol):
         ...
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return which draws (n, K) have no negative score where scores must not be negative, (n,)."""
+        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
         ...
 
 

@@ -281,7 +281,8 @@ def fit_candidate(
     fitted : EnvelopeCandidate, optional
         The same sum with other noises, whose fit is used instead of a new one.
     scores, log_share
-        Attributes of the result.
+        Scores of the terms' own parameters at which the sum is fitted, and the log fraction of the sum's evidence that
+        this point represents; stored in the result.
     begin : ndarray, optional
         Rates at which a new fit starts.
 

@@ -73,7 +73,10 @@ class Likelihood:
         return cls(target, target.all_values(z), tolerance, part, target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
-        """Return this likelihood with the common prior scale of coefficients fixed at one value, in scores."""
+        """Return this likelihood with the common prior scale of coefficients fixed at `scale` instead of averaged out.
+
+        scale: standard deviation of the scores of these coefficients.
+        """
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:

@@ -47,7 +47,7 @@ class Scores:
     known: Mapping[str, float]
     """Values of the parameters that are not inferred."""
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
-    """Values of the common prior scale of coefficients, in scores, all equally probable."""
+    """Possible values of the common prior scale (standard deviation of the coefficients' scores), equally probable."""
 
     @cached_property
     def reflected(self) -> np.ndarray:
@@ -152,7 +152,8 @@ class Target(Scores):
     known : mapping of str to float
         Values of the other parameters.
     scales : tuple of float
-        Values of the common scale of `SharedHalfNormal` priors, in scores, all equally probable.
+        Possible values of the common scale of `SharedHalfNormal` priors (the standard deviation of their scores), all
+        equally probable.
     deviation : Deviation or None
         Effect of deviations from the laws on the record; None under exact laws.
     """

@@ -33,7 +33,8 @@ LEAST_ACCEPTANCE = 0.5
 MOST_DIVERGENT = 0.002
 """Fraction of divergent transitions above which sampling is repeated; above 1 % the outcome reports them."""
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
-"""Factors of the step that are tried with the exact gradient."""
+"""If the draws are poor, sampling is repeated with the exact gradient and `LEAPFROG_STEP` times each of these factors,
+one after the other, until the draws are good (conventional)."""
 MOST_DRAWS_FACTOR = 3
 """Draws are added up to about this multiple of the requested number."""
 

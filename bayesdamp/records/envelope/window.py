@@ -437,7 +437,7 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
 
 
 def _straightest(levels: Levels) -> tuple[int, int]:
-    """Return the first and last block of the straightest descent.
+    """Return the indices of the first and the last block (both included) of the straightest descent.
 
     It has the largest fall minus `MISFIT_WEIGHT` times the misfit of a straight line. Levels are means of power,
     limited from below by the level at the end of the record, so that dips of the floor are not taken for a descent.

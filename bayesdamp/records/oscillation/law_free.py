@@ -183,8 +183,7 @@ def _fit_windows(
 
     crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
     noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies, (k,) each, of the windows
-    with enough samples. Raises Refusal if there are too
-    few.
+    with enough samples. Raises Refusal if there are too few.
     """
     width = periods * 2 * np.pi / pace
     begins = np.searchsorted(t, middles - 0.5 * width)

@@ -401,7 +401,10 @@ def _leave_out(squares: np.ndarray) -> np.ndarray:
 
 
 def _half_width(left: np.ndarray) -> float:
-    """Return the half width of a statistic's jackknife interval, from its values with each repeat left out, (n,)."""
+    """Return the half width of a statistic's jackknife interval (with probability `CONFIDENCE`), in its own unit.
+
+    left: the statistic with each of the n repeats left out in turn, (n,).
+    """
     n = left.size
     sd = math.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))
     return float(scipy.stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * sd

@@ -253,7 +253,10 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
 
 
 def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
-    """Return a table of the evidence from the first half of the record, and of how well it predicts the second half."""
+    """Return a table of the evidence from the first half of the record, and of how well it predicts the second half.
+
+    None if there are no results of the task `half`.
+    """
     halves = {
         m: HalfContent.of(task_result) for m, task_result in _cells(run, signal, models, "half").items()
     }
