@@ -58,7 +58,7 @@ def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, 
 
 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
-    """Return the two-sided tail probabilities of counts of n events with probability p.
+    """Return the two-sided tail probability of each count of n events with probability p; `counts` and `p` broadcast.
 
     A tail is twice the smaller of P(X ≤ count) and P(X ≥ count).
     """

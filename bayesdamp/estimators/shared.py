@@ -464,7 +464,7 @@ def integrate(
 def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
     """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first.
 
-    With fewer than four turning points it is the mean of y.
+    With fewer than four turning points the only coefficient is the mean of y.
     """
     turns = turning_points(t, y, period)
     if turns.times.size < 4:

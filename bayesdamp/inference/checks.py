@@ -258,7 +258,9 @@ def _fit_windows(
 def _fit_window(
     likelihood: Likelihood, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
 ) -> tuple[PartialFit, np.ndarray]:
-    """Return the fit of a window, and the Cholesky factor of the covariance of its scores.
+    """Return the fit of a window (start to stop), and the Cholesky factor of the covariance of its scores, (d, d).
+
+    z, information: the scores at the best fit, (d,), and the information matrix there, (d, d).
 
     Without a positive definite information matrix the factor, the sds and the evidence are nan.
     """

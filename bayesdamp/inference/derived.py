@@ -77,18 +77,18 @@ class Motions:
 
     @cached_property
     def _rest(self) -> np.ndarray:
-        """Equilibria for all draws, in rad or m."""
+        """Equilibrium of each draw in rad or m, in the shape of the draws."""
         return rest_position(self.osc, self._numbers, self.near)
 
     @cached_property
     def frequency(self) -> np.ndarray:
-        """The natural frequency ω_n in rad/s; nan without a stable equilibrium."""
+        """The natural frequency ω_n of each draw in rad/s; nan without a stable equilibrium."""
         with np.errstate(invalid="ignore"):
             return np.sqrt(self.osc.law.slope(self._rest, self._numbers))
 
     @cached_property
     def damping_ratio(self) -> np.ndarray | None:
-        """The damping ratio F′_damp/(2ω_n) at the equilibrium; None if no damping term is linear there."""
+        """The damping ratio F′_damp/(2ω_n) of each draw at the equilibrium; None if no damping term is linear there."""
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
             return None
@@ -113,9 +113,10 @@ class Motions:
 
     @property
     def half_life(self) -> np.ndarray:
-        """The half-life in s: ∫ T/δ d ln A from half of the reference amplitude to it, by Gauss–Legendre quadrature.
+        """The half-life of each draw in s: the time in which the amplitude falls from the reference to half of it.
 
-        T is the period and δ the logarithmic decrement at amplitude A.
+        It is ∫ T/δ d ln A over this range, by Gauss–Legendre quadrature. T is the period and δ the logarithmic
+        decrement at amplitude A.
         """
         time = np.zeros(self.shape)
         for x, w in zip(*_HALVING, strict=True):
@@ -220,10 +221,10 @@ def curves_against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
-    """Return the equivalent damping ratio ΔE/(4πE) of a cycle for all draws."""
+    """Return the equivalent damping ratio ΔE/(4πE) of the cycle of each draw."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 
 def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
-    """Return the logarithmic decrement ΔE/(A dE/dA) of a cycle at amplitude A for all draws."""
+    """Return the logarithmic decrement ΔE/(A dE/dA) of the cycle of each draw at amplitude A (rad or m)."""
     return np.asarray(at.energy_lost / (amplitude * at.energy_slope))

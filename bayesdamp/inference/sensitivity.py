@@ -291,7 +291,7 @@ def density_at_zero(
     c = np.zeros(POLYNOMIAL_DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log ∫ exp(c·basis) over [0, 1], and mean and covariance of the basis under this density."""
+        """Return log ∫ exp(c·basis) over [0, 1], and mean (k,) and covariance (k, k) of the basis under its density."""
         log_f = c @ basis
         most = log_f.max()
         mass = node_weights * np.exp(log_f - most)

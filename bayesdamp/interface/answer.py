@@ -321,8 +321,9 @@ def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeA
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A², with the damping
-    ratio ζ, the angular frequency ω and the amplitude A.
+    They contain, at increasing amplitudes in rad or m, the equivalent damping ratio and the energy lost in a cycle,
+    each with the ends `_low` and `_high` of its 95 % interval. The energy lost in a cycle, per unit of inertia, is that
+    of a sinusoidal oscillation: 2π ζ ω² A², with the damping ratio ζ, the angular frequency ω and the amplitude A.
     """
     at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd

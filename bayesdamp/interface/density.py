@@ -84,7 +84,7 @@ class Density(ResultView):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter, including default priors."""
+        """The prior of each inferred parameter by name, including default priors."""
         return self.target.priors
 
     @property

@@ -312,7 +312,10 @@ def _between(fall: float, speed: float, power: float) -> float:
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return the cubic Hermite interpolation, at points `at`, of values y with derivatives `slope` at increasing x."""
+    """Interpolate values y with derivatives `slope` at increasing x, (n,) each; return the values at points `at`, (k,).
+
+    The interpolation is by cubic Hermite polynomials.
+    """
     i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]
     u = (at - x[i]) / h

@@ -154,7 +154,7 @@ class _EnvelopeMatch:
 
         The vector that is searched has the coefficients in units of their start, the standard normal scores of further
         parameters under their priors, and, if `scaled`, the factor by which the start of the motion is multiplied.
-        Returns the unknowns and this factor.
+        Return the k coefficients and further parameters in natural units, (k,), and this factor (1.0 if not `scaled`).
         """
         k, count, priors, scales = coefficients.size, len(self.names), self.priors, int(scaled)
         units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)

@@ -41,7 +41,7 @@ PARTS_PER_STEP = 8
 LARGEST_LEVEL = 4.5
 """Level score up to which the map of the noise is tabulated; beyond, it is linear."""
 LINEAR_END = 1000.0
-"""Absolute level score at which the linear parts of the map end."""
+"""The tabulated map is continued by straight lines up to this absolute level score (conventional)."""
 NEWTON_STEPS = 6
 """Number of Newton steps that invert the map (four are enough)."""
 RIDGE_DIMENSIONS = 2
@@ -174,7 +174,7 @@ class NoiseMap:
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        """Scores of the second parameter at the knots of `table`."""
+        """Scores of the second parameter at the knots of `table`, a vector."""
         assert self.table is not None
         return self.table(self.table.x)[:, 0]
 

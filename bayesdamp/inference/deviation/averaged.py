@@ -187,7 +187,7 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
     """Reduce values to amplitudes and phases by least squares. Arguments and result are those of `average_of`.
 
     Phases are relative to a smooth curve. If the record's phase does not follow one, it is treated as a random walk:
-    the fits are relative to a spline that follows it.
+    the fits are relative to a spline that follows it. Return None in the cases that `average_of` lists.
     """
     if t[-1] < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None

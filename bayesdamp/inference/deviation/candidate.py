@@ -90,7 +90,7 @@ class Linearisation:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return exp g − 1 and h at the knots, the relative deviations of damping and frequency."""
+        """Return exp g − 1 and h at the n knots, (n,) each: the relative deviations of damping and frequency."""
         g, h = np.split(self.u[self.fit.z.size :], 2)
         return np.expm1(g), h
 

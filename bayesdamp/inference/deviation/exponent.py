@@ -225,7 +225,10 @@ def _explore(
 
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate log evidences at exponents p; return POINTS exponents and the cumulative probability there."""
+    """Interpolate the log evidences `log` (nats) at increasing exponents p, (m,) each.
+
+    Return a grid of exponents and the cumulative probability there, (POINTS,) each.
+    """
     grid = np.linspace(p[0], p[-1], POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:

@@ -88,7 +88,7 @@ class Grid:
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
-    """Return equidistant knots from 0 to the duration: one for every two cycles, 4 to 16 of them."""
+    """Return equidistant times of the knots, in s from 0 to the duration: one for every two cycles, 4 to 16 in all."""
     return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
 

@@ -265,7 +265,10 @@ def slice_proposal(
 def _product_and_size(
     result: CandidateResult, base: Parameters, place: int
 ) -> tuple[tuple[int, int] | None, int]:
-    """Return `SlicedProposal.product` and `SlicedProposal.size` for the parameter with index `place`."""
+    """Return the attributes `product` and `size` of `SlicedProposal` for the parameter with index `place`.
+
+    The product is None if the term has no simpler term in the sum to which it reduces.
+    """
     names = base.free_names
     term = next(
         t for t in map(TERMS.get, result.candidate.damping) if names[place] in [p.name for p in t.inferred]

@@ -259,7 +259,7 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
     """Return a decay law that fits at least as well as any of the sums, ln(A/A_ref) at its start, and its rates.
 
     It includes viscous, Coulomb and quadratic damping, and the terms of the best of the other sums; or the third power
-    of the amplitude if that fits best.
+    of the amplitude if that fits best. The rates are in 1/s at the reference amplitude, one for each term of the law.
     """
     steep = TabulatedLaw(
         ("steep",), (_power(STEEPEST_POWER),), float(b.x.min()) - TABLE_MARGIN, b.ends[0] + TABLE_MARGIN
@@ -278,7 +278,10 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
 
 
 def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:
-    """Return the law of a sum at the best scores of the terms' own parameters, and its fit."""
+    """Return the decay law of a sum at the best scores of the terms' own parameters, and the fit of its rates.
+
+    Without own parameters it is the only law of the sum.
+    """
 
     @cache
     def at(scores: tuple[float, ...]) -> tuple[DecayLaw, LeastSquaresFit]:

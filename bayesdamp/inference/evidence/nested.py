@@ -118,7 +118,7 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 
 def _finite(log: np.ndarray) -> np.ndarray:
-    """Replace −∞ and nan in log densities by `LEAST_LOG_DENSITY`."""
+    """Return log densities, in their shape, with `LEAST_LOG_DENSITY` in place of −∞ and nan."""
     return np.maximum(np.nan_to_num(log, nan=-np.inf), LEAST_LOG_DENSITY)
 
 

@@ -363,7 +363,10 @@ class MixtureChain(Chain):
         return self.given[combination]
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
-        """Sample like `Chain.sample`; the positions and log densities are those of the whole mixture."""
+        """Sample like `Chain.sample`, with a new combination of the hyperparameters of deviations before each draw.
+
+        The positions and log densities that are returned are those of the mixture of all combinations.
+        """
         likelihood, rows = self.mode.likelihood, []
         assert likelihood.target.deviation is not None
         z = self.whole.at.scores(u)

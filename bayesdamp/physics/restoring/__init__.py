@@ -65,7 +65,7 @@ class RestoringLaw(ABC):
         return on_arrays(self.kernel)(np.asarray(theta, float), values)
 
     def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the force with respect to the angle, 1/s²."""
+        """Return the derivative of the force with respect to the angle, 1/s². Shapes are as in `force`."""
         return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod

@@ -211,7 +211,7 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
-        """Return the part of the change of the rate from window i to j that no power of the amplitude explains."""
+        """Return the part of the change of each rate from window i to j that no power of the amplitude explains."""
         factor = np.exp(LARGEST_POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)
         return np.maximum(np.maximum(low - rates[i], rates[i] - high), 0.0)

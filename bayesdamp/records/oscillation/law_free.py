@@ -285,7 +285,7 @@ class LawFree:
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the times in s, within the span, at which the displacement has these amplitudes (rad or m).
+        """Return the times in s, (k,), within the span, at which the displacement has these amplitudes, (k,), rad or m.
 
         For an amplitude that the record does not reach, return the nearer end of the span.
         """

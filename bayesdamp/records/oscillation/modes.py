@@ -411,7 +411,7 @@ def transient_duration(two: Modes, longest: float) -> float:
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the range (maximum minus minimum) of each period without a gap in the samples, in time order."""
+    """Return the range (maximum minus minimum) of each period without a gap in the samples, in time order, (k,)."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]

@@ -189,9 +189,9 @@ def _mark(line: Callable[..., object], value: float | None) -> None:
 
 
 def _strokes(model: str, place: int) -> tuple[dict, str | None]:
-    """Return the style of the line, and the colour of the fill, of the sampler with this index.
+    """Return Matplotlib's arguments for the line, and the colour of the fill, of the sampler with this index.
 
-    Only the first sampler is filled; the others are lines over it.
+    Only the first sampler is filled; the others are lines over it, for which the colour is None.
     """
     if place == 0:
         return {"color": colour(model), "lw": 1.3, "ls": "-"}, colour(model)

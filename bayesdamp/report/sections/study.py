@@ -108,7 +108,7 @@ def _signals(run: RunFolder) -> Table | str:
     """Return a table of the recorded quantity and the used samples of each signal; empty without signals."""
 
     def samples(signal: str) -> tuple[str, str]:
-        """Return the number of samples that are used, and their duration."""
+        """Return the number of used samples and their duration in s as texts; dashes if no result is stored."""
         answer, task_result = (
             answer_of(run, signal),
             run.task_result("signal", signal, run.repeats(signal)[0]),
