@@ -295,11 +295,13 @@ def _refuse_unusable(y: np.ndarray) -> None:
     for mark in (float(y.min()), float(y.max())):
         others = y[y != mark]
         is_nines = set(f"{abs(mark):.12g}") <= {"9", "."}
-        if is_nines and y.size / 2 < others.size < y.size - 1 and _is_far(mark, others):
-            raise InputError(
-                f"{y.size - others.size} values are {mark:g}, far from all others; if they mark missing samples, "
-                "leave these cells empty"
-            )
+        if is_nines and y.size / 2 < others.size < y.size - 1:
+            distance = abs(mark - float(np.median(others)))
+            if distance > FAR * float(np.ptp(others)) > 0:
+                raise InputError(
+                    f"{y.size - others.size} values are {mark:g}, far from all others; if they mark missing samples, "
+                    "leave these cells empty"
+                )
     span = float(np.ptp(y))
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
@@ -307,11 +309,6 @@ def _refuse_unusable(y: np.ndarray) -> None:
         raise InputError(
             f"the values change by {span:.3g} at most, too little to compute with; give another unit"
         )
-
-
-def _is_far(value: float, others: np.ndarray) -> bool:
-    """Return whether a value is far from all others, (n,) (see `FAR`)."""
-    return abs(value - float(np.median(others))) > FAR * float(np.ptp(others)) > 0
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:

@@ -187,7 +187,9 @@ def common_verdict(
         shares.append(Share(term, middle, min(s.low for s in each), max(s.high for s in each), present))
     terms = first.split("+")
     compared = {t for name in damping for t in name.split("+")} - set(terms)
-    limits = {pair: min(_limit(v, pair[1]) for v in own) for pair in twin_pairs(terms, compared)}
+    # Upper limits of the energy fractions in each record, of its terms and of other forms.
+    each = [{b.form: b.share_below for b in v.other_forms} | {s.term: s.high for s in v.energy} for v in own]
+    limits = {pair: min(e.get(pair[1], 0.0) for e in each) for pair in twin_pairs(terms, compared)}
     twins = {pair: limit for pair, limit in limits.items() if limit >= thresholds.TWIN}
     every = {**damping, **others}
     likeliest = max(every, key=every.__getitem__)
@@ -292,12 +294,6 @@ def _ratios(
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
-
-
-def _limit(v: Verdict, term: str) -> float:
-    """Return the upper limit of a term's energy fraction in one record, as a term of its damping or another form."""
-    limits = {b.form: b.share_below for b in v.other_forms} | {s.term: s.high for s in v.energy}
-    return limits.get(term, 0.0)
 
 
 def _largest(intervals: Sequence[Interval | None]) -> Interval | None:
