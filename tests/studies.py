@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bayesdamp.config import Study, load_study
+from bayesdamp.store import read_table
 
 SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0'
 ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'
@@ -25,6 +26,13 @@ def study_text(
     """Return the text of a study: its keys, and its one signal."""
     head = ["version = 1", 'name = "small"', f"seed = {seed}", f"system = {{ {system} }}" if system else ""]
     return "\n".join([*head, *keys, signal_text(name, simulate, **of_signal)])
+
+
+def tables_of(run: Path) -> dict[str, list[str]]:
+    """Return the rows of all tables of a run, without seconds."""
+    files = sorted(run.glob("*.csv"))
+    assert len(files) > 3
+    return {f.name: [repr({**row, "seconds": 0}) for row in read_table(f)] for f in files}
 
 
 def write_study(folder: Path, text: str) -> Study:

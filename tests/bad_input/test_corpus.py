@@ -12,34 +12,26 @@ from bayesdamp.records.files import contents
 from tests.bad_input import binaries, commands, studies, tables
 from tests.bad_input.case import READ, REFUSED, Case
 from tests.bad_input.judge import judge
-from tests.failures import Failures
 
 GROUPS = tables.GROUPS | binaries.GROUPS | studies.GROUPS | commands.GROUPS
 
 
-def judge_all(cases: list[Case]) -> None:
-    assert cases
-    with Failures() as failures:
-        for case in cases:
-            with failures.of(case.name):
-                judge(case.arguments, case.file, case.write, ends=case.ends, said=case.said)
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_bad_input(group: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
-    judge_all(GROUPS[group])
-
-
-def test_undamaged_files_are_read() -> None:
-    """The negative control: the same files and studies without their faults."""
-    whole = [
+CASES = [case for group in GROUPS.values() for case in group]
+WHOLE = [
+    *(
         Case(form, ("look", "FILE"), f"a.{form}", write, ends=(READ,))
         for form, write in binaries.FORMATS.items()
-    ]
-    whole.append(Case("study", ("check", "FILE"), "a.toml", studies.control, ends=(READ,)))
-    whole.append(Case("table", tables.LOOK, "a.csv", tables.rows, ends=(READ,)))
-    judge_all(whole)
+    ),
+    Case("study", ("check", "FILE"), "a.toml", studies.control, ends=(READ,)),
+    Case("table", tables.LOOK, "a.csv", tables.rows, ends=(READ,)),
+]
+"""The negative control: the same files and studies without their faults."""
+
+
+@pytest.mark.parametrize("case", [*CASES, *WHOLE], ids=lambda case: case.name[:40])
+def test_bad_input(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
+    judge(case.arguments, case.file, case.write, ends=case.ends, said=case.said)
 
 
 @pytest.mark.parametrize("command", ["look", "check"])

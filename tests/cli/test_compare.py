@@ -17,7 +17,6 @@ from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import compute_signal, signal_key
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store import Store, write_json
-from tests.failures import Failures
 
 
 def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
@@ -48,26 +47,26 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     assert len({s.name for s in again.signals}) == 2
 
 
-def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused) -> None:
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("", "has 3 columns"),
+        ("--angle 2 --rate -3", "--rate: is -3; it must be a number of samples per second"),
+        ("--angle 2 --rate 3 --time 1", "--rate: replaces a column of times"),
+        ("--angle 2 --start 5 --stop 2", "--stop: is 2; it must be later than --start (5)"),
+        ("--runs 2", "no runs '2'; there are none to choose from (--runs)"),
+        ("--channel othr", "did you mean 'other'"),
+        ("--angle 2 --time-unit weeks", "--time-unit: is 'weeks'; it must be one of s, ms"),
+        ("--angle 2 --time 1 --unit m --restoring pendulum", "--unit: is 'm'"),
+        ("--angle 2 --time 1 --damping viscos", "did you mean 'viscous'"),
+        ("--angle 2 --time 1 --unit furlong", "--unit: is 'furlong'; it must be one of rad"),
+        ("--angle 2 --time 1 --noise pink", "unknown noise model"),
+    ],
+)
+def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused, options, said) -> None:
     file = write(tmp_path / "b.csv", columns=3)
-    with Failures() as failures:
-        for options, said in (
-            ("", "has 3 columns"),
-            ("--angle 2 --rate -3", "--rate: is -3; it must be a number of samples per second"),
-            ("--angle 2 --rate 3 --time 1", "--rate: replaces a column of times"),
-            ("--angle 2 --start 5 --stop 2", "--stop: is 2; it must be later than --start (5)"),
-            ("--runs 2", "no runs '2'; there are none to choose from (--runs)"),
-            ("--channel othr", "did you mean 'other'"),
-            ("--angle 2 --time-unit weeks", "--time-unit: is 'weeks'; it must be one of s, ms"),
-            ("--angle 2 --time 1 --unit m --restoring pendulum", "--unit: is 'm'"),
-            ("--angle 2 --time 1 --damping viscos", "did you mean 'viscous'"),
-            ("--angle 2 --time 1 --unit furlong", "--unit: is 'furlong'; it must be one of rad"),
-            ("--angle 2 --time 1 --noise pink", "unknown noise model"),
-        ):
-            with failures.of(options):
-                error = refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
-                assert said in error.lower() or said in error
-                assert not (tmp_path / "out").exists()
+    assert said in refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys, monkeypatch) -> None:

@@ -8,23 +8,19 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.app import COMMANDS, command
-from tests.failures import Failures
 
 LOADED = {name: command(name) for name in COMMANDS}
 
 
-def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
-    with Failures() as failures:
-        for name, loaded in LOADED.items():
-            with failures.of(name):
-                assert loaded.help.splitlines()[0] == COMMANDS[name][0], "in the list of all commands"
-                assert main([name, "-h"]) == 0
-                assert "Example: bayesdamp" in " ".join(capsys.readouterr().out.split())
-                words = shlex.split(loaded.epilog.removeprefix("Example: bayesdamp ").split(" > ")[0])
-                assert words[0] == name
-                known = {option for p in loaded.params for option in p.opts}
-                assert {word for word in words if word.startswith("--")} <= known
-                assert loaded.make_context(name, words[1:])  # raises on what it does not know
+@pytest.mark.parametrize("name", LOADED)
+def test_help_has_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    loaded = LOADED[name]
+    assert loaded.help.splitlines()[0] == COMMANDS[name][0], "in the list of all commands"
+    assert main([name, "-h"]) == 0
+    assert "Example: bayesdamp" in " ".join(capsys.readouterr().out.split())
+    words = shlex.split(loaded.epilog.removeprefix("Example: bayesdamp ").split(" > ")[0])
+    assert words[0] == name
+    assert loaded.make_context(name, words[1:])  # raises on what it does not know
 
 
 def test_options_stand_in_groups() -> None:

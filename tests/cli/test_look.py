@@ -169,26 +169,6 @@ def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     assert ours == theirs
 
 
-def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
-    file = runs(tmp_path / "rig.csv")
-    chosen = select_records([file], ReadingOptions())
-    found, said = chosen.records, chosen.notes
-    assert [one.raw.run for one in found] == ["1", "3"]
-    assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
-    assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
-    assert sum("Supply" in line for line in said) == 1
-    assert any(
-        "left out because it does not change: 'Supply (V) Run #1' (--angle NAME" in line for line in said
-    )
-    first = early_lines(found, ReadingOptions())
-    assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
-    study = comparison(study_signals(found, ReadingOptions()))
-    assert len({s.name for s in study.signals}) == 2
-    assert len(study.specimens) == 1
-    alone = select_records([file], ReadingOptions(runs="3")).records
-    assert not comparison(study_signals(alone, ReadingOptions())).specimens
-
-
 def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
     names = ",".join(f"{name} Run #{i}" for i in (1, 2) for name in ("t (s)", "x (m)"))
     write_table(tmp_path / "a.csv", names, T, NOISE, T, NOISE)

@@ -30,6 +30,13 @@ time = 1
 angle = "phi"
 """
 GOOD = "version = 1\n" + SYSTEM + SIGNAL
+VARIANT = """
+[estimators]
+use = ["sindy", "by_sign"]
+[estimators.by_sign]
+variant_of = "sindy"
+switch = "sign"
+"""
 
 
 def write(folder: Path, text: str) -> Path:

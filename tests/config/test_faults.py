@@ -9,8 +9,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.types import InputError
-from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, fault
-from tests.failures import Failures
+from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, VARIANT, fault
 
 
 def swap(old: str, new: str) -> str:
@@ -80,6 +79,11 @@ FAULTS = {
     # the stages
     "estimator": (GOOD + '[estimators]\nuse = ["envelop"]\n', "unknown estimator 'envelop'; did you mean 'envelope'?"),
     "options": (GOOD + "[estimators]\nenvelope = 3\n", "estimators.envelope: is 3; it must be a table"),
+    "repeats": (GOOD + "[estimators]\nrepeats = { envelop = 2 }\n", "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"),
+    "variant of": (GOOD + VARIANT.replace('"sindy"\nswitch', '"sindi"\nswitch'), "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
+    "variant of 3": (GOOD + VARIANT.replace('"sindy"\nswitch', "3\nswitch"), "estimators.by_sign.variant_of: is 3; it must be an estimator's name"),
+    "variant's name": (GOOD + VARIANT.replace("[estimators.by_sign]", "[estimators.koopman]"), "estimators.koopman: is the name of an estimator"),
+    "variant of nothing": (GOOD + VARIANT.replace('variant_of = "sindy"\n', ""), "by_sign"),
     "model sum": (GOOD + '[models]\ncompare = ["viscous+viscous"]\n', "models.compare: is 'viscous+viscous'; it must be a sum of different terms"),
     "sampler": (GOOD + '[posterior]\nsamplers = ["nut"]\n', "unknown sampler 'nut'; did you mean 'nuts'?"),
     "posterior noise": (GOOD + '[posterior]\nnoise = "gausian"\n', "unknown noise model 'gausian'; did you mean"),
@@ -88,11 +92,9 @@ FAULTS = {
 """A study, and a part of the line that names the key."""
 
 
-def test_every_fault_is_one_line_that_names_the_key(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for name, (text, expected) in FAULTS.items():
-            with failures.of(name):
-                assert expected in fault(tmp_path, text)
+@pytest.mark.parametrize(("text", "expected"), FAULTS.values(), ids=FAULTS)
+def test_every_fault_is_one_line_that_names_the_key(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in fault(tmp_path, text)
 
 
 def test_files_that_are_no_study(tmp_path: Path) -> None:

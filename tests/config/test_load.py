@@ -4,93 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bayesdamp.config import Simulation, load_study
+from bayesdamp.config import Study, load_study
 from bayesdamp.priors import HalfNormal, Normal
 from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, write
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-
-
-def test_a_small_study_has_the_defaults(tmp_path: Path) -> None:
-    study = load_study(write(tmp_path, GOOD))
-    assert study.name == "study"
-    assert study.models.compare == ("viscous", "coulomb", "quadratic")
-    assert study.estimators.stages == ("initial", "refined")
-    assert study.posterior.samplers == ("nuts", "emcee")
-    assert (study.posterior.chains, study.posterior.warmup, study.posterior.draws) == (4, 500, 1000)
-    assert study.evidence.methods == ("importance", "bridge")
-    assert study.evidence.referee == "auto"
-    (one,) = study.signals
-    assert dict(one.system.known) == {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
-    assert dict(one.system.free) == {"noise_sd": None}
-    assert one.source.damping == ("viscous",)
-    assert one.source.truth["zeta"] == 0.05
-    assert one.source.truth["noise_sd"] == 0.003
-
-
-def test_the_studies_that_ship_load() -> None:
-    for name in ("quickstart", "paper"):
-        study = load_study(STUDIES / f"{name}.toml")
-        assert study.name == name
-        assert study.signals
-
-
-def test_a_study_is_frozen_and_writes_itself_as_json(tmp_path: Path) -> None:
-    path = write(tmp_path, GOOD + '[models]\nprior = { viscous = { prior = "halfnormal", scale = 0.2 } }\n')
-    study = load_study(path)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        study.seed = 3  # type: ignore[misc]
-    resolved = json.loads(json.dumps(study.resolved()))
-    assert resolved["models"]["prior"]["viscous"] == {"prior": "halfnormal", "scale": 0.2}
-    assert str(tmp_path) not in json.dumps(resolved)
-    assert study.models.prior["viscous"] == HalfNormal(scale=0.2)
-
-
-def test_system_values_are_known_free_or_with_a_prior(tmp_path: Path) -> None:
-    text = "version = 1\n" + SYSTEM.replace("omega0 = 0.0", 'omega0 = "free"') + FILE_SIGNAL
-    text += (
-        'system = { rest_angle = { prior = "normal", mean = 0.1, sd = 1 }, amplitude = 2.0, inertia = 3 }\n'
-    )
-    (rig,) = load_study(write(tmp_path, text)).signals
-    assert dict(rig.system.known) == {"stiffness": 20.0, "theta0": 0.3}
-    assert dict(rig.system.free) == {
-        "rest_angle": Normal(mean=0.1, sd=1),
-        "omega0": None,
-        "noise_sd": None,
-    }
-    assert (rig.system.amplitude, rig.system.frequency, rig.inertia) == (2.0, None, 3.0)
-
-
-def test_what_is_not_mentioned_is_free_for_a_file(tmp_path: Path) -> None:
-    text = 'version = 1\n[system]\nrestoring = "horizontal_pendulum"\n' + FILE_SIGNAL
-    (rig,) = load_study(write(tmp_path, text)).signals
-    assert not rig.system.known
-    assert set(rig.system.free) == {"stiffness", "gravity", "spring_angle", "theta0", "omega0", "noise_sd"}
-    assert rig.source.path == (tmp_path / "rig.csv").resolve()
-
-
-def test_another_law_drops_the_study_s_parameters_that_it_does_not_have(tmp_path: Path) -> None:
-    text = GOOD.replace('"linear"', '"duffing"\ncubic = 1.0') + 'system = { restoring = "pendulum" }\n'
-    (one,) = load_study(write(tmp_path, text)).signals
-    assert one.system.restoring == "pendulum"
-    assert "cubic" not in one.system.known
-
-
-def test_truth_given_in_simulate_stays_free(tmp_path: Path) -> None:
-    text = GOOD.replace("theta0 = 0.3", 'theta0 = "free"').replace(
-        "viscous = 0.05", "viscous = 0.05, theta0 = 0.2"
-    )
-    (one,) = load_study(write(tmp_path, text)).signals
-    assert one.system.free["theta0"] is None
-    assert one.source.truth["theta0"] == 0.2
-
-
-def test_a_sweep_repeats_the_signals_that_have_the_key(tmp_path: Path) -> None:
-    sweeps = """
+PAGE = (STUDIES.parent / "docs" / "studies.md").read_text(encoding="utf-8")
+FREE = SYSTEM.replace("omega0 = 0.0", 'omega0 = "free"') + FILE_SIGNAL
+OWN_SYSTEM = (
+    'system = { rest_angle = { prior = "normal", mean = 0.1, sd = 1 }, amplitude = 2.0, inertia = 3 }\n'
+)
+OWN_MODELS = 'compare = ["quadratic+viscous", "coulomb"]\nestimate = ["coulomb"]\n'
+SWEEPS = """
 [[sweep]]
 key = "simulate.noise_sd"
 values = [0.0, 0.003]
@@ -98,60 +29,113 @@ values = [0.0, 0.003]
 key = "simulate.viscous"
 values = [0.1, 1e-5]
 """
-    study = load_study(write(tmp_path, GOOD + FILE_SIGNAL + sweeps))
-    assert [s.name for s in study.signals] == [
-        "one-noise_sd-0-viscous-0p1",
-        "one-noise_sd-0-viscous-1e-05",
-        "one-noise_sd-0p003-viscous-0p1",
-        "one-noise_sd-0p003-viscous-1e-05",
-        "rig",
-    ]
-    truths = [s.source.truth for s in study.signals if isinstance(s.source, Simulation)]
-    assert [(t["noise_sd"], t["zeta"]) for t in truths] == [(0, 0.1), (0, 1e-5), (0.003, 0.1), (0.003, 1e-5)]
 
 
-def test_a_sweep_of_the_system_touches_known_and_truth(tmp_path: Path) -> None:
-    text = GOOD + '[[sweep]]\nkey = "system.rest_angle"\nvalues = [-0.1, 0.2]\n'
-    low, high = load_study(write(tmp_path, text)).signals
-    assert low.name == "one-rest_angle-m0p1"
-    assert high.system.known["rest_angle"] == 0.2
-    assert high.source.truth["rest_angle"] == 0.2
+def truths(study: Study, *names: str) -> list[tuple[Any, ...]]:
+    """Return the signals' names and their true values."""
+    return [(s.name, *(s.source.truth[name] for name in names)) for s in study.signals]  # type: ignore[union-attr]
 
 
-def test_models_have_one_spelling_and_all_is_seven(tmp_path: Path) -> None:
-    study = load_study(write(tmp_path, GOOD + '[models]\ncompare = ["coulomb + viscous"]\n'))
-    assert study.models.compare == ("viscous+coulomb",)
-    assert len(load_study(write(tmp_path, GOOD + '[models]\ncompare = "all"\n')).models.compare) == 7
+MEANT: dict[str, tuple[str, Callable[[Study], Any], Any]] = {
+    "default models": (GOOD, lambda s: s.models.compare, ("viscous", "coulomb", "quadratic")),
+    "default estimates": (GOOD, lambda s: (s.name, s.estimators.stages), ("study", ("initial", "refined"))),
+    "default samplers": (GOOD, lambda s: s.posterior.samplers, ("nuts", "emcee")),
+    "default draws": (GOOD, lambda s: (s.posterior.chains, s.posterior.warmup, s.posterior.draws), (4, 500, 1000)),
+    "default evidence": (GOOD, lambda s: (s.evidence.methods, s.evidence.referee), (("importance", "bridge"), "auto")),
+    "known values": (
+        GOOD, lambda s: dict(s.signals[0].system.known),
+        {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0},
+    ),
+    "what is free": (GOOD, lambda s: dict(s.signals[0].system.free), {"noise_sd": None}),
+    "truth": (GOOD, lambda s: truths(s, "zeta", "noise_sd"), [("one", 0.05, 0.003)]),
+    "damping of the truth": (GOOD, lambda s: s.signals[0].source.damping, ("viscous",)),
+    "known in a signal's own system": (
+        f"version = 1\n{FREE}{OWN_SYSTEM}",
+        lambda s: dict(s.signals[0].system.known), {"stiffness": 20.0, "theta0": 0.3},
+    ),
+    "free, or with a prior": (
+        f"version = 1\n{FREE}{OWN_SYSTEM}", lambda s: dict(s.signals[0].system.free),
+        {"rest_angle": Normal(mean=0.1, sd=1), "omega0": None, "noise_sd": None},
+    ),
+    "scales of the system": (
+        f"version = 1\n{FREE}{OWN_SYSTEM}",
+        lambda s: (s.signals[0].system.amplitude, s.signals[0].system.frequency, s.signals[0].inertia),
+        (2.0, None, 3.0),
+    ),
+    "what is not mentioned is free for a file": (
+        f'version = 1\n[system]\nrestoring = "horizontal_pendulum"\n{FILE_SIGNAL}',
+        lambda s: (dict(s.signals[0].system.known), set(s.signals[0].system.free)),
+        ({}, {"stiffness", "gravity", "spring_angle", "theta0", "omega0", "noise_sd"}),
+    ),
+    "another law has none of the study's law's parameters": (
+        GOOD.replace('"linear"', '"duffing"\ncubic = 1.0') + 'system = { restoring = "pendulum" }\n',
+        lambda s: (s.signals[0].system.restoring, "cubic" in s.signals[0].system.known), ("pendulum", False),
+    ),
+    "truth given in simulate stays free": (
+        GOOD.replace("theta0 = 0.3", 'theta0 = "free"').replace("viscous = 0.05", "viscous = 0.05, theta0 = 0.2"),
+        lambda s: (s.signals[0].system.free["theta0"], truths(s, "theta0")), (None, [("one", 0.2)]),
+    ),
+    "a sweep repeats the signals that have the key": (
+        GOOD + FILE_SIGNAL + SWEEPS, lambda s: [one.name for one in s.signals][-1:], ["rig"],
+    ),
+    "sweeps": (
+        GOOD + SWEEPS, lambda s: truths(s, "noise_sd", "zeta"),
+        [("one-noise_sd-0-viscous-0p1", 0, 0.1), ("one-noise_sd-0-viscous-1e-05", 0, 1e-5),
+         ("one-noise_sd-0p003-viscous-0p1", 0.003, 0.1), ("one-noise_sd-0p003-viscous-1e-05", 0.003, 1e-5)],
+    ),
+    "a sweep of the system touches known and truth": (
+        GOOD + '[[sweep]]\nkey = "system.rest_angle"\nvalues = [-0.1, 0.2]\n',
+        lambda s: (truths(s, "rest_angle"), s.signals[1].system.known["rest_angle"]),
+        ([("one-rest_angle-m0p1", -0.1), ("one-rest_angle-0p2", 0.2)], 0.2),
+    ),
+    "models have one spelling": (
+        GOOD + '[models]\ncompare = ["coulomb + viscous"]\n', lambda s: s.models.compare, ("viscous+coulomb",),
+    ),
+    "all is seven": (GOOD + '[models]\ncompare = "all"\n', lambda s: len(s.models.compare), 7),
+    "an empty list switches a stage off": (
+        GOOD + "[estimators]\nuse = []\n[posterior]\nsamplers = []\n[evidence]\nmethods = []\n",
+        lambda s: (s.estimators.use, s.posterior.samplers, s.evidence.methods), ((), (), ()),
+    ),
+    "the documentation's example": (
+        PAGE.split("```toml\n")[1].split("```")[0], lambda s: (s.name, s.posterior.noise), ("rig", "auto"),
+    ),
+    "a signal's own models": (
+        "version = 1\n" + SYSTEM + SIGNAL + OWN_MODELS + SIGNAL.replace('"one"', '"two"'),
+        lambda s: [(s.compare(signal), s.estimate(signal)) for signal in s.signals],
+        [(("viscous+quadratic", "coulomb"), ("coulomb",)), (("viscous", "coulomb", "quadratic"),) * 2],
+    ),
+}  # fmt: skip
+"""A study's text, what is looked at, and what it is."""
 
 
-def test_an_empty_list_switches_a_stage_off(tmp_path: Path) -> None:
-    text = GOOD + "[estimators]\nuse = []\n[posterior]\nsamplers = []\n[evidence]\nmethods = []\n"
+@pytest.mark.parametrize(("text", "look", "expected"), MEANT.values(), ids=MEANT)
+def test_what_a_study_says(tmp_path: Path, text: str, look: Callable[[Study], Any], expected: Any) -> None:
     study = load_study(write(tmp_path, text))
-    assert (study.estimators.use, study.posterior.samplers, study.evidence.methods) == ((), (), ())
+    assert look(study) == expected
+
+
+@pytest.mark.parametrize("name", ["quickstart", "paper"])
+def test_the_studies_that_ship_load(name: str) -> None:
+    study = load_study(STUDIES / f"{name}.toml")
+    assert study.name == name
+    assert study.signals
+
+
+def test_a_study_is_frozen_and_writes_itself_as_json(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD + '[models]\nprior = { viscous = { prior = "halfnormal", scale = 0.2 } }\n')
+    study = load_study(path)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        study.seed = 3  # type: ignore[misc]
+    resolved = json.dumps(study.resolved())
+    assert json.loads(resolved)["models"]["prior"]["viscous"] == {"prior": "halfnormal", "scale": 0.2}
+    assert str(tmp_path) not in resolved
+    assert study.models.prior["viscous"] == HalfNormal(scale=0.2)
 
 
 def test_a_byte_order_mark_and_windows_line_ends_are_no_fault(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert load_study(path).signals
-
-
-def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
-    page = (STUDIES.parent / "docs" / "studies.md").read_text(encoding="utf-8")
-    example = page.split("```toml\n")[1].split("```")[0]
-    study = load_study(write(tmp_path, example))
-    assert study.name == "rig"
-    assert study.posterior.noise == "auto"
-
-
-def test_a_signal_has_models_of_its_own(tmp_path: Path) -> None:
-    other = SIGNAL.replace('"one"', '"two"')
-    own = SIGNAL + 'compare = ["quadratic+viscous", "coulomb"]\nestimate = ["coulomb"]\n'
-    study = load_study(write(tmp_path, "version = 1\n" + SYSTEM + own + other))
-    first, second = study.signals
-    assert study.compare(first) == ("viscous+quadratic", "coulomb")
-    assert study.estimate(first) == ("coulomb",)
-    assert study.compare(second) == study.estimate(second) == ("viscous", "coulomb", "quadratic")
 
 
 def test_published_figures_are_read(tmp_path: Path) -> None:

@@ -44,14 +44,9 @@ def remembered(study: Path, out: Path) -> Path:
     loaded = load_study(study)
     inputs = provenance({"rig.csv": study.with_name("rig.csv")})["inputs"]
     out.mkdir()
+    known = {"name": loaded.name, "study": loaded.resolved(), "inputs": inputs}
     path = out / "run.json"
-    known = {
-        "name": loaded.name,
-        "study": loaded.resolved(),
-        "asked": record_question(loaded, out),
-        "inputs": inputs,
-    }
-    path.write_text(json.dumps(known), encoding="utf-8")
+    path.write_text(json.dumps({**known, "asked": record_question(loaded, out)}), encoding="utf-8")
     return path
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -21,43 +23,37 @@ def cells(path: Path) -> list[str]:
     return ["".join(cell["source"]) for cell in found if cell["cell_type"] == "code"]
 
 
-def run(name: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
-    """What a notebook's names are after its last cell."""
+def own_record(found: dict[str, Any]) -> bool:
+    summary, truth = found["posterior"].summary(), {"zeta": 0.03, "mu_c": 0.06}
+    return all(abs(summary.loc[n, "mean"] - true) < 4 * summary.loc[n, "sd"] for n, true in truth.items())
+
+
+def paper(found: dict[str, Any]) -> bool:
+    return all(row[name] < 1e-4 for row in found["rows"] for name in row if name.endswith("refined"))
+
+
+def many_specimens(found: dict[str, Any]) -> bool:
+    third = found["difference"]("third", "first")
+    return third["difference %"] > 2 * third["sd"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("holds", [own_record, paper, many_specimens])
+def test_what_a_notebook_finds_is_true(holds: Callable[..., bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the names are after the last cell of the notebook that is called as the function."""
     monkeypatch.chdir(NOTEBOOKS)
     mpl.use("agg")
-    space: dict[str, object] = {"__name__": "__main__"}
+    space: dict[str, Any] = {"__name__": "__main__"}
     try:
-        for i, source in enumerate(cells(NOTEBOOKS / f"{name}.ipynb")):
-            exec(compile(source, f"{name}.ipynb, cell {i}", "exec"), space)
+        for i, source in enumerate(cells(NOTEBOOKS / f"{holds.__name__}.ipynb")):
+            exec(compile(source, f"{holds.__name__}.ipynb, cell {i}", "exec"), space)
     finally:
         plt.close("all")
-    return space
+    assert holds(space)
 
 
 def test_the_three_are_all() -> None:
     assert {path.stem for path in NOTEBOOKS.glob("*.ipynb")} == set(NAMES)
-
-
-@pytest.mark.slow
-def test_own_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = run("own_record", monkeypatch)
-    summary = found["posterior"].summary()  # type: ignore[attr-defined]
-    for name, truth in (("zeta", 0.03), ("mu_c", 0.06)):
-        assert abs(summary.loc[name, "mean"] - truth) < 4 * summary.loc[name, "sd"]
-
-
-@pytest.mark.slow
-def test_paper(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = run("paper", monkeypatch)
-    for row in found["rows"]:  # type: ignore[attr-defined]
-        assert max(error for name, error in row.items() if name.endswith("refined")) < 1e-4
-
-
-@pytest.mark.slow
-def test_many_specimens(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = run("many_specimens", monkeypatch)
-    third = found["difference"]("third", "first")  # type: ignore[operator]
-    assert third["difference %"] > 2 * third["sd"]
 
 
 DRAWN = """

@@ -39,7 +39,6 @@ WRONG: dict[str, Callable[[], object]] = {
     "plot: unknown argument 'axes'; did you mean 'ax'": lambda: bd.signal(T, Y).plot(axes=None),  # type: ignore[call-arg]
     "save: missing a required argument: 'path'": lambda: MODEL.save(),  # type: ignore[call-arg]
     "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
-    "unknown damping term 'viscos'; did you mean 'viscous'": lambda: bd.Oscillator("viscos", "linear"),
 }
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import bayesdamp as bd
@@ -32,14 +30,3 @@ def test_every_name_is_there() -> None:
 def test_type_checkers_see_the_same_names_in_the_same_places() -> None:
     assert for_type_checkers() == bd._HOME
     assert set(bd.__all__) == {*bd._HOME, "__version__"}
-
-
-def said(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
-
-
-HEAVY = "{'jax', 'numpy', 'pandas', 'xarray', 'matplotlib', 'scipy', 'torch'}"
-
-
-def test_importing_loads_nothing_heavy() -> None:
-    assert said(f"import sys, bayesdamp; print(sorted({HEAVY} & set(sys.modules)))") == "[]\n"

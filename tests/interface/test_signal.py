@@ -79,14 +79,12 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: bd.signal(TIMES, TIMES, unit="degre"), "did you mean 'deg'"),
     (lambda: bd.signal(TIMES, TIMES, quantity="angel"), "did you mean 'angle'"),
     (lambda: bd.signal(TIMES[::-1], TIMES, cleaned=False), "times must increase"),
-    (lambda: bd.simulate({"viscos": 1.0}, duration=1.0, samples=99), "did you mean 'viscous'"),
     (lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99), "give stiffness=NUMBER"),
     (
         lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99, stifness=3.0),
         "did you mean 'stiffness'",
     ),
     (lambda: bd.read("nowhere.csv"), "no such file"),
-    (lambda: bd.load("nowhere.fit"), "no such file"),
 ]
 
 

@@ -17,23 +17,16 @@ def test_reads_a_file_with_a_byte_order_mark(tmp_path: Path):
     assert read_plain(path, "a study file") == "name = 'ä'\n"
 
 
-def test_the_message_on_a_large_file_keeps_its_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    path = tmp_path / "large.toml"
-    path.write_bytes(b" " * (2**20 + 1))
+@pytest.mark.parametrize(
+    ("write", "why"),
+    [
+        (lambda path: path.write_bytes(b" " * (2**20 + 1)), "it has more than 1 MiB"),
+        (os.mkfifo, "it is a device or a pipe, not a file"),
+        (Path.mkdir, "is a directory"),
+    ],
+)
+def test_what_cannot_be_read_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write, why: str):
     monkeypatch.setattr(plain_text, "MOST_BYTES", 2**20)
-    message = "cannot be read: it has more than 1 MiB; give a study file"
-    with pytest.raises(InputError, match=re.escape(message)):
-        read_plain(path, "a study file")
-
-
-def test_the_message_on_a_pipe_is_a_sentence(tmp_path: Path):
-    path = tmp_path / "pipe"
-    os.mkfifo(path)
-    message = "cannot be read: it is a device or a pipe, not a file; give a study file"
-    with pytest.raises(InputError, match=re.escape(message)):
-        read_plain(path, "a study file")
-
-
-def test_the_message_on_a_folder_begins_in_lower_case(tmp_path: Path):
-    with pytest.raises(InputError, match="cannot be read: is a directory; give a study file"):
-        read_plain(tmp_path, "a study file")
+    write(tmp_path / "a.toml")
+    with pytest.raises(InputError, match=re.escape(f"cannot be read: {why}; give a study file")):
+        read_plain(tmp_path / "a.toml", "a study file")

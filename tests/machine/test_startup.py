@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -29,8 +30,25 @@ AFTER = "\nimport sys\nprint('loaded:' + ','.join(n for n in {heavy!r} if n in s
 def loaded(source: str, heavy: tuple[str, ...] = HEAVY) -> set[str]:
     """Which of the heavy modules a new process has loaded after this source."""
     code = source + AFTER.format(heavy=heavy)
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    return set(filter(None, done.stdout.rpartition("loaded:")[2].strip().split(",")))
+    return set(filter(None, said(code).rpartition("loaded:")[2].strip().split(",")))
+
+
+def said(code: str) -> str:
+    """What a new process prints, whose environment says nothing of JAX."""
+    own = {k: v for k, v in os.environ.items() if k != "JAX_ENABLE_X64"}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, env=own).stdout
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    assert loaded("import bayesdamp", (*HEAVY, "numpy", "scipy", "xarray")) == set()
+
+
+@pytest.mark.parametrize("first", ["import bayesdamp, jax", "import jax, bayesdamp", "import jax"])
+def test_arrays_are_double_with_the_package_whichever_is_imported_first(first: str) -> None:
+    """The negative control: without the package they are not."""
+    kind = "float64" if "bayesdamp" in first else "float32"
+    assert said(f"{first}; print(jax.numpy.ones(2).dtype)") == f"{kind}\n"
 
 
 def command(*words: str) -> str:

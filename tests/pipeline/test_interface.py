@@ -71,21 +71,22 @@ def test_a_model_has_what_the_study_states() -> None:
     assert set(branch.specify("law").priors) == {"mu_c", "omega0"}
 
 
-def test_a_prior_of_a_further_parameter_reaches_the_model(tmp_path: Path) -> None:
-    branch = ran()[1]
-    own = 'static_excess = { prior = "halfnormal", scale = 0.2 }'
-    text = STUDY.replace(MODEL, "viscous+stribeck")
-    changed = write_study(tmp_path, text.replace('coulomb = { prior = "halfnormal", scale = 0.02 }', own))
-    model = StudyCandidate(changed, changed.signals[0], 0, "viscous+stribeck", branch.store).specify("none")
-    assert model.priors["static_excess"] == bd.HalfNormal(0.2)
-    assert "static_excess" not in branch.specify("none").priors  # control: a model without the term
+DUFFING = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0, cubic = 1.0")
 
 
-def test_a_cubic_spring_and_cubic_damping_are_told_apart(tmp_path) -> None:
-    _, branch = ran()
-    text = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0, cubic = 1.0")
-    study = write_study(tmp_path, text.replace("coulomb", "cubic"))
-    model = StudyCandidate(study, study.signals[0], 0, "viscous+cubic", branch.store).specify("none")
-    assert model.known["cubic"] == 1.0
-    assert model.priors["mu_3"] == bd.HalfNormal(0.02)
+@pytest.mark.parametrize(
+    ("text", "damping", "parameter"),
+    [(STUDY, "stribeck", "static_excess"), (DUFFING, "cubic", "mu_3")],  # of the spring, cubic is known
+)
+def test_a_prior_reaches_the_parameter_that_it_is_of(
+    tmp_path, text: str, damping: str, parameter: str
+) -> None:
+    given = parameter if damping == "stribeck" else damping
+    study = write_study(
+        tmp_path, text.replace(MODEL, f"viscous+{damping}").replace("coulomb =", f"{given} =")
+    )
+    model = StudyCandidate(study, study.signals[0], 0, f"viscous+{damping}", ran()[1].store).specify("none")
+    assert model.priors[parameter] == bd.HalfNormal(0.02)
+    assert parameter not in ran()[1].specify("none").priors  # control: a model without the term
+    assert model.known.get("cubic") == (1.0 if damping == "cubic" else None)
     assert "cubic" not in model.priors

@@ -31,12 +31,6 @@ STUDY = study_text(
 )
 
 
-@pytest.fixture(autouse=True)
-def _nothing_stays():
-    yield
-    use_modules(())
-
-
 @pytest.mark.slow
 def test_a_term_with_a_parameter_of_its_own(tmp_path):
     """Simulated and weighed from one file: found outright, its parameter within the 95 % interval (the record's seed

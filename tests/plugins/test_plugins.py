@@ -31,12 +31,6 @@ STUDY = study_text(
 )
 
 
-@pytest.fixture(autouse=True)
-def _nothing_stays():
-    yield
-    use_modules(())
-
-
 def study_in(folder: Path):
     for name in ("cubic_drag.py", "soft_spring.py"):
         if not (folder / name).exists():

@@ -6,10 +6,7 @@ import math
 import shutil
 from pathlib import Path
 
-import pytest
-
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.plugins import use_modules
 from bayesdamp.store import read_table
 from tests.studies import SYSTEM, study_text, write_study
 
@@ -25,12 +22,6 @@ STUDY = study_text(
 )
 FALSE_ALARM = 4.0
 """Monte Carlo errors by which two samplers' means may differ: once in 16,000 seeds."""
-
-
-@pytest.fixture(autouse=True)
-def _nothing_stays():
-    yield
-    use_modules(())
 
 
 def test_in_a_study(tmp_path):

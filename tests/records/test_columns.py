@@ -3,6 +3,7 @@ is."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
-from tests.failures import Failures
 from tests.records.tables import write_table
 
 T = np.arange(600) / 50
@@ -53,16 +53,15 @@ ALONE = ("two columns", "an index before", "times last", "a switch beside", "two
 """Of the tables above, those in which one column changes."""
 
 
-def test_a_plain_choice_is_made_and_said(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for what, (columns, time, value) in PLAIN.items():
-            with failures.of(what):
-                record = read_record(write(tmp_path / "a.csv", columns))
-                assert record.columns == (time, value)
-                np.testing.assert_allclose(record.y, columns[value], atol=1e-12)
-                np.testing.assert_allclose(record.t, T, atol=1e-12)  # type: ignore[arg-type]
-                assert record.choice in " ".join(map(str, record.provenance.notes))
-                assert (f"Using column {value!r}" in record.choice) == (what not in ALONE)
+@pytest.mark.parametrize("what", PLAIN)
+def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
+    columns, time, value = PLAIN[what]
+    record = read_record(write(tmp_path / "a.csv", columns))
+    assert record.columns == (time, value)
+    np.testing.assert_allclose(record.y, columns[value], atol=1e-12)
+    np.testing.assert_allclose(record.t, T, atol=1e-12)  # type: ignore[arg-type]
+    assert record.choice in " ".join(map(str, record.provenance.notes))
+    assert (f"Using column {value!r}" in record.choice) == (what not in ALONE)
 
 
 OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
@@ -75,14 +74,11 @@ OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
 }  # fmt: skip
 
 
-def test_where_no_choice_is_plain_one_line_lists_what_there_is(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for what, (columns, named, said) in OPEN.items():
-            with failures.of(what):
-                with pytest.raises(InputError) as caught:
-                    read_records(write(tmp_path / "a.csv", columns, named=named))
-                assert said in str(caught.value)
-                assert len(str(caught.value)) < 300
+@pytest.mark.parametrize(("columns", "named", "said"), OPEN.values(), ids=OPEN)
+def test_where_no_choice_is_plain_one_line_lists_what_there_is(tmp_path: Path, columns, named, said) -> None:
+    with pytest.raises(InputError, match=re.escape(said)) as caught:
+        read_records(write(tmp_path / "a.csv", columns, named=named))
+    assert len(str(caught.value)) < 300
 
 
 def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
@@ -104,25 +100,13 @@ RUNS = {
 }
 
 
-def test_runs_of_a_file_are_repeats(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for what, (time, value) in RUNS.items():
-            with failures.of(what):
-                runs_are_repeats(tmp_path / "a.csv", time, value)
-    for wrong, said in (
-        ("7", "no runs .7.; there are runs 1, 2, 3, 4"),
-        ("3-1", "give numbers"),
-        ("", "select none"),
-    ):
-        with pytest.raises(InputError, match=said):
-            read_records(tmp_path / "a.csv", runs=wrong)
-
-
-def runs_are_repeats(path: Path, time: str, value: str) -> None:
+@pytest.mark.parametrize(("time", "value"), RUNS.values(), ids=RUNS)
+def test_runs_of_a_file_are_repeats(tmp_path: Path, time: str, value: str) -> None:
     columns: dict[str, np.ndarray] = {}
     for i in (1, 2, 3, 4):
         columns |= {time.format(i): T, value.format(i): i * Y}
-    found = read_records(write(path, columns))
+    path = write(tmp_path / "a.csv", columns)
+    found = read_records(path)
     assert [record.run for record in found] == ["1", "2", "3", "4"]
     assert all(record.repeat and record.unit == "deg" for record in found)
     assert len({record.channel for record in found}) == 1
@@ -131,6 +115,13 @@ def runs_are_repeats(path: Path, time: str, value: str) -> None:
     assert [r.run for r in read_records(path, runs="1,3-4")] == ["1", "3", "4"]
     assert [r.run for r in read_records(path, runs=" 4 , 2 ")] == ["4", "2"]
     assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
+    for wrong, said in (
+        ("7", "no runs .7.; there are runs 1, 2, 3, 4"),
+        ("3-1", "numbers"),
+        ("", "select none"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_records(path, runs=wrong)
 
 
 def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
@@ -142,45 +133,35 @@ def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
     assert [record.channel for record in found] == ["roll (deg)"] * 3
 
 
-def phone_on_a_pendulum(size: float) -> dict[str, np.ndarray]:
-    """What a phone measures (m/s²) at 0.8 of a pendulum's effective length, with a little drag: motion by SciPy."""
+PHONE = ((0.15, "acceleration {} (m/s²)", 1.0), (0.6, "{} (g)", 1 / 9.81), (1.2, "acc {}", 1.0))
+
+
+@pytest.mark.parametrize(("size", "head", "scale"), PHONE)
+def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(tmp_path: Path, size, head, scale) -> None:
+    """It measures m/s² at 0.8 of a pendulum's effective length, with a little drag: motion by SciPy."""
     g, length, t = 9.81, 0.85, np.arange(3000) / 100
 
     def swing(_: float, u: np.ndarray) -> list[float]:
         return [u[1], -g / length * np.sin(u[0]) - 0.03 * u[1]]
 
-    run = solve_ivp(swing, (0, t[-1]), [size, 0.0], t_eval=t, rtol=1e-8, atol=1e-10)
-    angle, speed = run.y
-    turning = np.array([swing(0.0, u)[1] for u in run.y.T])
+    angle, speed = u = solve_ivp(swing, (0, t[-1]), [size, 0.0], t_eval=t, rtol=1e-8, atol=1e-10).y
+    turning = np.array([swing(0.0, state)[1] for state in u.T])
+    across = 0.8 * length * turning + g * np.sin(angle)
+    along = -(g * np.cos(angle) + 0.8 * length * speed**2)
     noise = 0.02 * np.random.default_rng(2).standard_normal((3, t.size))
-    along = -(g * np.cos(angle) + 0.8 * length * speed**2) + noise[1]
-    return {
-        "t": t,
-        "x": 0.8 * length * turning + g * np.sin(angle) + noise[0],
-        "y": along,
-        "z": noise[2] + 0.05,
-    }
-
-
-def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(tmp_path: Path) -> None:
-    for size, head, scale in (
-        (0.15, "acceleration {} (m/s²)", 1.0),
-        (0.6, "{} (g)", 1 / 9.81),
-        (1.2, "acc {}", 1.0),
+    x, y, z = map(head.format, "xyz")
+    columns = dict(zip((x, y, z), scale * (noise + np.array([across, along, 0 * t + 0.05])), strict=True))
+    assert read_record(write(tmp_path / "a.csv", {"t (s)": t, **columns})).channel == x
+    # what points to the pivot is not answered for being the only one that swings
+    for path in (
+        write(tmp_path / "alone.csv", {"t (s)": t, y: columns[y]}),
+        write(tmp_path / "b.csv", {"t (s)": t, y: columns[y], z: columns[z]}),
     ):
-        measured = phone_on_a_pendulum(size)
-        x, y = head.format("x"), head.format("y")
-        columns = {"t (s)": measured["t"]} | {head.format(axis): scale * measured[axis] for axis in "xyz"}
-        assert read_record(write(tmp_path / "a.csv", columns)).channel == x
-        del columns[x]  # what points to the pivot is not answered for being the only one that swings
-        path = write(tmp_path / "b.csv", columns)
-        alone = write(tmp_path / "c.csv", {n: columns[n] for n in ("t (s)", y)})
-        for one in (path, alone):
-            with pytest.raises(InputError, match=r"contains gravity .*it swings at twice the freq") as error:
-                read_record(one)
-            assert error.value.arguments == ("value",)
-        assert error.value.likely == {}
-        assert read_record(path, value=y).channel == y
+        with pytest.raises(InputError, match=r"contains gravity .*it swings at twice the freq") as error:
+            read_record(path)
+        assert error.value.arguments == ("value",)
+    assert error.value.likely == {}
+    assert read_record(path, value=y).channel == y
 
 
 def test_what_moves_up_and_down_is_answered_where_it_is_named(tmp_path: Path) -> None:
@@ -205,13 +186,13 @@ def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path) -> None:
 
 SLOW = np.arange(500) * 0.0263
 LATER = 0.2 * np.exp(-0.15 * SLOW) * np.cos(5 * SLOW)
-PAIRS = {
-    "units": ["Time A (s)", "A (mm)", "Time B (s)", "B (mm)"],
-    "no units": ["Time A", "A", "Time B", "B"],
-    "numbers": ["t1", "x1", "t2", "x2"],
-    "one name for both times": ["Timed", "with", "Timed", "without"],
-    "no names": ["", "", "", ""],
-}
+PAIRS = [
+    ["Time A (s)", "A (mm)", "Time B (s)", "B (mm)"],
+    ["Time A", "A", "Time B", "B"],
+    ["t1", "x1", "t2", "x2"],
+    ["Timed", "with", "Timed", "without"],
+    ["", "", "", ""],
+]
 
 
 def side_by_side(path: Path, names: list[str], columns: list[np.ndarray]) -> Path:
@@ -221,19 +202,16 @@ def side_by_side(path: Path, names: list[str], columns: list[np.ndarray]) -> Pat
     return path
 
 
-def test_values_keep_the_times_beside_them(tmp_path: Path) -> None:
-    cases = [(names, [T, Y, SLOW, LATER]) for names in PAIRS.values()]
-    cases.append((["A (mm)", "t_A (s)", "B (mm)", "t_B (s)"], [Y, T, LATER, SLOW]))
-    with Failures() as failures:
-        for names, columns in cases:
-            with failures.of(names):
-                found = read_records(side_by_side(tmp_path / "a.csv", names, columns))
-                for record, t, y in zip(found, (T, SLOW), (Y, LATER), strict=True):
-                    np.testing.assert_allclose(record.t, t, atol=1e-12)  # type: ignore[arg-type]
-                    np.testing.assert_allclose(record.y, y, atol=1e-12)
-                    time, value = record.columns
-                    again = read_record(tmp_path / "a.csv", time=time, value=value)
-                    np.testing.assert_array_equal(again.t, record.t)  # type: ignore[arg-type]
+@pytest.mark.parametrize("names", [*PAIRS, ["A (mm)", "t_A (s)", "B (mm)", "t_B (s)"]], ids=str)
+def test_values_keep_the_times_beside_them(tmp_path: Path, names: list[str]) -> None:
+    columns = [T, Y, SLOW, LATER] if names in PAIRS else [Y, T, LATER, SLOW]
+    found = read_records(side_by_side(tmp_path / "a.csv", names, columns))
+    for record, t, y in zip(found, (T, SLOW), (Y, LATER), strict=True):
+        np.testing.assert_allclose(record.t, t, atol=1e-12)  # type: ignore[arg-type]
+        np.testing.assert_allclose(record.y, y, atol=1e-12)
+        time, value = record.columns
+        again = read_record(tmp_path / "a.csv", time=time, value=value)
+        np.testing.assert_array_equal(again.t, record.t)  # type: ignore[arg-type]
 
 
 def test_columns_of_one_clock_are_not_pairs(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import unit_or_guess
-from tests.failures import Failures
 from tests.records.tables import write_table
 
 T = np.arange(600) / 50
@@ -63,14 +62,13 @@ CASES = {
 }  # fmt: skip
 
 
-def test_a_doubt_is_told_where_there_is_one(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for name, (names, t, y, options, unit, kinds, option) in CASES.items():
-            with failures.of(name):
-                raw = read_record(write_table(tmp_path / "a.csv", names, t, y), **options)  # type: ignore[arg-type]
-                found = findings(raw, *unit_or_guess(raw, unit, None), unit is not None)
-                assert [finding.kind for finding in found] == kinds
-                assert all(option in finding.option and len(str(finding)) < 250 for finding in found)
+@pytest.mark.parametrize("case", CASES)
+def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, case: str) -> None:
+    names, t, y, options, unit, kinds, option = CASES[case]
+    raw = read_record(write_table(tmp_path / "a.csv", names, t, y), **options)
+    found = findings(raw, *unit_or_guess(raw, unit, None), unit is not None)
+    assert [finding.kind for finding in found] == kinds
+    assert all(option in finding.option and len(str(finding)) < 250 for finding in found)
 
 
 def test_an_unknown_unit_is_refused_in_python(tmp_path: Path) -> None:

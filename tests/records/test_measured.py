@@ -10,7 +10,6 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
-from tests.failures import Failures
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
 pytestmark = pytest.mark.skipif(not DATA.exists(), reason="the measured decays are not here")
@@ -40,25 +39,23 @@ SECONDS = {
 """Start, stop (low, high) and step."""
 
 
-def test_measured():
-    with Failures() as failures:
-        for file, columns, unit, clock, rate, cycles, start, stop in TABLE:
-            with failures.of(file):
-                signal = clean(read_record(DATA / file, **columns), name="x", unit=unit)
-                numbers = signal.provenance.more
-                assert numbers["clock"] == clock
-                assert numbers["sampling_rate"] == pytest.approx(rate, rel=1e-3)
-                assert cycles[0] <= numbers["cycles"] <= cycles[1]
-                assert start[0] <= numbers["start_sample"] <= start[1]
-                assert stop[0] <= numbers["stop_sample"] <= stop[1]
-                assert signal.t[0] == 0.0
-                assert np.all(np.diff(signal.t) > 0)
-                assert signal.y.size == numbers["samples"]
-                if file in SECONDS:
-                    begin, (early, late), step = SECONDS[file]
-                    assert signal.provenance.start == pytest.approx(begin, abs=0.05)
-                    assert early <= signal.provenance.stop <= late
-                    assert signal.step == pytest.approx(step, rel=0.01)
+@pytest.mark.parametrize(("file", "columns", "unit", "clock", "rate", "cycles", "start", "stop"), TABLE)
+def test_measured(file, columns, unit, clock, rate, cycles, start, stop):
+    signal = clean(read_record(DATA / file, **columns), name="x", unit=unit)
+    numbers = signal.provenance.more
+    assert numbers["clock"] == clock
+    assert numbers["sampling_rate"] == pytest.approx(rate, rel=1e-3)
+    assert cycles[0] <= numbers["cycles"] <= cycles[1]
+    assert start[0] <= numbers["start_sample"] <= start[1]
+    assert stop[0] <= numbers["stop_sample"] <= stop[1]
+    assert signal.t[0] == 0.0
+    assert np.all(np.diff(signal.t) > 0)
+    assert signal.y.size == numbers["samples"]
+    if file in SECONDS:
+        begin, (early, late), step = SECONDS[file]
+        assert signal.provenance.start == pytest.approx(begin, abs=0.05)
+        assert early <= signal.provenance.stop <= late
+        assert signal.step == pytest.approx(step, rel=0.01)
 
 
 # By eye: the turning point at which the hand lets go, the last clear peak, and when it is at rest, in s.
@@ -68,14 +65,13 @@ HAND = [
 ]  # fmt: skip
 
 
-def test_ten_runs_by_hand():
+@pytest.mark.parametrize(("run", "by_hand"), list(enumerate(HAND, start=1)))
+def test_ten_runs_by_hand(run, by_hand):
     """It starts where the hand lets go or half a swing later, and stops before it sticks, away from zero."""
-    with Failures() as failures:
-        for run, (released, last_peak, rests) in enumerate(HAND, start=1):
-            with failures.of(run):
-                columns = {"time": f"Time (s) Run #{run}", "value": f"Angle, Ch 1+2 (rad) Run #{run}"}
-                signal = clean(read_record(DATA / "ten_runs/Run_1-10_no_magnet.csv", **columns), name="x")
-                assert released - 0.06 <= signal.provenance.start <= released + 0.75
-                assert last_peak - 0.1 <= signal.provenance.stop <= rests
-                assert len(signal.provenance.decays) == 1
-                assert find_anomalies(signal, features(signal)) == ()
+    released, last_peak, rests = by_hand
+    columns = {"time": f"Time (s) Run #{run}", "value": f"Angle, Ch 1+2 (rad) Run #{run}"}
+    signal = clean(read_record(DATA / "ten_runs/Run_1-10_no_magnet.csv", **columns), name="x")
+    assert released - 0.06 <= signal.provenance.start <= released + 0.75
+    assert last_peak - 0.1 <= signal.provenance.stop <= rests
+    assert len(signal.provenance.decays) == 1
+    assert find_anomalies(signal, features(signal)) == ()

@@ -318,11 +318,6 @@ def whole_run(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def maker_type():
-    return RunMaker
-
-
-@pytest.fixture
 def sketchy(monkeypatch):
     """Figures are composed but not drawn, for tests of the text."""
     monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png"))

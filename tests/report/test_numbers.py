@@ -142,12 +142,6 @@ def swapped(answer: Any) -> Any:
     return replace(answer, verdict=changed)
 
 
-def exchanged(v: Any) -> Any:
-    """Return a verdict whose terms have each other's shares."""
-    pairs = zip(v.energy, reversed(v.energy))
-    return replace(v, energy=tuple(replace(other, term=own.term) for own, other in pairs))
-
-
 FMT, WORDS, REPORT = "bayesdamp.formatting", "bayesdamp.verdict.words", "bayesdamp.report"
 TABLES, SECTIONS, ANSWER = "bayesdamp.verdict.parts", f"{REPORT}.sections", f"{REPORT}.sections.answer"
 SIZES = (f"{FMT}.with_interval", f"{WORDS}.with_interval")

@@ -16,6 +16,7 @@ from bayesdamp.report.sections import SECTIONS, Section
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import write_json
 from bayesdamp.store.results import claim
+from tests.report.conftest import RunMaker
 from tests.report.pages import Page, foreign
 
 
@@ -44,24 +45,16 @@ def test_every_section_is_there_in_order(page):
     ]  # fmt: skip
 
 
-def test_the_verdict_comes_first_and_warns(page):
+def test_what_warns_is_on_the_page(page):
     words = Page(page).words
-    verdict = words.index(
-        "Probability of viscous + Coulomb among the compared damping models, other forms left out: > 0.999 by bridge"
-    )
-    assert verdict < words.index("Settings of the study")
-    assert (
-        "Probability of viscous among the compared damping models, other forms left out: 0.80 by bridge sampling"
-        in words
-    )
-    assert (
-        "Most probable by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80)."
-        in words
-    )
-    assert "change by 4.1 times the standard deviation that is expected by chance" in words
-    assert "predictive p 0.0030" in words
-    assert "not converged: R̂ of stiffness is 1.034" in words
-    assert "ε was not given: 2 % of the peak velocity" in words
+    for text in (
+        "Most probable by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80).",
+        "change by 4.1 times the standard deviation that is expected by chance",
+        "predictive p 0.0030",
+        "not converged: R̂ of stiffness is 1.034",
+        "ε was not given: 2 % of the peak velocity",
+    ):
+        assert text in words
 
 
 def test_measured_signals_have_no_truth(page):
@@ -80,8 +73,8 @@ def test_figures_are_saved_and_inside(page, whole_run):
     assert not (whole_run / "figures" / ".tmp").exists()
 
 
-def test_a_second_report_is_the_same(maker_type, tmp_path):
-    folder = maker_type(tmp_path, signals=["sim"], repeats={"sim": 1}, models=("viscous",)).make()
+def test_a_second_report_is_the_same(tmp_path):
+    folder = RunMaker(tmp_path, signals=["sim"], repeats={"sim": 1}, models=("viscous",)).make()
     first = render(folder).read_text(encoding="utf-8")
     drawn = folder / "figures" / ".drawn"
     drawn.write_text(drawn.read_text() + "\nstale.png\n../report.html")

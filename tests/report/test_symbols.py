@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report import words
-
-OWN = """
-from bayesdamp.physics.damping import DampingTerm
-from bayesdamp.types import Symbol
-
-class Sticky(DampingTerm):
-    name = "sticky"
-    parameter = "c_sticky"
-    unit = "1/s"
-    symbol = Symbol("cₛ", r"$c_s$", "sticky damping")
-
-    @staticmethod
-    def kernel(x, v, epsilon):
-        return v
-
-PLUGIN = Sticky()
-"""
 
 
 def test_all_that_ship_say_it():
@@ -39,17 +24,16 @@ def test_all_that_ship_say_it():
 
 def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_path):
     """Negative control: once it is forgotten, nothing is said of it."""
-    plain = OWN.replace("    symbol = Symbol(", '    words = "sticky seal"\n    unused = (')
-    (tmp_path / "own.py").write_text(plain, encoding="utf-8")
+    source = (Path(__file__).parents[1] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
+    (tmp_path / "own.py").write_text(source.replace("    unit =", '    words = "sticky seal"\n    unit ='))
     use_modules(read_modules([tmp_path / "own.py"]))
     try:
-        symbol = words.symbol("c_sticky")
-        assert (symbol.text, symbol.meaning) == ("c_sticky", "coefficient of sticky seal damping")
-        assert words.model("viscous+sticky") == "viscous + sticky seal"
+        symbol = words.symbol("drag3")
+        assert (symbol.text, symbol.meaning) == ("drag3", "coefficient of sticky seal damping")
+        assert words.model("viscous+cubic_drag") == "viscous + sticky seal"
     finally:
         use_modules(())
-    assert words.symbol("c_sticky").meaning == "parameter"
-    assert words.model("viscous+sticky") == "viscous + sticky"
+    assert words.symbol("drag3").meaning == "parameter"
 
 
 def test_indices_are_set_and_marks_of_html_stay_text():

@@ -14,7 +14,6 @@ from bayesdamp.cli import main
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import MARK_FILE, MARK_TEXT
 from bayesdamp.types import InputError
-from tests.failures import Failures
 
 SHIPPED = Path(__file__).resolve().parents[2] / "reports"
 DEEP = "[" * 100_000
@@ -45,25 +44,19 @@ def written(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_what_reads_a_folder_refuses_what_is_no_run(tmp_path: Path, refused: Callable[..., str]) -> None:
-    page = tmp_path / "claims.md"
-    with Failures() as failures:
-        for text, why in NO_RUN.items():
-            with failures.of(text[:60]):
-                folder = written(tmp_path / "run", text)
-                before = sorted(folder.iterdir())
-                for words in (
-                    ("report", str(folder)),
-                    ("claims", "--paper", str(folder), "--out", str(page)),
-                ):
-                    said = refused(*words)
-                    assert said.startswith(f"{folder / 'run.json'}: ")
-                    assert why in said
-                    assert "run the study again" in said
-                with pytest.raises(InputError, match=r"run\.json: "):
-                    bd.Run.load(folder)
-                assert sorted(folder.iterdir()) == before
-                assert not page.exists()
+@pytest.mark.parametrize(("text", "why"), NO_RUN.items(), ids=lambda text: text[:20])
+def test_what_reads_a_folder_refuses_what_is_no_run(tmp_path: Path, refused, text: str, why: str) -> None:
+    folder, page = written(tmp_path / "run", text), tmp_path / "claims.md"
+    before = sorted(folder.iterdir())
+    for words in (("report", str(folder)), ("claims", "--paper", str(folder), "--out", str(page))):
+        said = refused(*words)
+        assert said.startswith(f"{folder / 'run.json'}: ")
+        assert why in said
+        assert "run the study again" in said
+    with pytest.raises(InputError, match=r"run\.json: "):
+        bd.Run.load(folder)
+    assert sorted(folder.iterdir()) == before
+    assert not page.exists()
 
 
 def test_a_folder_that_names_no_study_is_no_run_of_one(tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -79,14 +72,12 @@ def test_a_folder_that_names_no_study_is_no_run_of_one(tmp_path: Path, refused: 
         assert not page.exists()
 
 
-def test_what_asks_again_refuses_what_is_no_run(tmp_path: Path, refused: Callable[..., str]) -> None:
-    with Failures() as failures:
-        for text in NO_QUESTION:
-            with failures.of(text[:60]):
-                path = written(tmp_path / "run", text) / "run.json"
-                for words in (("check", str(path)), ("study", str(path), "--out", str(tmp_path / "out"))):
-                    assert "give " in refused(*words)
-                assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize("text", NO_QUESTION, ids=lambda text: text[:50])
+def test_what_asks_again_refuses_what_is_no_run(tmp_path: Path, refused, text: str) -> None:
+    path = written(tmp_path / "run", text) / "run.json"
+    for words in (("check", str(path)), ("study", str(path), "--out", str(tmp_path / "out"))):
+        assert "give " in refused(*words)
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_a_run_wrote_is_read() -> None:

@@ -79,19 +79,6 @@ def test_resume_needs_the_same_key(tmp_path):
     assert not store.has(NAME, "k1")
 
 
-def test_names_and_clear(tmp_path):
-    store = Store(tmp_path)
-    assert store.names() == []
-    names = ["evidence/a/0/viscous/importance", "signal/a/0", "signal/a/0/deeper", "signal/noise_sd=0.003/0"]
-    with store.lock():
-        for name in names:
-            store.write(result(name))
-        assert store.names() == names
-        store.clear()
-        assert store.names() == []
-        store.clear()
-
-
 def test_a_name_cannot_leave_the_folder(tmp_path):
     for name in ("", "/abs", "a//b", "../up", "a/../b", "a/.hidden", "a\\b", "a/"):
         with pytest.raises(ValueError, match="not the name of a task"):

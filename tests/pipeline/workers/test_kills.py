@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.store import read_table
-from tests.studies import SYSTEM, signal_text, study_text
+from tests.studies import SYSTEM, signal_text, study_text, tables_of
 
 KILLS = int(os.environ.get("KILLS", "50"))
 SEED = int(os.environ.get("KILLS_SEED", "5"))
@@ -38,13 +37,6 @@ def command(folder: Path, workers: int, seed: int = 1) -> list[str]:
     return [sys.executable, "-m", "bayesdamp", "study", str(file), *options]
 
 
-def tables(run: Path) -> dict[str, list[str]]:
-    """The rows of all tables of a run, without seconds."""
-    files = sorted(run.glob("*.csv"))
-    assert len(files) > 3
-    return {f.name: [repr({**row, "seconds": 0}) for row in read_table(f)] for f in files}
-
-
 @dataclass(frozen=True)
 class Undisturbed:
     """tables: of a run that nothing happened to; seconds: that it took."""
@@ -58,7 +50,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     folder = tmp_path_factory.mktemp("undisturbed")
     start = time.monotonic()
     assert subprocess.run(command(folder, 2), stdout=subprocess.DEVNULL).returncode == 0
-    return Undisturbed(tables(folder / "out"), time.monotonic() - start)
+    return Undisturbed(tables_of(folder / "out"), time.monotonic() - start)
 
 
 def damage(out: Path, rng: np.random.Generator) -> bool:
@@ -92,9 +84,8 @@ def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undistur
             damaged += damaged < DAMAGED and damage(tmp_path / "out", rng)
             continue
         assert status == 0
-        assert tables(tmp_path / "out") == undisturbed.tables, (
-            f"after {killed} kills and {damaged} damaged files"
-        )
+        said = f"after {killed} kills and {damaged} damaged files"
+        assert tables_of(tmp_path / "out") == undisturbed.tables, said
         whole += 1
         shutil.rmtree(tmp_path / "out")
     assert damaged == min(DAMAGED, KILLS)
@@ -104,4 +95,4 @@ def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undistur
 def test_another_seed_gives_other_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
     """Negative control."""
     assert subprocess.run(command(tmp_path, 2, seed=2), stdout=subprocess.DEVNULL).returncode == 0
-    assert tables(tmp_path / "out") != undisturbed.tables
+    assert tables_of(tmp_path / "out") != undisturbed.tables

@@ -16,8 +16,8 @@ from bayesdamp.machine import processes
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use_modules
-from bayesdamp.store import Store, read_table
-from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
+from bayesdamp.store import Store
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, tables_of, write_study
 
 STUDY = study_text(
     ESTIMATED,
@@ -26,7 +26,6 @@ STUDY = study_text(
     simulate="viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003",
     name="noisy",
 )
-TABLES = ("estimates.csv", "evidence.csv", "fits.csv")
 
 
 @pytest.fixture(autouse=True)
@@ -38,11 +37,6 @@ def _no_plug_in_stays():
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     return write_study(tmp_path_factory.mktemp("study"), STUDY)
-
-
-def tables(run: Path) -> dict[str, list[str]]:
-    """The rows of a run's tables, without seconds."""
-    return {n: [repr({**row, "seconds": 0}) for row in read_table(run / n)] for n in TABLES}
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +69,7 @@ def scheduler(tmp_path_factory):
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler, tmp_path):
     assert run_study(study, tmp_path / "out", scheduler=scheduler) == 0
-    assert tables(tmp_path / "out") == tables(alone)
+    assert tables_of(tmp_path / "out") == tables_of(alone)
     assert (tmp_path / "out" / "report.html").is_file()
     # the cells were computed by the workers: this process had none to compute
     assert Store(tmp_path / "out").names() == Store(alone).names()

@@ -10,7 +10,6 @@ import pytest
 from bayesdamp.records.files.names import sampling_rate
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
-from tests.failures import Failures
 from tests.records.tables import write_table
 
 Y = 0.3 * np.exp(-0.002 * np.arange(400)) * np.cos(0.12 * np.arange(400))
@@ -34,23 +33,20 @@ NAMES = (
 )  # fmt: skip
 
 
-def test_a_rate_in_the_head_is_read(tmp_path: Path) -> None:
-    with Failures() as failures:
-        for head, rate in (RATES | dict.fromkeys(NAMES, 50.0)).items():
-            with failures.of(head):
-                raw = read_record(one_column(tmp_path / "a.csv", head))
-                assert raw.rate == pytest.approx(rate, rel=1e-12)
+@pytest.mark.parametrize(("head", "rate"), (RATES | dict.fromkeys(NAMES, 50.0)).items())
+def test_a_rate_in_the_head_is_read(tmp_path: Path, head: str, rate: float) -> None:
+    assert read_record(one_column(tmp_path / "a.csv", head)).rate == pytest.approx(rate, rel=1e-12)
 
 
-def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path) -> None:
-    for head in ("sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"):
-        path = one_column(tmp_path / "a.csv", head)
-        with pytest.raises(InputError, match="or give the rate in Hz") as caught:
-            read_record(path)
-        assert caught.value.arguments == ("rate",)
-        raw = read_record(path, rate=50.0)
-        assert raw.rate == 50.0
-        assert sampling_rate(raw.provenance.facts) is None
+@pytest.mark.parametrize("head", ["sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"])
+def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path, head: str) -> None:
+    path = one_column(tmp_path / "a.csv", head)
+    with pytest.raises(InputError, match="or give the rate in Hz") as caught:
+        read_record(path)
+    assert caught.value.arguments == ("rate",)
+    raw = read_record(path, rate=50.0)
+    assert raw.rate == 50.0
+    assert sampling_rate(raw.provenance.facts) is None
 
 
 def test_what_is_no_sampling_rate() -> None:
@@ -68,13 +64,11 @@ HEADS = {
 }
 
 
-def test_a_head_with_t0_and_delta_t(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("head", "timed"), HEADS.values(), ids=HEADS)
+def test_a_head_with_t0_and_delta_t(tmp_path: Path, head: list[str], timed: bool) -> None:
     """As LabVIEW exports a waveform to text."""
-    for head, timed in HEADS.values():
-        columns = [np.arange(400) / 50, Y] if timed else [Y]
-        raw = read_record(write_table(tmp_path / "a.csv", "\n".join(head), *columns))
-        np.testing.assert_array_equal(raw.y, Y)
-        if timed:
-            np.testing.assert_allclose(raw.t, np.arange(400) / 50, atol=1e-9)  # type: ignore[arg-type]
-        else:
-            assert raw.rate == pytest.approx(50.0)
+    t = np.arange(400) / 50
+    raw = read_record(write_table(tmp_path / "a.csv", "\n".join(head), *([t, Y] if timed else [Y])))
+    np.testing.assert_array_equal(raw.y, Y)
+    assert (raw.t is None, raw.rate) == ((False, None) if timed else (True, pytest.approx(50.0)))
+    assert raw.t == pytest.approx(t) or not timed

@@ -9,7 +9,6 @@ import pytest
 
 from bayesdamp.records.read import read_records
 from bayesdamp.types import InputError
-from tests.failures import Failures
 
 T = -0.02 + 4e-4 * np.arange(1200)
 V = np.where(T < 0, 0.8, 0.8 * np.exp(-2 * T) * np.cos(90 * T))
@@ -19,15 +18,15 @@ SETTINGS = [
     "Labels,",
 ]  # fmt: skip
 TDS = [
-    "Record Length,1.2e+03,",
-    "Sample Interval,4e-04,",
-    "Source,CH2,",
-    "Vertical Units,V,",
-    "Horizontal Units,s,",
+    "Record Length,1.2e+03",
+    "Sample Interval,4e-04",
+    "Source,CH2",
+    "Vertical Units,V",
+    "Horizontal Units,s",
 ]
 
 FILES = {
-    "Tektronix TDS": [f"{TDS[i] if i < len(TDS) else ',,'},{pair}," for i, pair in enumerate(PAIRS)],
+    "Tektronix TDS": [f"{TDS[i] if i < len(TDS) else ','},,{pair}," for i, pair in enumerate(PAIRS)],
     "Tektronix MSO": [*SETTINGS, "TIME,CH1", *PAIRS],
     "Tektronix DPO, two channels": [
         "Point Format,Y,,", "Sample Interval,0.0004,,", "Filter Frequency,1e+08,,", "Record Length,1200,,",
@@ -52,32 +51,33 @@ UNSAID = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
 """Whose unit is not said by the name of the column, or by the head for both columns of a pair."""
 
 
-def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    with Failures() as failures:
-        for what, lines in FILES.items():
-            with failures.of(what):
-                path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-                (raw,) = read_records(path)
-                np.testing.assert_allclose(raw.t, T, atol=1e-9)  # type: ignore[arg-type]
-                np.testing.assert_allclose(raw.y, V, atol=1e-5)
-                assert raw.unit == ("" if what in UNSAID else "V")
-        for what in ("Tektronix TDS", "Tektronix MSO", "Rigol, numbered"):
-            lines = list(FILES[what])
-            lines[-2] = lines[-2].replace(f"{V[-2]:.5f}", "clipped")
-            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-            with failures.of(what), pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
-                read_records(path)
+def written(path: Path, *lines: str) -> Path:
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("what", FILES)
+def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what: str) -> None:
+    (raw,) = read_records(written(tmp_path / "a.csv", *FILES[what]))
+    np.testing.assert_allclose(raw.t, T, atol=1e-9)  # type: ignore[arg-type]
+    np.testing.assert_allclose(raw.y, V, atol=1e-5)
+    assert raw.unit == ("" if what in UNSAID else "V")
+
+
+@pytest.mark.parametrize("what", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
+def test_a_cell_of_an_instrument_that_is_no_number_is_refused(tmp_path: Path, what: str) -> None:
+    lines = list(FILES[what])
+    lines[-2] = lines[-2].replace(f"{V[-2]:.5f}", "clipped")
+    with pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
+        read_records(written(tmp_path / "a.csv", *lines))
 
 
 def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
     """Two settings are facts above a table, and numbers of samples without Start stay what they are."""
-    (tmp_path / "a.csv").write_text("\n".join([*SETTINGS[2:4], "TIME,CH1", *PAIRS]) + "\n", encoding="utf-8")
-    (plain,) = read_records(tmp_path / "a.csv")
+    (plain,) = read_records(written(tmp_path / "a.csv", *SETTINGS[2:4], "TIME,CH1", *PAIRS))
     assert (plain.columns, plain.unit, plain.rate) == (("TIME", "CH1"), "", None)
     rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]
-    (tmp_path / "b.csv").write_text("\n".join(["X,CH1", "Sequence,Volt", *rows]) + "\n", encoding="utf-8")
-    (raw,) = read_records(tmp_path / "b.csv")
+    (raw,) = read_records(written(tmp_path / "b.csv", "X,CH1", "Sequence,Volt", *rows))
     assert raw.t[1] == 1
 
 
@@ -85,9 +85,8 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path) ->
     t = np.arange(500) / 50
     ys = [a * np.exp(-0.2 * t) * np.cos(6 * t) for a in (20.0, 15.0, 10.0)]
     names = ["Time (s)", "Angle (deg)", ""] * 3
-    rows = [
-        [x for k, y in enumerate(ys) for x in (f"{t[i] + k:.3f}", f"{y[i]:.6f}", "")] for i in range(t.size)
-    ]
+    cells = np.stack([column for k, y in enumerate(ys) for column in (t + k, y)], axis=1).astype(str)
+    rows = [[*row[:2], "", *row[2:4], "", *row[4:]] for row in cells]
     for separator, labels, runs in (
         (",", ("Run 1", "Run 2", "Run 3"), ["1", "2", "3"]),
         ("\t", ("soft", "stiff", "none"), [""] * 3),
@@ -95,11 +94,8 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path) ->
     ):
         top = [cell for label in labels for cell in (label, "", "")][:-2]
         lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
-        (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
-        raws = read_records(tmp_path / "a.csv")
-        assert [raw.unit for raw in raws] == ["deg"] * 3
-        assert [raw.run for raw in raws] == runs
-        assert [raw.repeat for raw in raws] == [bool(run) for run in runs]
+        raws = read_records(written(tmp_path / "a.csv", *lines))
+        assert [(raw.unit, raw.run, raw.repeat) for raw in raws] == [("deg", run, bool(run)) for run in runs]
         for k, raw in enumerate(raws):
             np.testing.assert_allclose(raw.t, t + k, atol=1e-9)  # type: ignore[arg-type]
             np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)

@@ -1,67 +1,74 @@
-"""Times that a file says to be in another unit than s, in every way that a format has of saying it."""
+"""What a file says of its numbers: units of times, numbers that are packed, and samples that are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
+import pytest
 
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
+from bayesdamp.types import InputError
 from tests.records.tables import write_table
 
 T = np.arange(400) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
-def hdf(path: Path, t: np.ndarray, unit: str) -> None:
-    import h5py
-
+def hdf(path: Path, t: np.ndarray, unit: str, stored: np.ndarray = Y, **attributes: Any) -> None:
+    """As netCDF has it: what is said of a variable is in its attributes."""
     with h5py.File(path, "w") as file:
-        file["time"], file["angle"] = t, Y
+        file["time"], file["angle"] = t, stored
         file["time"].attrs["units"] = unit
-
-
-def xlsx(path: Path, t: np.ndarray, unit: str) -> None:
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    for row in [(f"time ({unit})", "angle"), *zip(t.tolist(), Y.tolist(), strict=True)]:
-        book.active.append(row)
-    book.save(path)
+        file["angle"].attrs.update(attributes)
 
 
 def csv(path: Path, t: np.ndarray, unit: str) -> None:
     write_table(path, f"time ({unit}),angle", t, Y)
 
 
-WRITERS: dict[str, Callable[[Path, np.ndarray, str], None]] = {"h5": hdf, "xlsx": xlsx, "csv": csv}
-
-
-def test_a_unit_of_times_is_taken(tmp_path: Path) -> None:
-    for form, write in WRITERS.items():
-        for unit, seconds in (("h", 3600.0), ("ps", 1e-12)):
-            t = T if seconds >= 1 else T * 1e-6
-            write(tmp_path / f"a.{form}", t / seconds, unit)
-            raw = read_record(tmp_path / f"a.{form}")
-            np.testing.assert_allclose(raw.t, t, rtol=1e-9, atol=1e-9 * t[1])  # type: ignore[arg-type]
-            assert findings(raw, "rad", "angle") == ()
-        write(tmp_path / f"a.{form}", T, "fortnights")  # the control: one that is not known is doubted
-        (found,) = findings(read_record(tmp_path / f"a.{form}"), "rad", "angle")
-        assert found.kind is Kind.TIME_UNIT
-        assert "'fortnights'" in found.sentence
-        assert "--time-unit" in found.option
+@pytest.mark.parametrize(("form", "write"), [("h5", hdf), ("csv", csv)])
+def test_a_unit_of_times_is_taken(tmp_path: Path, form: str, write: Callable[..., None]) -> None:
+    path = tmp_path / f"a.{form}"
+    for unit, seconds in (("h", 3600.0), ("ps", 1e-12)):
+        t = T if seconds >= 1 else T * 1e-6
+        write(path, t / seconds, unit)
+        raw = read_record(path)
+        np.testing.assert_allclose(raw.t, t, rtol=1e-9, atol=1e-9 * t[1])  # type: ignore[arg-type]
+        assert findings(raw, "rad", "angle") == ()
+    write(path, T, "fortnights")  # the control: one that is not known is doubted
+    (found,) = findings(read_record(path), "rad", "angle")
+    assert found.kind is Kind.TIME_UNIT
+    assert "'fortnights'" in found.sentence
+    assert "--time-unit" in found.option
 
 
 def test_times_since_a_date(tmp_path: Path) -> None:
-    """As netCDF has them."""
-    for unit, scale in (
-        ("milliseconds since 2024-01-01", 1e3),
-        ("days since 1970-01-01 00:00", 1 / 86400),
-    ):
+    for unit, scale in (("milliseconds since 2024-01-01", 1e3), ("days since 1970-01-01 00:00", 1 / 86400)):
         hdf(tmp_path / "a.h5", T * scale, unit)
         np.testing.assert_allclose(read_record(tmp_path / "a.h5").t, T, atol=1e-9)  # type: ignore[arg-type]
+
+
+def test_packed_numbers_are_refused_and_missing_samples_are_no_values(tmp_path: Path) -> None:
+    """By the Climate and Forecast conventions."""
+    path, stored = tmp_path / "a.h5", np.round(Y / 1e-4).astype("i2")
+    stored[np.arange(5, 400, 37)] = -9999
+    for name, value, said in (
+        ("scale_factor", 0.5, "the numbers of 'angle' are packed"),
+        ("add_offset", 0.5, "the numbers of 'angle' are packed"),
+        ("_FillValue", np.int16(-9999), r"sample 5 .*not a finite number"),
+        ("missing_value", np.int16(-9999), r"sample 5 .*not a finite number"),
+    ):
+        hdf(path, T, "s", stored, **{name: value})
+        with pytest.raises(InputError, match=said):
+            read_record(path)
+    for control in ({}, {"_FillValue": np.int16(-9998)}, {"missing_value": np.int16(-9998)}):
+        hdf(path, T, "s", stored, **control)
+        np.testing.assert_array_equal(read_record(path).y, stored)
 
 
 def test_numbers_of_days(tmp_path: Path) -> None:

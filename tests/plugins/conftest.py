@@ -1,0 +1,15 @@
+"""Tests of plug-ins: none stays for the next test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from bayesdamp.plugins import use_modules
+
+
+@pytest.fixture(autouse=True)
+def _nothing_stays() -> Iterator[None]:
+    yield
+    use_modules(())
