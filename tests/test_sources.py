@@ -15,6 +15,7 @@ import pytest
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
 from tests.studies import COMPARED, study_text
+from tests.test_layers import modules
 
 SCRIPT = """
 import json, sys
@@ -37,24 +38,14 @@ STUDY = study_text(
 )
 
 
-AFTER_SINDY = (
-    "mode/one/0/viscous",
-    "posterior/one/0/viscous",
-    "evidence/one/0/viscous",
-    "sensitivity/one/0/viscous",
-)
+AFTER_SINDY = tuple(f"{kind}/one/0/viscous" for kind in ("mode", "posterior", "evidence", "sensitivity"))
 """The sparse regression has all terms in its library, and a mode is looked for from every estimate."""
 
 
-def every_module() -> dict[str, Path]:
-    found = {}
-    for path in ROOT.rglob("*.py"):
-        parts = path.relative_to(ROOT.parent).with_suffix("").parts
-        found[".".join(part for part in parts if part != "__init__")] = path
-    return found
+MODULES = {name: path for name, path in modules() if name.startswith("bayesdamp")}
 
 
-def by_parser(path: Path, modules: set[str]) -> set[str]:
+def by_parser(path: Path) -> set[str]:
     """What a module imports of the package, but for what stands under TYPE_CHECKING, by Python's own parser."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
@@ -65,26 +56,22 @@ def by_parser(path: Path, modules: set[str]) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             assert not node.level, f"{path}: a relative import"
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return found & modules
+    return found & set(MODULES)
 
 
 def test_imports_are_found_as_the_parser_finds_them():
-    modules = every_module()
-    for name, path in modules.items():
+    for name, path in MODULES.items():
         # a text for another process may import the module that it stands in
-        assert by_parser(path, set(modules)) - {name} == set(direct_imports(name)) & set(modules) - {name}, (
-            name
-        )
+        assert by_parser(path) - {name} == set(direct_imports(name)) & set(MODULES) - {name}, name
     # negative control: it does tell apart
-    assert by_parser(modules["bayesdamp.pipeline.run"], set(modules)) != direct_imports(
+    assert by_parser(MODULES["bayesdamp.pipeline.run"]) != direct_imports(
         "bayesdamp.pipeline.candidates.tasks"
     )
 
 
 def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it():
     for kind in CODE:
-        modules = every_module()
-        assert set(CODE[kind]) <= set(modules)
+        assert set(CODE[kind]) <= set(MODULES)
         found = import_closure(CODE[kind])
         assert any(name.startswith("bayesdamp.physics.") for name in found)
         assert "bayesdamp.pipeline.run" not in found, "it reaches everything: no kind would keep its results"

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
+import h5py
 import numpy as np
 
-from tests.bad_input.case import READ, REFUSED, Case, T, Y, nothing, raw
+from tests.bad_input.case import READ, Case, T, Y, nothing, raw
 from tests.records.readers import written
 
 
@@ -92,26 +93,18 @@ def mat_bomb(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
 
 
-def hdf_bomb(path: Path) -> None:
-    import h5py
+def hdf(fill: Callable[[h5py.File], object]) -> Callable[[Path], None]:
+    """Return what writes an HDF5 file that is filled so."""
 
-    with h5py.File(path, "w") as file:
-        file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(10**6,), fillvalue=0.0)
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            fill(file)
 
-
-def hdf_elsewhere(path: Path) -> None:
-    import h5py
-
-    with h5py.File(path, "w") as file:
-        file.create_dataset("x", shape=(8,), dtype="f8", external=[("/etc/hostname", 0, 64)])
+    return write
 
 
-def hdf_link(path: Path) -> None:
-    """A file that holds a link to another file."""
-    import h5py
-
-    with h5py.File(path, "w") as file:
-        file["x"] = h5py.ExternalLink("/etc/hostname", "x")
+ENDLESS = {"shape": (10**12,), "dtype": "f8", "chunks": (10**6,), "fillvalue": 0.0}
+ELSEWHERE = {"shape": (8,), "dtype": "f8", "external": [("/etc/hostname", 0, 64)]}
 
 
 def compound(path: Path, stream: str) -> None:
@@ -141,13 +134,14 @@ def arrays(**named: object) -> Callable[[Path], object]:
 
 _T, _Y = T.tolist(), Y.tolist()
 MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
-    ("bomb", "a.npz", bomb_zip, "GiB"), ("bomb", "a.h5", hdf_bomb, "GiB"),
+    ("bomb", "a.npz", bomb_zip, "GiB"), ("bomb", "a.h5", hdf(lambda file: file.create_dataset("x", **ENDLESS)), "GiB"),
     ("bomb", "a.mat", mat_bomb, "GiB"),
     ("encrypted", "a.xlsx", partial(locked, form="xlsx"), "encrypted"),
     ("with a password", "a.xlsx", partial(compound, stream="EncryptedPackage"), "is a workbook with a password"),
     ("of 1997", "a.xls", partial(compound, stream="Workbook"), "is an Excel 97-2003 workbook (.xls), which is not read; save"),
-    ("of another file's numbers", "a.h5", hdf_elsewhere, "is stored in another file"),
-    ("of a link", "a.h5", hdf_link, "no numeric array"),
+    ("of version 255 of zip", "a.xlsx", partial(of_version, form="xlsx", version=255), "damaged or cut off"),
+    ("of another file's numbers", "a.h5", hdf(lambda file: file.create_dataset("x", **ELSEWHERE)), "is stored in another file"),
+    ("of a link", "a.h5", hdf(lambda file: file.update(x=h5py.ExternalLink("/etc/hostname", "x"))), "no numeric array"),
     ("of 1e6 numbers", "a.npy", partial(header, shape=(10**6,)), "cut off"),
     ("of 1e300 numbers", "a.npy", partial(header, shape=(10**150, 10**150)), ""),
     ("of no numbers", "a.npy", partial(header, shape=(0,)), ""), ("of words", "a.npy", partial(header, descr="<U2"), ""),
@@ -172,27 +166,14 @@ MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("of a picture", "a.png", raw(b"\x89PNG\r\n\x1a\n" + bytes(500)), "unknown format"),
 )  # fmt: skip
 
-VERSIONS = [
-    Case(f"{form} of version {version} of zip named .{ending}", ("look", "FILE"), f"a.{ending}",
-         partial(of_version, form=form, version=version), said, ends=(ends,))
-    for form, version, ending, said, ends in (
-        ("xlsx", 255, "xlsx", "damaged or cut off", REFUSED),
-        ("xlsx", 45, "xlsx", "", READ),
-    )
-]  # fmt: skip
 
-TWICE = Case(
-    "json of one name in two objects",
-    ("look", "FILE"),
-    "a.json",
-    as_json({"a": {"t": _T, "y": _Y}, "t": "x"}),
-    ends=(READ,),
+RIGHT: tuple[tuple[str, str, Callable[[Path], object]], ...] = (
+    ("of version 45 of zip", "a.xlsx", partial(of_version, form="xlsx", version=45)),
+    ("of one name in two objects", "a.json", as_json({"a": {"t": _T, "y": _Y}, "t": "x"})),
 )
+"""Files that are odd, and are read."""
 
-GROUPS = {
-    "wrong binary files": [
-        *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write, said) for what, file, write, said in MADE),
-        *VERSIONS,
-        TWICE,
-    ],
-}  # fmt: skip
+CASES = [
+    *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write, said) for what, file, write, said in MADE),
+    *(Case(f"{file} {what}", ("look", "FILE"), file, write, ends=(READ,)) for what, file, write in RIGHT),
+]  # fmt: skip

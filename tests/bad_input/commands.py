@@ -123,10 +123,4 @@ PATHS = [
     )
 ] + [Case(f"{command} not there", (command, "none.csv")) for command in ("compare", "init", "study", "calibrate")]  # fmt: skip
 
-GROUPS = {
-    "options of reading": READING,
-    "simulations": SIMULATED,
-    "options of compare": COMPARED,
-    "words": [*STUDIED, *USAGE],
-    "paths": PATHS,
-}
+CASES = [*READING, *SIMULATED, *COMPARED, *STUDIED, *USAGE, *PATHS]

@@ -92,15 +92,11 @@ FILES = [
     }.items()
 ]  # fmt: skip
 
-GROUPS = {
-    "keys of a study's tables": IN_TABLES,
-    "keys of signals": [*_in_signals(), *_in_system()],
-    "studies": [
-        *BEYOND, *FILES, *(study(content, name) for name, content in OTHERS.items()),
-        Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
-        Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
-    ],
-}  # fmt: skip
+CASES = [
+    *IN_TABLES, *_in_signals(), *_in_system(), *BEYOND, *FILES, *(study(text, name) for name, text in OTHERS.items()),
+    Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
+    Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
+]  # fmt: skip
 
 
 def control(path: Path) -> None:

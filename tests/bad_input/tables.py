@@ -112,10 +112,4 @@ MISSING = [
 ]  # fmt: skip
 """What says that a sample is missing is refused, with what to do; an empty cell is left out."""
 
-GROUPS = {
-    "cells": CELLS,
-    "missing samples": MISSING,
-    "marks and others": MARKS,
-    "texts": WRONG,
-    "wrong names": NAMES,
-}
+CASES = [*CELLS, *MISSING, *MARKS, *WRONG, *NAMES]

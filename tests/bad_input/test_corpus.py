@@ -13,10 +13,9 @@ from tests.bad_input import binaries, commands, studies, tables
 from tests.bad_input.case import READ, REFUSED, Case
 from tests.bad_input.judge import judge
 
-GROUPS = tables.GROUPS | binaries.GROUPS | studies.GROUPS | commands.GROUPS
+CASES = [*tables.CASES, *binaries.CASES, *studies.CASES, *commands.CASES]
 
 
-CASES = [case for group in GROUPS.values() for case in group]
 WHOLE = [
     *(
         Case(form, ("look", "FILE"), f"a.{form}", write, ends=(READ,))

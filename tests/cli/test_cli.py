@@ -8,6 +8,7 @@ import math
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -108,16 +109,12 @@ def test_what_stops_a_study_is_one_line(
         (InputError("rig.csv: no\nnumbers"), 2, "rig.csv: no numbers"),
         (Refusal("no peak"), 2, "no peak"),
     ):
-
-        def run_study(*_: object, error: BaseException = error, **__: object) -> int:
-            raise error
-
-        study_module(monkeypatch, run_study)
+        study_module(monkeypatch, Mock(side_effect=error))
         assert main(["study", "study.toml"]) == status
         (line,) = capsys.readouterr().err.splitlines()
         assert expected in line
     monkeypatch.setenv("BAYESDAMP_DEBUG", "1")
-    study_module(monkeypatch, lambda *_, **__: 1 // 0)
+    study_module(monkeypatch, Mock(side_effect=ZeroDivisionError))
     assert main(["study", "study.toml"]) == 1
     assert "Traceback" in capsys.readouterr().err
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -47,10 +48,8 @@ def test_a_reader_that_has_seen_enough_is_no_mistake(closed: int):
 def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPatch, capsys):
     """Negative control: of a pipe that is none of the outputs it is not known why it is closed."""
 
-    def broken(_: object) -> None:
-        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
-
-    monkeypatch.setattr(app, "build_parser", lambda _: lambda args, standalone_mode: broken(args))
+    broken = Mock(side_effect=BrokenPipeError(errno.EPIPE, "Broken pipe"))
+    monkeypatch.setattr(app, "build_parser", lambda _: broken)
     assert app.main(["doctor"]) == 1
     assert "internal error: BrokenPipeError" in capsys.readouterr().err
 

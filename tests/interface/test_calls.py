@@ -29,9 +29,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "signal: give times and values, signal(t, y), or values alone": lambda: ANY.signal(T),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
     "fit: signal is str; it must be a Signal": lambda: ANY.fit("rig.csv", MODEL),
-    "simulate: missing a required argument: 'duration'": lambda: ANY.simulate(
-        {"viscous": 0.1}, stiffnes=20.0
-    ),
+    "simulate: missing a required argument: 'duration'": lambda: ANY.simulate({}, stiffnes=20.0),
     "model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
     "compare: give one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),

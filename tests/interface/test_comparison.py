@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -20,10 +22,18 @@ from validation.truth.records import case
 mpl.use("Agg")
 
 
+MADE = case("family", 33, 0)
+LAW = [MADE.restoring]
+
+
 @lru_cache
 def compared() -> bd.Comparison:
-    made = case("family", 33, 0)
-    return bd.compare(made.signal, restoring=[made.restoring])
+    return bd.compare(MADE.signal, restoring=LAW)
+
+
+def quick(signal: bd.Signal, *damping: str, restoring: Sequence[str] = LAW, **how: Any) -> bd.Comparison:
+    """Compare dampings without sampling; by default viscous damping alone."""
+    return bd.compare(signal, damping=damping or ("viscous",), restoring=restoring, sample=False, **how)
 
 
 def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
@@ -53,11 +63,8 @@ class Unsolved(bd.DampingTerm):
 def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
     TERMS.add("unsolved", Unsolved())
     try:
-        made = case("family", 33, 0)
-        found = bd.compare(
-            made.signal, damping=["viscous", "viscous+unsolved"], restoring=[made.restoring], sample=False
-        )
-        alone = bd.compare(made.signal, damping="unsolved", restoring=[made.restoring], sample=False)
+        found = quick(MADE.signal, "viscous", "viscous+unsolved")
+        alone = quick(MADE.signal, "unsolved")
     finally:
         TERMS.remove("unsolved")
     assert found.verdict.damping == "viscous"
@@ -70,7 +77,7 @@ def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
 def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
     t = np.arange(2000) / 50.0
     y = np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
-    result = bd.compare(bd.signal(t, y), damping=["viscous", "quadratic"], restoring=["linear"], sample=False)
+    result = quick(bd.signal(t, y), "viscous", "quadratic", restoring=["linear"])
     assert result.verdict.damping == "viscous"
     outcomes = result.table.set_index("damping")["outcome"]
     assert outcomes["quadratic"] == BEHIND
@@ -85,7 +92,7 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
     seen = (t < 215) | (t > 221)
     for sign, count in ((1.0, 0), (-1.0, 1)):
         signal = bd.signal(t[seen], np.where(t > 215, sign, 1.0)[seen] * y[seen])
-        result = bd.compare(signal, damping="viscous", restoring=["linear"], sample=False)
+        result = quick(signal, restoring=["linear"])
         remarks = [r for r in result.verdict.remarks if r.startswith("The cycles in the gap at ")]
         assert len(remarks) == count
         if count:
@@ -94,10 +101,8 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
 
 
 def test_records_of_one_specimen_share_a_damping() -> None:
-    made = case("family", 33, 0)
-    other = case("family", 33, 0)
-    how = {"damping": ["viscous", "coulomb"], "restoring": [made.restoring]}
-    both = bd.compare([made.signal, other.signal], repeats=True, name="rig", **how)  # type: ignore[arg-type]
+    how = {"damping": ["viscous", "coulomb"], "restoring": LAW}
+    both = bd.compare([MADE.signal, MADE.signal], repeats=True, name="rig", **how)  # type: ignore[arg-type]
     assert both.verdict.damping == "viscous"
     assert both.verdict.record == "rig"
     assert len(both.records) == 2
@@ -114,18 +119,15 @@ WRONG: list[tuple[dict, str]] = [
 
 
 def test_a_wrong_name_is_one_line() -> None:
-    signal = case("family", 33, 0).signal
-    assert not_refused((partial(bd.compare, signal, **how), said) for how, said in WRONG) == []
-    assert not_refused([(lambda: bd.compare([signal, signal]), "repeats")]) == []
+    wrong = ((partial(bd.compare, MADE.signal, **how), said) for how, said in WRONG)
+    assert not_refused([*wrong, (lambda: bd.compare([MADE.signal] * 2), "repeats")]) == []
 
 
 def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
     """And it counts: the negative control is a prior that says something else."""
-    made = case("family", 33, 0)
     narrow, other = bd.LogNormal(0.02, 0.01), bd.LogNormal(0.03, 0.01)
-    how = {"damping": "viscous", "restoring": made.restoring, "sample": False}
     by_term, by_name, control = (
-        bd.compare(made.signal, priors=p, **how).verdict.coefficients[0].value
+        quick(MADE.signal, priors=p).verdict.coefficients[0].value
         for p in ({"viscous": narrow}, {"zeta": narrow}, {"viscous": other})
     )
     assert by_term == by_name
@@ -135,18 +137,14 @@ def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
 @lru_cache
 def in_degrees() -> tuple[bd.Signal, bd.Signal]:
     """One record with values in rad, and with the same values in degrees."""
-    made = case("family", 33, 0).signal
-    t, y = made.t, made.y
-    return (
-        bd.signal(t, y, name="rad", cleaned=False),
-        bd.signal(t, np.degrees(y), unit="deg", name="deg", cleaned=False),
-    )
+    t, y = MADE.signal.t, MADE.signal.y
+    deg = bd.signal(t, np.degrees(y), unit="deg", name="deg", cleaned=False)
+    return bd.signal(t, y, name="rad", cleaned=False), deg
 
 
 def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
     """The truth is the answer on the same values in rad: all that is in degrees is so many times larger."""
-    law = case("family", 33, 0).restoring
-    rad, deg = (bd.compare(s, restoring=[law], damping=["viscous"], sample=False) for s in in_degrees())
+    rad, deg = map(quick, in_degrees())
     for a, b in zip(rad.verdict.damping_ratio, deg.verdict.damping_ratio, strict=True):
         assert (a.unit, b.unit) == ("rad", "deg")
         assert b.amplitude == pytest.approx(np.degrees(a.amplitude), rel=1e-6)
@@ -168,19 +166,17 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
 
 
 def test_an_amplitude_is_asked_for_in_the_records_own_unit() -> None:
-    law, (_, signal) = case("family", 33, 0).restoring, in_degrees()
-    found = bd.compare(signal, restoring=[law], damping=["viscous"], sample=False)
-    asked = found.verdict.damping_ratio[1].amplitude
-    one = bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[asked])
+    _, signal = in_degrees()
+    asked = quick(signal).verdict.damping_ratio[1].amplitude
+    one = quick(signal, amplitudes=[asked])
     assert [r.amplitude for r in one.verdict.damping_ratio] == pytest.approx([asked])
     with pytest.raises(bd.InputError, match=r"0\.001 deg: the amplitudes of the record are .* deg"):
-        bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[0.001])
+        quick(signal, amplitudes=[0.001])
 
 
 def test_a_fit_of_a_record_in_degrees_speaks_of_degrees() -> None:
-    law, (rad, deg) = case("family", 33, 0).restoring, in_degrees()
-    model = bd.Model("viscous", law, deviation="law")
-    one, other = bd.fit(rad, model), bd.fit(deg, model)
+    _, deg = in_degrees()
+    one, other = (bd.fit(s, bd.Model("viscous", *LAW, deviation="law")) for s in in_degrees())
     a, b = one.damping_ratio(), other.damping_ratio()
     assert set(b["unit"]) == {"deg"}
     assert b["amplitude"].to_numpy() == pytest.approx(np.degrees(a["amplitude"].to_numpy()), rel=1e-6)
@@ -229,15 +225,7 @@ def test_the_noise_is_that_of_a_sample(samples: int) -> None:
     of a mean of four samples, is not.
     """
     sd, amplitude = 0.004, 0.3
-    signal = bd.simulate(
-        {"viscous": 0.08},
-        stiffness=20.0,
-        theta0=amplitude,
-        duration=16.0,
-        samples=samples,
-        noise_sd=sd,
-        seed=3,
-    )
-    result = bd.compare(signal, damping=["viscous"], restoring=["linear"], sample=False)
+    how = {"stiffness": 20.0, "theta0": amplitude, "duration": 16.0, "samples": samples}
+    result = quick(bd.simulate({"viscous": 0.08}, noise_sd=sd, seed=3, **how), restoring=["linear"])
     assert result.verdict.noise_pct == pytest.approx(100 * sd / amplitude, rel=0.15)
     assert result.table["rms"].min() == pytest.approx(sd, rel=0.15)

@@ -11,17 +11,8 @@ import pytest
 import bayesdamp
 
 SHOWN = (
-    "read",
-    "signal",
-    "simulate",
-    "first_words",
-    "Model",
-    "estimate",
-    "fit",
-    "evidence",
-    "compare",
-    "Density",
-)
+    "read", "signal", "simulate", "first_words", "Model", "estimate", "fit", "evidence", "compare", "Density",
+)  # fmt: skip
 
 
 MODULES = sorted({bayesdamp._HOME[name] for name in SHOWN})

@@ -12,14 +12,8 @@ import bayesdamp as bd
 from tests.interface.problems import fit, posterior, record
 
 GROUPS = {
-    "posterior",
-    "prior",
-    "posterior_predictive",
-    "log_likelihood",
-    "sample_stats",
-    "observed_data",
-    "constant_data",
-}
+    "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("sampler", "draws"), [("nuts", 30), ("emcee", 40), ("laplace", 30)])

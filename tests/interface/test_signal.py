@@ -80,10 +80,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: bd.signal(TIMES, TIMES, quantity="angel"), "did you mean 'angle'"),
     (lambda: bd.signal(TIMES[::-1], TIMES, cleaned=False), "times must increase"),
     (lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99), "give stiffness=NUMBER"),
-    (
-        lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99, stifness=3.0),
-        "did you mean 'stiffness'",
-    ),
+    (lambda: bd.simulate({"viscous": 1}, duration=1, samples=99, stifness=3), "did you mean 'stiffness'"),
     (lambda: bd.read("nowhere.csv"), "no such file"),
 ]
 

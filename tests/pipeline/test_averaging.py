@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy.stats import norm
 
 from bayesdamp.numerics.weights import resample
-from bayesdamp.pipeline.candidates.evidence import average_curves, probabilities
+from bayesdamp.pipeline.candidates.evidence import average_curves
 from bayesdamp.pipeline.candidates.posteriors import STORED_LEVELS
-from bayesdamp.types import Evidence
 
 
 def quantiles(mean: float, sd: float) -> np.ndarray:
@@ -26,12 +24,6 @@ def test_two_models_make_a_mixture():
     np.testing.assert_allclose([low[0], median[0], high[0]], exact, atol=0.01)
     # Negative control: the mean of the models' own quantiles is another thing.
     assert abs(0.75 + 0.25 * norm(0, 0.1).ppf(0.025) + 0.75 * norm(0, 0.2).ppf(0.025) - exact[0]) > 0.2
-
-
-def test_probabilities_are_of_evidence_alone():
-    found = probabilities({"a": Evidence("a", "m", -1000.0), "b": Evidence("b", "m", -1000.0 + np.log(3))})
-    assert found == pytest.approx({"a": 0.25, "b": 0.75})
-    assert probabilities({"a": Evidence("a", "m")}) == {}
 
 
 def test_draws_are_chosen_by_their_weights():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,27 +22,26 @@ from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 
 
-def specimen(monkeypatch: pytest.MonkeyPatch, *runs: Any, candidates=("viscous", "coulomb")) -> Specimen:
-    """One whose records have these answers."""
-    monkeypatch.setattr(
-        Specimen, "units", lambda self, candidate, names: dict.fromkeys(names, "1/s"), raising=True
-    )
-    monkeypatch.setattr(Specimen, "priors", {}, raising=True)
-    monkeypatch.setattr(Specimen, "seed", 3, raising=True)
-    monkeypatch.setattr(Specimen, "deviation", "law", raising=True)
-    made = object.__new__(Specimen)
-    answered = [
-        SimpleNamespace(label=f"r{i}", signal=f"r{i}", repeat=0, comparison=run) for i, run in enumerate(runs)
-    ]
-    vars(made).update(
-        name="rig", candidates=candidates, answered=answered, specs=(SimpleNamespace(restoring=("linear",)),)
-    )
-    return made
+class Joined(Specimen):
+    """A specimen whose records have these answers."""
+
+    priors, seed, deviation = {}, 3, "law"  # type: ignore[assignment]
+
+    def __init__(self, *runs: Any, candidates: tuple[str, ...] = ("viscous", "coulomb")) -> None:
+        names = [f"r{i}" for i in range(len(runs))]
+        answered = [
+            SimpleNamespace(label=n, signal=n, repeat=0, comparison=run) for n, run in zip(names, runs)
+        ]
+        specs = (SimpleNamespace(restoring=("linear",)),)
+        vars(self).update(name="rig", candidates=candidates, answered=answered, specs=specs)
+
+    def units(self, candidate: object, names: Iterable[str]) -> dict[str, str]:
+        return dict.fromkeys(names, "1/s")
 
 
-def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_probabilities_and_spread_are_those_of_the_verdict() -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
-    product = compute_joint(specimen(monkeypatch, *runs))
+    product = compute_joint(Joined(*runs))
     content, arrays = product.content, product.arrays
     whole = compare_runs(runs, seed=3)
     assert {c: r.probability for c, r in content.candidates.items()} == {
@@ -64,26 +64,19 @@ def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.M
     ],
 )
 def test_whether_records_agree(
-    monkeypatch: pytest.MonkeyPatch,
-    places: tuple[float, ...],
-    sd: float,
-    differ: bool,
-    agree: bool,
-    said: str,
+    places: tuple[float, ...], sd: float, differ: bool, agree: bool, said: str
 ) -> None:
     """Each row is the control of the others."""
-    content = compute_joint(specimen(monkeypatch, *(weighed_run(p, sd) for p in places))).content
+    content = compute_joint(Joined(*(weighed_run(p, sd) for p in places))).content
     assert (content.differ, content.agree) == (differ, agree)
     sentence = joint_sentence(SimpleNamespace(fits=[]), TaskResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
     assert said in sentence
 
 
-def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients() -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.05, 0.001, others=())]
     del runs[1].runs[C]  # type: ignore[attr-defined]
-    product = compute_joint(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
+    product = compute_joint(Joined(*runs, candidates=("viscous", "coulomb", "quadratic")))
     content, arrays = product.content, product.arrays
     assert content.candidates["coulomb"].log_evidence is not None
     assert not content.candidates["coulomb"].summary
@@ -92,6 +85,6 @@ def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
     assert not coefficients_of(arrays, "coulomb")
 
 
-def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_answer_is_not_enough() -> None:
     with pytest.raises(Refusal, match="fewer than two"):
-        compute_joint(specimen(monkeypatch, weighed_run(0.05, 0.001)))
+        compute_joint(Joined(weighed_run(0.05, 0.001)))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, comparison
 from bayesdamp.pipeline.jobs import task_names
@@ -60,17 +59,14 @@ WRONG = [
 ]
 
 
-def test_what_cannot_be_joined_is_one_line(tmp_path, capsys):
+def test_what_cannot_be_joined_is_one_line(tmp_path, refused):
     text = write(tmp_path, RECORDS[:2]).read_text(encoding="utf-8")
     for old, new, said in WRONG:
         (tmp_path / "wrong.toml").write_text(text.replace(old, new), encoding="utf-8")
-        assert main(["check", str(tmp_path / "wrong.toml")]) == 2
-        error = capsys.readouterr().err
-        assert said in error
-        assert error.count("\n") == 1
+        assert said in refused("check", str(tmp_path / "wrong.toml"))
 
 
-def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
+def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, refused):
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for path in paths:
         path.write_text(
@@ -83,8 +79,7 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
     assert not comparison(asked[:1]).specimens
     with pytest.raises(InputError, match="two or more of one specimen"):
         comparison(asked[:1], repeats=True)
-    assert main(["compare", str(paths[0]), "--repeats"]) == 2
-    assert capsys.readouterr().err.startswith("--repeats: there is one record")
+    assert refused("compare", str(paths[0]), "--repeats").startswith("--repeats: there is one record")
 
 
 def test_of_repeats_no_record_is_sampled_by_itself(tmp_path):
@@ -92,15 +87,9 @@ def test_of_repeats_no_record_is_sampled_by_itself(tmp_path):
     asked = [{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"} for name in "ab"]
     for one in asked:
         Path(one["file"]).write_text("t,angle\n0,0\n", encoding="utf-8")
-    wanted = {"posterior", "bridge", "half", "noises"}
-
-    def found(repeats: bool) -> set[str]:
-        made = comparison(asked, repeats=repeats)
-        return {part for cell in task_names(made) for part in cell.split("/")} & {
-            *wanted,
-            "mode",
-            "importance",
-        }
-
-    assert found(repeats=True) == {"mode", "importance"}
-    assert found(repeats=False) == {"mode", "importance", *wanted}
+    for repeats, wanted in ((True, set()), (False, {"posterior", "bridge", "half", "noises"})):
+        tasks = task_names(comparison(asked, repeats=repeats))
+        parts = {part for name in tasks for part in name.split("/")}
+        assert parts & {"mode", "importance", "posterior", "bridge", "half", "noises"} == {
+            "mode", "importance", *wanted
+        }  # fmt: skip

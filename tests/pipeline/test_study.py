@@ -43,11 +43,6 @@ def run(tmp_path_factory) -> Path:
     return folder / "out"
 
 
-def noisy_rows(run: Path) -> list[dict]:
-    rows = read_table(run / "posteriors.csv")
-    return [r for r in rows if (r["signal"], r["model"]) == ("noisy", "viscous")]
-
-
 def test_all_files_are_there(run):
     for name in ("estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv", "run.json", "report.html"):
         assert (run / name).stat().st_size > 0
@@ -56,7 +51,9 @@ def test_all_files_are_there(run):
 
 
 def test_truth_is_inside_and_the_right_model_first(run):
-    rows = noisy_rows(run)
+    rows = [
+        r for r in read_table(run / "posteriors.csv") if r["signal"] == "noisy" and r["model"] == "viscous"
+    ]
     zeta = {r["sampler"]: r for r in rows if r["parameter"] == "zeta"}
     assert set(zeta) == {"nuts", "emcee", "smc"}
     smc = zeta.pop("smc")
@@ -85,9 +82,8 @@ def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
     sd = sampled.std(axis=0)
 
     def apart(store: Store) -> tuple[float, float]:
-        found = weighted_curves(StudyCandidate(study, spec, 0, "viscous", store), 5)[
-            "spread/equivalent_ratio"
-        ]
+        candidate = StudyCandidate(study, spec, 0, "viscous", store)
+        found = weighted_curves(candidate, 5)["spread/equivalent_ratio"]
         shift = np.max(np.abs(np.median(found, axis=0) - np.median(sampled, axis=0)) / sd)
         return float(shift), float(np.max(np.abs(found.std(axis=0) / sd - 1)))
 
@@ -137,13 +133,11 @@ def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
 
 
 def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):
-    text = QUICK.replace('name = "clean"', 'name = "short"').replace(
-        "duration = 10.0, samples = 400, noise_sd = 0.0 }",
-        "duration = 0.3, samples = 400, noise_sd = 0.003 }",
-    )
-    text = text.replace("samplers = []", 'samplers = ["laplace"]').replace(
+    text = QUICK.replace(signal_text("clean", f"{SIMULATE} 0.0"), "").replace(
         '"viscous", "quadratic"', '"viscous"'
     )
+    text = text.replace("samplers = []", 'samplers = ["laplace"]')
+    text += signal_text("short", f"{SIMULATE} 0.003".replace("10.0", "0.3"))
     assert run_study(write_study(tmp_path, text), tmp_path / "out", workers=1) == 0
     for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
         rows = read_table(tmp_path / "out" / table)
@@ -171,9 +165,8 @@ print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysin
 
 
 def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path):
-    write_study(
-        tmp_path, QUICK.replace('"least_squares"', '"least_squares", "sindy"').replace("['laplace']", "[]")
-    )
+    text = QUICK.replace('"least_squares"', '"least_squares", "sindy"').replace("['laplace']", "[]")
+    write_study(tmp_path, text)
     command = [sys.executable, "-c", IMPORTS, str(tmp_path / "study.toml"), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['pysindy']"

@@ -31,13 +31,17 @@ STUDY = study_text(
 )
 
 
+def use(folder: Path, block: str) -> None:
+    """Use a plug-in of this source."""
+    (folder / "own.py").write_text(block, encoding="utf-8")
+    use_modules(read_modules([folder / "own.py"]))
+
+
 @pytest.mark.slow
 def test_a_term_with_a_parameter_of_its_own(tmp_path):
     """Simulated and weighed from one file: found outright, its parameter within the 95 % interval (the record's seed
     was not chosen; a false alarm once in 20)."""
-    first = BLOCKS[0]
-    (tmp_path / "own.py").write_text(first, encoding="utf-8")
-    use_modules(read_modules([tmp_path / "own.py"]))
+    use(tmp_path, BLOCKS[0])
     signal = bd.simulate(
         {"thinning": 0.3}, "linear", stiffness=20.0, theta0=0.3, thinning_velocity=0.4, duration=25.0, samples=900,
         noise_sd=0.003,
@@ -76,8 +80,7 @@ def test_a_reader_of_ones_own(tmp_path, capsys):
 def test_a_noise_of_ones_own(tmp_path):
     """Its density is SciPy's, it is drawn from, and the defaults give its slope and a start near the truth."""
     (block,) = [b for b in BLOCKS if "IndependentNoise" in b]
-    (tmp_path / "own.py").write_text(block, encoding="utf-8")
-    use_modules(read_modules([tmp_path / "own.py"]))
+    use(tmp_path, block)
     noise, p, gaps = NOISES.get("logistic"), {"noise_sd": 0.02}, np.full(3999, 0.01)
     r = noise.draw(np.random.default_rng(0), gaps, p)
     law = stats.logistic(scale=np.sqrt(3) / np.pi * 0.02)
@@ -91,13 +94,11 @@ def test_a_noise_of_ones_own(tmp_path):
 
 def test_each_example_is_a_plug_in(tmp_path):
     """The base class determines the kind, also where it is defined in the `__init__` of its package."""
-    for i, block in enumerate(BLOCKS):
-        (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
-        use_modules(read_modules([tmp_path / f"own{i}.py"]))
+    for block in BLOCKS:
+        use(tmp_path, block)
     assert "remark" in SECTIONS.added()
-    (tmp_path / "none.py").write_text("class Other: name = 'other'\nPLUGIN = Other()\n", encoding="utf-8")
     with pytest.raises(bd.InputError, match="which is not a plug-in"):
-        use_modules(read_modules([tmp_path / "none.py"]))
+        use(tmp_path, "class Other: name = 'other'\nPLUGIN = Other()\n")
 
 
 @pytest.mark.slow

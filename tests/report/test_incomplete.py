@@ -39,9 +39,8 @@ def cut_off(folder: Path) -> None:
 
 
 def refused(folder: Path) -> None:
-    Store(folder).write(
-        TaskResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise")
-    )
+    outcome = "not applicable: a record without noise"
+    Store(folder).write(TaskResult("mode/sim/0/viscous", "k", {}, {}, outcome))
 
 
 SPOILED: list[tuple[Callable[[Path], None], str]] = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from bayesdamp.report.results.run import RunFolder, answers, common_amplitude, r
 from bayesdamp.report.sections.estimates import coverage_sentence
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import Store, TaskResult, write_json
+from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.store.results import claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
 from bayesdamp.verdict.types import Verdict
@@ -40,13 +41,7 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
         arrays = {"amplitude": a, "ratio": np.full(20, size), "low": np.full(20, 0.9 * size), "t": t}
         arrays |= {"work/viscous": a**2, "high": np.full(20, 1.1 * size)}
         arrays |= {"record": np.cos(t), "fit": np.cos(t), "residual": 0 * t}
-        weighed = {
-            "damping": "viscous",
-            "restoring": "linear",
-            "log_evidence": 0.0,
-            "log_evidence_exact": 0.0,
-        }
-        candidates = [{**weighed, "rms": 0.01, "outcome": "ok"}]
+        candidates = [asdict(ComparedCandidate("viscous", "linear", 0.0, 0.0, 0.01))]
         meta = {"verdict": verdict(name, size).to_dict(), "candidates": candidates}
         store.write(TaskResult(f"answer/{name}/0", "key", meta, arrays))
     about = {name: {"unit": "deg", "quantity": "angle", "simulated": False} for name in SIZES}

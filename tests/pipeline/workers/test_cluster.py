@@ -17,10 +17,10 @@ from bayesdamp.pipeline.workers import cluster
 from bayesdamp.types import InputError, Posterior
 
 
-def local_cluster(workers: int, folder: Path) -> Any:
-    """A Dask cluster of so many workers within this process."""
+def local_cluster(workers: int, folder: Path, processes: bool = False) -> Any:
+    """A Dask cluster of so many workers, by default within this process."""
     return pytest.importorskip("distributed").LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+        n_workers=workers, threads_per_worker=1, processes=processes, protocol="tcp://", host="127.0.0.1",
         dashboard_address=":0", local_directory=str(folder),
     )  # fmt: skip
 

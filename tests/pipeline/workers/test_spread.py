@@ -17,6 +17,7 @@ from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store
+from tests.pipeline.workers.test_cluster import local_cluster
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, tables_of, write_study
 
 STUDY = study_text(
@@ -50,18 +51,10 @@ def alone(study, tmp_path_factory) -> Path:
 def scheduler(tmp_path_factory):
     """The address of a Dask cluster of two worker processes on this machine."""
     dask = pytest.importorskip("dask")
-    distributed = pytest.importorskip("distributed")
     settings = {"distributed.worker.daemon": False, "distributed.scheduler.allowed-failures": 0}
     with (
         dask.config.set(settings),
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address=None,
-            local_directory=str(tmp_path_factory.mktemp("dask")),
-        ) as cluster,
+        local_cluster(2, tmp_path_factory.mktemp("dask"), processes=True) as cluster,
     ):
         yield cluster.scheduler_address
 
@@ -83,13 +76,8 @@ def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
     found = []
     for factor in (1.0, 0.5):
         (tmp_path / "own.py").write_text(source.replace("1.0 *", f"{factor} *"), encoding="utf-8")
-        out = tmp_path / f"out{factor}"
-        assert (
-            run_study(
-                write_study(tmp_path, text.replace("quadratic", "cubic_drag")), out, scheduler=scheduler
-            )
-            == 0
-        )
+        out, study = tmp_path / f"out{factor}", write_study(tmp_path, text.replace("quadratic", "cubic_drag"))
+        assert run_study(study, out, scheduler=scheduler) == 0
         found.append(Store(out).read("mode/noisy/0/cubic_drag").meta["values"]["drag3"])
     # the same motion, and a coefficient twice as large but for its prior's width
     assert found[1] == pytest.approx(2 * found[0], rel=0.01)
