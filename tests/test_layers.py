@@ -212,5 +212,5 @@ def test_a_circle_is_seen() -> None:
     called = ("from bayesdamp.b import x", "def f():\n    from bayesdamp import c", "import bayesdamp.a")
     for_types = ("if TYPE_CHECKING:\n    import bayesdamp.b", "import bayesdamp.a", "")
     for lines, names in ((called, "abc"), (for_types, "ab")):
-        sources = dict(zip(("bayesdamp.a", "bayesdamp.b", "bayesdamp.c"), lines, strict=True))
+        sources = {f"bayesdamp.{name}": line for name, line in zip("abc", lines, strict=True)}
         assert circle(graph_of(sources)) == {f"bayesdamp.{name}" for name in names}

@@ -75,18 +75,17 @@ DUFFING = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "st
 
 
 @pytest.mark.parametrize(
-    ("text", "damping", "parameter"),
-    [(STUDY, "stribeck", "static_excess"), (DUFFING, "cubic", "mu_3")],  # of the spring, cubic is known
+    ("study_of", "damping", "key", "parameter"),
+    [
+        (STUDY, "viscous+stribeck", "static_excess", "static_excess"),
+        (DUFFING, "viscous+cubic", "cubic", "mu_3"),
+    ],
 )
-def test_a_prior_reaches_the_parameter_that_it_is_of(
-    tmp_path, text: str, damping: str, parameter: str
-) -> None:
-    given = parameter if damping == "stribeck" else damping
-    study = write_study(
-        tmp_path, text.replace(MODEL, f"viscous+{damping}").replace("coulomb =", f"{given} =")
-    )
-    model = StudyCandidate(study, study.signals[0], 0, f"viscous+{damping}", ran()[1].store).specify("none")
+def test_a_prior_reaches_the_parameter_that_it_is_of(tmp_path, study_of, damping, key, parameter) -> None:
+    """A spring's cubic, which is known here, is not the damping's."""
+    study = write_study(tmp_path, study_of.replace(MODEL, damping).replace("coulomb =", f"{key} ="))
+    model = StudyCandidate(study, study.signals[0], 0, damping, ran()[1].store).specify("none")
     assert model.priors[parameter] == bd.HalfNormal(0.02)
     assert parameter not in ran()[1].specify("none").priors  # control: a model without the term
-    assert model.known.get("cubic") == (1.0 if damping == "cubic" else None)
+    assert model.known.get("cubic") == (1.0 if key == "cubic" else None)
     assert "cubic" not in model.priors
