@@ -247,9 +247,10 @@ class TableLine(tuple[str, ...]):
 class Table:
     """A table of text cells, which can be shown as HTML, plain text or on the terminal.
 
-    left: indices of the columns that contain text (aligned to the left); the others contain numbers. groups: cells of a
-    row above the headers, each with the number of columns that it spans. foot: the same for a row below, which stays
-    there if the table is sorted. notes: sentences below the table.
+    headers, lines: cells of the header, and of each row. caption: text above the table. left: indices of the columns
+    that contain text (aligned to the left); the others contain numbers. groups: cells of a row above the headers, each
+    with the number of columns that it spans. foot: the same for a row below, which stays there if the table is sorted.
+    notes: sentences below the table.
     """
 
     headers: Sequence[str] = ()

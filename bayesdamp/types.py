@@ -245,8 +245,8 @@ class Seed:
 class PartialFit:
     """The posterior mode for a part of the record, from start to stop (s).
 
-    values, sd: mode and standard deviation of each parameter, by the Laplace approximation. log_evidence: log evidence
-    of the part (nats), by the same approximation.
+    label: name of the part, such as "first half". values, sd: mode and standard deviation of each parameter, by the
+    Laplace approximation. log_evidence: log evidence of the part (nats), by the same approximation.
     """
 
     label: str
@@ -273,7 +273,10 @@ class Forecast:
 
 @dataclass(frozen=True)
 class AddedForm:
-    """A model with another form of damping added, and its log Bayes factor (nats) against the model without it."""
+    """The evidence for another form of damping in addition to those of a model.
+
+    words: name of the form. log_bayes: log Bayes factor (nats) of the model with it against the model without it.
+    """
 
     words: str
     log_bayes: float
@@ -420,7 +423,7 @@ class Posterior:
     samplers without them. evaluations: number of likelihood evaluations. ensembles: number of groups of chains that
     share their moves. effective: effective number of posterior draws, if the draws come from an approximation. running:
     parameters whose running estimates are in `arrays` as `running/...`. diagnostics: further diagnostics of the
-    sampler.
+    sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or missing.
     """
 
     sampler: str
@@ -445,7 +448,9 @@ class Posterior:
 class Evidence:
     """Log marginal likelihood (nats) of one model by one method, with its standard error and diagnostic.
 
-    evaluations: number of likelihood evaluations. arrays: arrays for further use, such as draws and their weights.
+    log_evidence and stderr are NaN if they could not be computed. evaluations: number of likelihood evaluations.
+    seconds: computing time. outcome: `ok`, or why the result is unreliable or missing. arrays: arrays for further use,
+    such as draws and their weights.
     """
 
     model: str

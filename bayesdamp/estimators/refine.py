@@ -49,7 +49,10 @@ fraction of their values, or lowers the sum of squares by this fraction."""
 
 
 class Minimum(NamedTuple):
-    """The result of a search: the best x (k,), the lowest sum of squares after each evaluation, and convergence."""
+    """The result of a search for the minimum of a sum of squares.
+
+    x: best values, (k,). costs: lowest sum of squares so far after each evaluation. converged: whether it converged.
+    """
 
     x: np.ndarray
     costs: np.ndarray

@@ -168,7 +168,11 @@ class LocalSearch:
 
 @dataclass(frozen=True)
 class StoredMode:
-    """The values from which `restore_mode` rebuilds a mode; `tolerance` is of motions, in the record's unit."""
+    """The values from which `restore_mode` rebuilds a mode.
+
+    z: scores at the mode, (d,). log_posterior: in nats. information: minus the Hessian there, (d, d). tolerance: of
+    motions, in the record's unit. searches: all local searches for the mode.
+    """
 
     z: np.ndarray
     log_posterior: float

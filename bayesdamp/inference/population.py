@@ -42,7 +42,11 @@ FEW_SPECIMENS = 5
 
 @dataclass(frozen=True)
 class Sample:
-    """Posterior draws (`values`) of one specimen's coefficient, their log weights and log prior density, (n,) each."""
+    """Posterior draws of one specimen's coefficient.
+
+    name: of the specimen. values, log_weights, log_prior: the draws in the unit of the coefficient, their log weights,
+    and the log density of the prior there, (n,) each.
+    """
 
     name: str
     values: np.ndarray

@@ -102,7 +102,8 @@ class Comparison(Result):
     def curve(self) -> pd.DataFrame:
         """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
 
-        It contains the equivalent damping ratio, and the energy lost in a cycle per unit of inertia (unit²/s²).
+        Columns: amplitude; ratio (equivalent damping ratio) and lost (energy lost in a cycle per unit of inertia, in
+        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 

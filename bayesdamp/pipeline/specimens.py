@@ -55,7 +55,10 @@ Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class AnsweredRecord:
-    """A record with an answer: its label, signal and repeat, and the evidence of every damping model on it."""
+    """A record with an answer: its label, signal and number of the repeat (from 0), and its part in the joint fit.
+
+    comparison: the evidence of every damping model on this record.
+    """
 
     label: str
     signal: str

@@ -50,7 +50,11 @@ are not imported but looked up by name: their source is added to the key separat
 
 @dataclass(frozen=True)
 class Product:
-    """The result of a computation. seconds: its duration; None for the duration of the whole task."""
+    """The result of a computation, which is stored as the result of a task.
+
+    content: the values; None if there are none. arrays: further arrays by name. outcome: `ok`, or why there is no valid
+    result. seconds: duration; None for that of the whole task.
+    """
 
     content: Content | None = None
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)

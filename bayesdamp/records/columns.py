@@ -166,7 +166,11 @@ class RecordColumns:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The columns of one run and group, with their times or sampling rate."""
+    """The columns of one run and group, with their times or sampling rate.
+
+    run: label of the run; "" without runs. time: column of the times; None if there is none. rate: sampling rate in Hz;
+    None if it is not known. why: sentences on the choice of times or rate.
+    """
 
     run: str
     columns: tuple[Column, ...]

@@ -135,7 +135,10 @@ class RefusedSeed:
 
 @dataclass(frozen=True)
 class MaximumContent:
-    """A maximum of the posterior. share: fraction of the posterior probability. values: the parameters there."""
+    """A maximum of the posterior, with the log posterior there (nats).
+
+    share: fraction of the posterior probability. values: the parameters there, by name.
+    """
 
     log_posterior: float
     share: float
@@ -148,7 +151,8 @@ class ModeContent(FitCheck, Content):
 
     values, sd: inferred parameters and their standard deviations. known: the other parameters. priors: descriptions.
     climbs, modes: the searches, and the maxima that they reached. touching_zero: coefficients within a standard
-    deviation of zero. refused: seeds without values. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial`
+    deviation of zero. refused: seeds without values. error_budget: changes of motion and log likelihood with finer
+    integration steps. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial`
     splits it, with arrays `stored/...`.
     """
 
@@ -224,7 +228,7 @@ class WidthsContent(Content):
 class HalfContent(Forecast, Content):
     """The evidence of the first half of a record, and its forecast of the second half (`sensitivity/.../half`).
 
-    start: time at which the second half starts, in s.
+    start: time at which the second half starts, in s. log_predictive_stderr: standard error of `log_predictive`, nats.
     """
 
     start: float
@@ -242,7 +246,10 @@ class UnderNoise:
 
 @dataclass(frozen=True)
 class NoisesContent(Content):
-    """Evidence under each noise model of the study (`sensitivity/.../noises`). chosen: the noise model that is used."""
+    """Evidence under each noise model of the study (`sensitivity/.../noises`), by the name of the noise model.
+
+    chosen: the noise model that is used.
+    """
 
     chosen: str
     evidence: Mapping[str, UnderNoise]
@@ -288,7 +295,9 @@ class SampledPosterior:
     """The posterior of a candidate in a sampled answer.
 
     parameters: summaries by name. deviation: size of the deviation from the damping law, (2.5 %, median, 97.5 %).
-    unexplained: root mean square residual beyond the noise, as a fraction of the amplitude. log_evidence: in nats.
+    unexplained: root mean square residual beyond the noise, as a fraction of the amplitude. log_evidence, stderr: in
+    nats. acceptance, temperatures: acceptance rate of the last moves of sequential Monte Carlo, and number of increases
+    of the inverse temperature.
     """
 
     damping: str
@@ -427,11 +436,11 @@ class JointContent(Content):
     density of their priors (`CANDIDATE/NAME/log_prior`) and of the spread (`CANDIDATE/spread`).
 
     records: labels. members: signal and repeat of each record. reference: amplitude and frequency with which priors
-    scale. deviation: "law" if the answers on all records allow deviations, else "none". best: the most probable
-    candidate. others: probabilities of forms of damping that the study does not compare. spread: standard deviation of
-    the logarithm of the damping between records, over all models. no_spread: log Bayes factor of equal damping in all
-    records against an inferred spread, for the best candidate; NaN if it has no summary. alone: results of each record
-    alone, for the best candidate.
+    scale. deviation: "law" if the answers on all records allow deviations, else "none". candidates: results by name.
+    best: the most probable candidate. others: probabilities of forms of damping that the study does not compare.
+    spread: standard deviation of the logarithm of the damping between records, over all models. no_spread: log Bayes
+    factor of equal damping in all records against an inferred spread, for the best candidate; NaN if it has no summary.
+    alone: results of each record alone, for the best candidate.
     """
 
     records: tuple[str, ...]

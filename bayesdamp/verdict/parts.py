@@ -31,7 +31,7 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval and unit."""
+    """A value with the ends `low` and `high` of its 95 % interval, all in `unit`; the unit is "" for a pure number."""
 
     value: float
     low: float
@@ -41,7 +41,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class IntervalAt:
-    """A value at an amplitude of the record, with its 95 % interval. unit: that of the amplitude."""
+    """A value at an amplitude of the record, with the ends `low` and `high` of its 95 % interval.
+
+    unit: that of the amplitude, not of the value.
+    """
 
     amplitude: float
     unit: str
@@ -60,9 +63,9 @@ class OverLaw(IntervalAt):
 
 @dataclass(frozen=True)
 class MeasuredNumber:
-    """A number with its total 95 % interval and unit.
+    """A number with its total 95 % interval, from `low` to `high`, and its unit.
 
-    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law.
+    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law; NaN if unknown.
     """
 
     value: float
@@ -75,9 +78,9 @@ class MeasuredNumber:
 
 @dataclass(frozen=True)
 class AtAmplitude:
-    """A number at an amplitude of the record, with its total 95 % interval.
+    """A number at an amplitude of the record, with its total 95 % interval, from `low` to `high`.
 
-    unit: that of the amplitude. sd_noise, sd_law: as in `MeasuredNumber`.
+    unit: that of the amplitude, not of the number. sd_noise, sd_law: as in `MeasuredNumber`.
     """
 
     amplitude: float
@@ -106,7 +109,10 @@ class LawFreeAt:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of the damping that is named first, or of its restoring law, with its total 95 % interval."""
+    """A parameter of the damping that is named first, or of its restoring law, with its total 95 % interval.
+
+    sd_noise, sd_law: as in `MeasuredNumber`. unit: of the parameter and of its interval.
+    """
 
     name: str
     value: float
@@ -127,7 +133,10 @@ class Rival:
 
 @dataclass(frozen=True)
 class Share:
-    """A term's fraction of the dissipated energy, with its 95 % interval. probability: that the term is present."""
+    """A term's fraction of the dissipated energy, from 0 to 1, with its 95 % interval.
+
+    probability: that the damping contains the term.
+    """
 
     term: str
     share: float
@@ -138,7 +147,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """The 95 % upper limit of the energy fraction of a form of damping that is not in the answer."""
+    """The 95 % upper limit of the fraction of energy (0 to 1) that a form of damping outside the answer dissipates."""
 
     form: str
     share_below: float
@@ -146,7 +155,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class UsedWindow:
-    """The part of the record that was used, in s on the file's own clock, and the reason.
+    """The part of the record that was used, from `start` to `stop` in s on the file's own clock, and why.
 
     cycles: number of cycles; NaN where the frequency is not known. floor_db: mean level of the noise floor after an
     envelope's decay, in dB of the recorded power; NaN where there is none.

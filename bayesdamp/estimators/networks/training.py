@@ -191,7 +191,7 @@ Evaluated = tuple[np.ndarray, Callable[[], np.ndarray]]
 
 
 class Round(NamedTuple):
-    """A point of a descent: the unknowns (k,), the loss there, and how often the residuals were evaluated so far."""
+    """A point of a descent: unknowns x (k,), the loss there, and the number of evaluations of the residuals so far."""
 
     x: np.ndarray
     loss: float

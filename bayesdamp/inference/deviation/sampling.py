@@ -114,7 +114,10 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
 @dataclass(frozen=True)
 class LinearProposal:
-    """A linear posterior as the proposal of scores and deviations u, (K,), in the coordinates of `parameters`."""
+    """A linear posterior as the proposal of scores and deviations u, (K,), in the coordinates of `parameters`.
+
+    model: the linear model of which it is the posterior.
+    """
 
     parameters: Parameters
     model: LinearModel

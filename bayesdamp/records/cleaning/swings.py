@@ -462,7 +462,7 @@ def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
     falls = logs[:-2] - logs[2:]
     if falls.size == 0:
         raise InputError(
-            "fewer than three half cycles can be followed; are there wrong values, or is it the wrong column?"
+            "fewer than two half cycles can be followed; are there wrong values, or is it the wrong column?"
         )
 
     def most_change(first: float) -> float:

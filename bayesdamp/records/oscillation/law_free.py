@@ -489,7 +489,10 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
 @dataclass(frozen=True)
 class _SmoothedCurve:
-    """A smoothed curve: log marginal likelihood; log amplitudes, their slopes in scaled time and sds of these (k,)."""
+    """A smoothed curve of the log amplitude, and its log marginal likelihood (nats).
+
+    sizes, slopes, sds: log amplitudes, their slopes in scaled time, and the sds of the slopes, (k,) each.
+    """
 
     log_likelihood: float
     sizes: np.ndarray

@@ -46,7 +46,7 @@ UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT
 class Check:
     """A sentence on one check of an answer.
 
-    `fails`: whether the checked value contradicts the answer or is unreliable.
+    text: the sentence. fails: whether the checked value contradicts the answer or is unreliable.
     """
 
     text: str

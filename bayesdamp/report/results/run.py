@@ -49,7 +49,10 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class RecordAnswer:
-    """The answer on a record: verdict, compared models, and arrays of its figure, in the unit of the record."""
+    """The answer on a record: verdict, compared models, and arrays of its figure, in the unit of the record.
+
+    signal: name of the record. envelope: further values of the answer on an envelope; None for an oscillation.
+    """
 
     signal: str
     verdict: Verdict
