@@ -160,7 +160,7 @@ def specimen(
 def common_verdict(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
-    """Return a specimen's verdict with the fields that are computed alike for motions and for envelopes.
+    """Return a specimen's verdict with the fields that motions and envelopes have in common.
 
     It is decided by the probability, the grade and possible twins (see `decide`); a twin is possible if each record
     allows it. The grade and the deviations are the worst of the records, the energy fractions and the noise medians

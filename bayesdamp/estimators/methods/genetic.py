@@ -48,7 +48,7 @@ class GeneticOptions(Options):
     """Options of the genetic search: the paper's components, and what the paper leaves open.
 
     population: number of trajectories in a generation for one unknown parameter, as in the paper; each further unknown
-    adds half as many (forty trajectories for six unknowns become alike long before they are near the solution).
+    adds half as many (forty trajectories for six unknowns become similar long before they are near the solution).
     tournament: number of trajectories of which the best becomes a parent. blend: α of the BLX-α crossover. mutation:
     standard deviation of the Gaussian mutation, as a fraction of the range that the population spans, which is the
     search range at first. mutated: probability with which a variable mutates. elite: fraction of the population that is

@@ -80,9 +80,10 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
 
 
 def list_evidence(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
-    """Return the evidence for a model on a record (`bench/0`) by each method, and by the referee if it was called.
+    """Return the evidence for a model on a record (such as `bench/0`) by each method that has a stored result.
 
-    For a method that failed, the evidence has an outcome but no number.
+    This includes nested sampling if it was computed as the referee. For a method that failed, the evidence has an
+    outcome but no number.
     """
     evidences = []
     for method in dict.fromkeys((*methods, REFEREE)):
@@ -100,7 +101,7 @@ def list_evidence(store: Store, record: str, model: str, methods: Sequence[str])
 def evidence_by_method(
     study: Study, store: Store, record: str, models: Sequence[str]
 ) -> dict[str, dict[str, Evidence]]:
-    """Return the stored evidence on a record (`bench/0`) by method and model.
+    """Return the stored evidence on a record (such as `bench/0`) by method and model.
 
     With more than one method besides Laplace's, the last entry, `combined`, has the evidence that is used for each
     model.
