@@ -134,8 +134,8 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
-            "Reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio,
-            " "the decrement and the damping capacity are at the reference amplitude. The decrement is the decrease of "
+            "Reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio, "
+            "the decrement and the damping capacity are at the reference amplitude. The decrement is the decrease of "
             "ln A in a cycle; if it is small, it is 2π times the damping ratio."
         )
         if any(math.isnan(r["rhat"]) for r in sampled):
