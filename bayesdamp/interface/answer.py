@@ -401,7 +401,8 @@ def _phase_remark(data: Data, first: float) -> str:
         )
     if averaged is not None and averaged.jumps:
         at = ", ".join(f"{first + t:.4g} s" for t in averaged.jumps)
-        sentences.append(f"The cycles in the gap at {at} cannot be counted; the phase may jump there.")
+        where = "gap" if len(averaged.jumps) == 1 else "gaps"
+        sentences.append(f"The cycles in the {where} at {at} cannot be counted; the phase may jump there.")
     return " ".join(sentences)
 
 
