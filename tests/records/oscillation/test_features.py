@@ -63,6 +63,14 @@ def test_turning_points_alternate_and_lie_on_the_envelope():
     assert np.all(np.diff(np.sign(np.diff(found.turning_values))) != 0)
 
 
+def test_displacement_amplitude_of_other_quantities():
+    signal, w, _ = cosine(rest=0.0)
+    for quantity, order in (("velocity", 1), ("acceleration", 2)):
+        found = features(Signal(signal.t, signal.y, quantity))
+        assert found.rest == 0.0
+        assert found.amplitude == pytest.approx(0.3 / w**order, rel=2e-3)
+
+
 def test_spikes_change_little():
     signal, w, _ = cosine(noise=0.01)
     y = signal.y.copy()
