@@ -14,6 +14,13 @@ import bayesdamp as bd
 from tests.interface.problems import MODEL, fit, not_refused, record
 
 
+def points(count: int, spread: float = 2.0) -> np.ndarray:
+    """x about the best fit, (count, d), where nothing is below zero."""
+    density = fit().density
+    sds = np.array([fit().sd[n] for n in density.names])
+    return density.vector() + spread * sds * np.random.default_rng(5).standard_normal((count, sds.size))
+
+
 def solved(osc: bd.Oscillator, p: Mapping[str, float], times: np.ndarray) -> np.ndarray:
     """The motion of a damping with a kernel on a linear spring, by SciPy."""
 
@@ -67,6 +74,26 @@ def test_log_prior_of_one_term_is_the_sum_of_the_priors() -> None:
     assert density.log_posterior(x) == pytest.approx(density.log_prior(x) + density.log_likelihood(x))
 
 
+def differences(x: np.ndarray) -> np.ndarray:
+    """The gradient by central differences of the closed form's posterior."""
+    density = fit().density
+    found = np.empty(x.size)
+    for i, name in enumerate(density.names):
+        step = 1e-3 * fit().sd[name]
+        up, down = (x + s * step * np.eye(x.size)[i] for s in (1, -1))
+        found[i] = (density.log_posterior(up) - density.log_posterior(down)) / (2 * step)
+    return found
+
+
+def test_gradient() -> None:
+    density = fit().density
+    sds = np.array([fit().sd[n] for n in density.names])
+    for x in points(3):
+        assert density.gradient(x) * sds == pytest.approx(differences(x) * sds, abs=1e-4)
+    # The negative control: a tenth of an sd away.
+    assert density.gradient(x + 0.1 * sds) * sds != pytest.approx(differences(x) * sds, abs=1e-4)
+
+
 def test_gradient_far_out() -> None:
     """A sampler's step that diverges may come there: powers of the noise's scale overflow."""
     density = fit().density
@@ -92,9 +119,7 @@ def test_outside_the_support() -> None:
 
 
 def test_many_at_once() -> None:
-    density = fit().density
-    sds = np.array([fit().sd[n] for n in density.names])
-    many = density.vector() + 2 * sds * np.random.default_rng(5).standard_normal((7, sds.size))
+    density, many = fit().density, points(7)
     many[3, 0] = -1.0
     assert density.log_posteriors(many) == pytest.approx([density.log_posterior(x) for x in many])
 
