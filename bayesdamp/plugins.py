@@ -133,7 +133,7 @@ class Registry(Generic[T]):
         _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
-        """Remove a plug-in that was added."""
+        """Remove a plug-in that was added; do nothing if none of this name was added (one that ships stays)."""
         self._added.pop(name, None)
         self._sources.pop(name, None)
 

@@ -95,7 +95,10 @@ class Claim:
 
 
 def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge]:
-    """Return a decorator that adds a claim to a list, with the decorated function as its judge."""
+    """Return a decorator that adds a claim to a list, with the decorated function, which stays as it is, as its judge.
+
+    text, where: as in `Claim`.
+    """
 
     def add(judge: Judge) -> Judge:
         claims.append(Claim(text, where, judge))

@@ -91,9 +91,10 @@ def _rhat(chains: np.ndarray) -> float:
 
 
 def _ess(chains: np.ndarray) -> float:
-    """Return the effective sample size by Geyer's initial monotone positive sequence, formulas (10) to (13).
+    """Return the effective sample size of chains, (chain, draw), by formulas (10) to (13).
 
-    It is the number of draws if all draws are equal.
+    The sum of autocorrelations ends as in Geyer's initial monotone positive sequence. The result is the number of draws
+    of all chains if all draws are equal.
     """
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)

@@ -198,9 +198,10 @@ def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
 
 
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
-    """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
+    """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there, rad/s.
 
-    p: values of all parameters except the damping's. If there is no stable equilibrium, return theta0, |theta0| and 1.
+    The amplitude is √((θ₀ − θ_e)² + (θ̇₀/ω)²). p: values of all parameters except the damping's. If there is no stable
+    equilibrium, return theta0, |theta0| and 1. Raises Refusal if the restoring law has no `kernel`.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])

@@ -160,5 +160,5 @@ def init(
             f"{out}: cannot be written: {what}; copy {file.name} to a folder of your own"
         ) from None
     typed = shlex.quote(str(out))
-    typer.echo(f"{out}: next, bayesdamp check {typed} and bayesdamp study {typed}")
+    typer.echo(f"{out} is written; next: bayesdamp check {typed} and bayesdamp study {typed}")
     return 0

@@ -476,7 +476,9 @@ def choose_noise(
             frictions, epsilon = fits.choose_friction(adapting)
             if epsilon != fits.epsilon:
                 fits = fits.with_width(epsilon)
-                adapted = adapting(solver=fits.solvers[law], at=fits.modes()[law][0]) or adapted
+                again = adapting(solver=fits.solvers[law], at=fits.modes()[law][0])
+                if again is not None:
+                    adapted = replace(again, noise=replace(again.noise, weighed=adapted.noise.weighed))
         fits = fits.refitted(data=adapted.data)
         modes = fits.modes()
         mode = modes[law][0]

@@ -95,7 +95,7 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
 def compute(candidate: StudyCandidate, name: str) -> Product:
     """Compute the task of a candidate with this name.
 
-    Raises Refusal if the record shows no oscillation or the method is not applicable to it.
+    Raises Refusal if the outcome of the record is not OK, or the method is not applicable to it.
     """
     record = candidate.record.result
     if record.outcome != OK:

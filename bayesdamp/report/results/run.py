@@ -298,7 +298,8 @@ def probability_by_width(
 ) -> dict[float, float]:
     """Return the probability of the most probable damping under wider and narrower damping priors.
 
-    It is summed over the restoring laws. For models that were pruned, the evidence is assumed not to change.
+    The damping is the most probable one at the original width, and its probability is summed over the restoring laws.
+    For models that were pruned, the evidence is assumed not to change.
 
     Parameters
     ----------
@@ -310,8 +311,9 @@ def probability_by_width(
     Returns
     -------
     dict
-        The probability by the factor that multiplies the width of the priors, without factors at which the evidence of
-        a model is not known; empty if no such evidence was computed.
+        The probability by the factor that multiplies the width of the priors (1 included), without factors at which a
+        model's evidence is not reliable. Empty if a model that was not pruned has no such evidence, or if only one
+        damping is compared.
     """
     # By model: log evidence at each width minus that at the original width (factor 1).
     changes: dict[str, np.ndarray] = {}

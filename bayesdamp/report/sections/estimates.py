@@ -434,7 +434,7 @@ class SweepsSection(Section):
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
             tables = [_error_table(along, methods, stage) for stage in STAGES]
             parts += [
-                heading(f"{model}, {along.factor}"),
+                heading(f"{model}: errors against the {along.factor}"),
                 figure,
                 collapsible("The numbers of this figure", *tables),
             ]

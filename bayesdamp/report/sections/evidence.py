@@ -313,9 +313,9 @@ def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | Non
             ]
             lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
     caption = (
-        "A third check, for pairs of nested models. Left: the log Bayes factor by the Savage–Dickey ratio, which is "
-        "the posterior density of the larger model at zero coefficient, divided by its prior density there. Right: the "
-        "difference of the log evidences."
+        "A third check, for pairs of nested models: two log Bayes factors of the smaller model against the larger. "
+        "Savage–Dickey: the logarithm of the larger model's posterior density at zero coefficient, divided by its "
+        "prior density there. Evidence: the log evidence of the smaller model minus that of the larger."
     )
     headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
     return Table(headers, lines, (0, 3), caption) if lines else None

@@ -95,7 +95,7 @@ class RecordSection(SignalSection):
         if fits:
             caption = (
                 f"{signal}: the record as used, the fits of the most probable models at their posterior modes, the "
-                "best first, and their residuals."
+                "best first, and their residuals. Time counts from the start of the used part."
             )
             if any(len(fit.autocorrelation) for fit in fits):
                 caption += " Grey band: expected for white noise."
@@ -104,7 +104,11 @@ class RecordSection(SignalSection):
             figures.append(run.drawings.add(f"record-{signal}", caption, draw))
         elif not figures:
             draw = partial(draw_raw_record, t, y, axis)
-            figures.append(run.drawings.add(f"record-{signal}", f"{signal}: the record as used.", draw))
+            figures.append(
+                run.drawings.add(
+                    f"record-{signal}", f"{signal}: the record as used. Time counts from its start.", draw
+                )
+            )
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
 
 
