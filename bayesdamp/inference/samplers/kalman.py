@@ -44,7 +44,9 @@ class OnlineEstimates:
 def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
     """Return the estimates of the k scores after each sample, by one pass of the unscented Kalman filter.
 
-    It starts from the priors. The estimates are nan from where it diverges. The state is (scores, θ, θ̇) without process noise. After each sample, 2(k + 2) sigma points at √(k + 2) standard
+    It starts from the priors. The estimates are nan from where it diverges.
+
+    The state is (scores, θ, θ̇) without process noise. After each sample, 2(k + 2) sigma points at √(k + 2) standard
     deviations with equal weights (Julier and Uhlmann, κ = 0) are computed and propagated to the next sample by the ODE
     solver. A reflected score starts with the mean and sd of a half-normal prior, because at zero its derivative is
     zero. The common scale of coefficients is fixed at 1 (a damping ratio of 0.1). The noise has its value at the mode.
