@@ -33,6 +33,7 @@ from bayesdamp.serial import split
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
+from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, UsedWindow
 from bayesdamp.verdict.specimen import RecordAnswer
@@ -240,7 +241,8 @@ def answer(
         if findings.ratios
         else None,
     )
-    other = no_free_decay(signal, no_law_fits=True) if verdict.law_free else None
+    no_law_fits = verdict.law_free and findings.unexplained >= thresholds.REMARK
+    other = no_free_decay(signal, no_law_fits=True) if no_law_fits else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))
     arrays = dict(picture(comparison, findings))

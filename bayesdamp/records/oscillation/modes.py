@@ -46,6 +46,10 @@ MIN_RISE = 0.05
 after the rise."""
 RISE_SIGMAS = 3.0
 """A rise counts if it exceeds this many standard deviations of a sample's noise."""
+LEAST_BEATS = 1.0
+"""Least number of beats of two close frequencies, before one oscillation has decayed by a factor e more than the other,
+where the amplitude does not rise. (Two sinusoids that decay at different rates imitate one oscillator whose frequency
+changes with its amplitude.)"""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
@@ -299,7 +303,7 @@ def find_other_motion(
     no_law_fits
         Whether no law of one oscillator fits the record. Then a second mode is also accepted whose frequency is a
         multiple of the first one's, or that soon decays; and one that is close to the first one although the amplitude
-        never rises, if both together explain the record to its noise.
+        never rises, if they beat and both together explain the record to its noise.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
@@ -349,6 +353,8 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
+        together = min(duration, 1 / max(fastest - slowest, 1e-300))  # s, with comparable amplitudes
+        complete = complete and (g - f) * together > LEAST_BEATS
         if relative_rise(ranges, noise) < MIN_RISE and not levels and not (no_law_fits and complete):
             return None
         return OtherMotion("driven" if steady else "beats", two, size, complete)
