@@ -220,6 +220,15 @@ def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
     assert "(probability" not in found.sentence
 
 
+def test_energy_is_not_stated_where_the_damping_is_measured_without_a_law() -> None:
+    far = findings(deviation=deviation(0.4, 0.3, 0.5))
+    assert decided(far).energy  # the control: nothing is measured without a law
+    verdict = decided(far, law_free=measured())
+    assert verdict.law_free
+    assert verdict.energy == verdict.other_forms == ()
+    assert verdict.coefficients
+
+
 def test_a_law_that_agrees_with_the_measured_damping_stays() -> None:
     """Where intervals meet, or differ by less than 5 %."""
     for middle in [(0.0102, 0.0101, 0.0103), (0.0150, 0.0103, 0.0197), (0.0106, 0.0105, 0.0107)]:

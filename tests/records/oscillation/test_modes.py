@@ -12,6 +12,7 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.modes import damped_modes, find_excited, find_other_motion
 from bayesdamp.records.record import RawRecord
+from tests.physics.independent import trajectory
 from validation.truth.records import KINDS, case
 
 OMEGA = 4.0
@@ -77,6 +78,32 @@ def test_one_oscillation_is_one() -> None:
         ((0.3, 1.0, 0.0002),),  # it hardly decays, and that is seen
     ):
         assert find_other_motion(*sum_of(*parts), 2 * np.pi / OMEGA) is None
+
+
+@pytest.mark.parametrize("share", [0.001, 0.05])
+@pytest.mark.parametrize(("law", "angle", "damping"), [("pendulum", 1.4, "zeta"), ("duffing", 0.3, "mu_q")])
+def test_one_nonlinear_oscillator_is_one_although_no_law_fits(
+    law: str, angle: float, damping: str, share: float
+) -> None:
+    """Two sinusoids explain it to its noise of 5 %, but they do not beat; the control does."""
+    t = np.arange(0, 40, 0.02)
+    p = {
+        "stiffness": OMEGA**2,
+        "rest_angle": 0.0,
+        "cubic": 30.0,
+        "theta0": angle,
+        "omega0": 0.0,
+        damping: 0.1,
+    }
+    noise = share * angle * np.random.default_rng(1).standard_normal(t.size)
+    assert (
+        find_other_motion(t, trajectory(law, p, t)[:, 0] + noise, 2 * np.pi / OMEGA, no_law_fits=True) is None
+    )
+    beating = sum_of((0.3, 1.0, 0.01), (0.02, 1.06, 0.01))
+    assert find_other_motion(*beating, 2 * np.pi / OMEGA) is None
+    found = find_other_motion(*beating, 2 * np.pi / OMEGA, no_law_fits=True)
+    assert found is not None
+    assert found.kind == "beats"
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
