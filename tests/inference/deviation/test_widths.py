@@ -108,13 +108,3 @@ def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("bayesdamp.inference.deviation.model_comparison.SHARPER", 0.0)
     damping, value = friction()
     assert value != pytest.approx(0.03, rel=3e-4)
-
-
-def test_outliers_are_compared_with_gaussian_noise_also_where_friction_is_chosen_again() -> None:
-    """The noise model was once said to be specified, because only its evidence was kept."""
-    plain = rounded_friction()
-    rng = np.random.default_rng(5)
-    y = plain.y + 1e-3 * rng.standard_normal(plain.t.size)
-    y[rng.choice(y.size, 6)] += 2.0
-    verdict = answer(Signal(plain.t, y), damping=["coulomb"], restoring=["linear"], sample=False).verdict
-    assert any("student_t" in r and "nats ahead of Gaussian noise" in r for r in verdict.remarks)

@@ -104,6 +104,8 @@ def test_one_nonlinear_oscillator_is_one_although_no_law_fits(
     found = find_other_motion(*beating, 2 * np.pi / OMEGA, no_law_fits=True)
     assert found is not None
     assert found.kind == "beats"
+    third = sum_of((0.3, 1.0, 0.01), (0.02, 1.08, 0.01), (0.01, 2.0, 0.01), noise=0.001)
+    assert find_other_motion(*third, 2 * np.pi / OMEGA, no_law_fits=True) is None, "more than two"
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
