@@ -52,10 +52,10 @@ _NAMES = {
     "types": ("InputError", "Refusal"),
     "verdict.types": ("Verdict",),
 }
-"""The public names of each module of this package."""
+"""The public names that each module provides; the key is the module's path below `bayesdamp`."""
 _HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
 _NAME_THERE = {"trajectory": "simulate"}
-"""Names in the module that differ from the public name."""
+"""The name in the module, by public name, for each public name that differs from it."""
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:

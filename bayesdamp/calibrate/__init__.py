@@ -1,4 +1,8 @@
-"""Test on simulated records whether intervals contain the truth, and models are true, as often as stated."""
+"""Test the stated probabilities on simulated records.
+
+Do 95 % intervals contain the true parameter in 95 % of the records, and is a model with the probability p the true one
+in the fraction p of the records?
+"""
 
 from bayesdamp.calibrate.run import run_calibration
 

@@ -25,13 +25,14 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
-"""The estimator from which the search for the mode starts."""
+"""The estimator whose estimates are the starting points of the search for the posterior mode."""
 SECOND_ESTIMATOR = "envelope"
-"""A further estimator, whose estimate is another start if the trajectory fit of the first one has an outcome that is
-not `ok`."""
+"""If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate is one more starting
+point of the search."""
 SCALE_RANGE = (0.003, 0.1)
-"""Range of the unknown prior scale of damping ratios, for drawing records and for their evidence. Below this range
-noise hides the damping of most records; above it many records do not oscillate."""
+"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`). Records are drawn, and
+their posteriors and evidence computed, with only those of `SHARED_SCALES` that are in this range: below it noise hides
+the damping of most records; above it many records do not oscillate."""
 MOST_ESCAPES = 100
 """A prior is rejected if this many successive draws from it have unbounded trajectories (conventional)."""
 Result = TypeVar("Result")
@@ -50,8 +51,9 @@ class DrawnRecord:
 class Generator:
     """Draws records of one damping model from its priors.
 
-    model: the damping sum. source: the simulation. system: the restoring law and what is known of it. blank: the
-    posterior density with an empty record; the priors do not depend on the record.
+    model: the damping sum. source: the settings of the simulation. system: the restoring law, the known values and the
+    priors of the parameters. blank: the posterior density for an empty record. Records are drawn from its priors, and
+    replacing its signal by a record gives the posterior density for that record.
     """
 
     model: str
@@ -60,7 +62,7 @@ class Generator:
     blank: Target
 
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
-        """Return a record that is simulated with parameters drawn from the prior.
+        """Return a record with this name that is simulated with parameters drawn from the prior.
 
         If a trajectory is unbounded, the parameters are drawn again. The likelihood of such parameters is zero for
         every record, so that leaving them out of the prior does not change the posterior.
@@ -68,7 +70,7 @@ class Generator:
         Raises
         ------
         InputError
-            If many trajectories in a row escape.
+            If the trajectories of `MOST_ESCAPES` successive draws are unbounded.
         """
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
@@ -103,14 +105,15 @@ def make_generator(
     model
         The damping model.
     source
-        The simulation, if not that of the first signal.
+        The settings of the simulation; by default those of the first signal.
     priors
         Priors that replace the study's, by parameter.
 
     Raises
     ------
     InputError
-        If the prior would depend on the record.
+        If the first signal is a file, the study has several noise models, or the prior of a parameter would depend on
+        the record, as a default prior that scales with the record's amplitude.
     """
     spec = study.signals[0]
     if not isinstance(spec.source, Simulation):
@@ -175,14 +178,15 @@ def _reference(study: Study, system: System) -> Reference:
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
-    """Return the posterior mode of a record, and the trajectory fit of the estimator `ESTIMATOR` to it.
+    """Return the posterior mode of a record, and the refined estimate: the trajectory fit that starts at `ESTIMATOR`.
 
-    No starting point uses the true values: they come from the record or the prior.
+    The refined estimate has no values if this fit failed. No starting point of the search for the mode uses the true
+    values: the starting points come from the record or the prior.
 
     Raises
     ------
     Refusal
-        If the record shows no oscillation, or no starting point leads to a mode.
+        If the record shows no oscillation, or the search finds no mode from any starting point.
     """
     roughness = features(drawn.signal).roughness
     problem = Problem(drawn.target.oscillator.damping, system)
@@ -198,7 +202,7 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 
 
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
-    """Call a function. Return its result and OK, or None and the reason: its Refusal, or an unexpected exception."""
+    """Call a function and return its result and OK, or None and the message of the exception that it raised."""
     try:
         return compute(*arguments), OK
     except Refusal as refusal:

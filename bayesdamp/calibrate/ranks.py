@@ -18,7 +18,7 @@ from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK, InputError
 
 RECORDS_PER_TASK = 16
-"""Number of records of one task."""
+"""Number of records that one task simulates."""
 LIKELIHOOD = "log_likelihood"
 """The log likelihood is ranked too: it can show an error that no parameter shows (Modrák et al., 2023)."""
 
@@ -29,9 +29,11 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     Returns
     -------
     Product
-        The content is a `RanksContent` with the names of the k parameters, the log likelihood last. Arrays for c
-        records and s samplers: truth (c, k); value and stderr of the refined estimate (c, k); ranks (c, s, k) of the
-        truth among the thinned draws, −1 without draws; below (c, s, k), the fraction of all draws below the truth.
+        The content is a `RanksContent` with the outcome of each record and the names of the k parameters, the log
+        likelihood last. Arrays for c records and s samplers, in natural units: truth (c, k), the true values; value and
+        stderr (c, k), the refined estimate and its standard errors, NaN where missing; ranks (c, s, k), the number of
+        thinned draws below the truth, −1 if the sampler gave no draws; below (c, s, k), the fraction of all draws below
+        the truth, then NaN.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]
@@ -84,7 +86,7 @@ def check(study: Study) -> None:
     Raises
     ------
     InputError
-        If the study cannot be calibrated.
+        If `make_generator` cannot draw records of a model, or calibration.draws is more than the draws of a posterior.
     """
     for model in study.compare(study.signals[0]):
         make_generator(study, model)
@@ -97,7 +99,7 @@ def check(study: Study) -> None:
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return the settings on which the result of a task depends, besides the model and its first record."""
+    """Return the settings, by name, on which the result of a task depends besides the model and the first record."""
     table, resolved = study.calibration, study.resolved()
     return {
         "signal": resolved["signals"][0],

@@ -29,7 +29,7 @@ from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 RECORDS_PER_TASK = 4
-"""Number of records of one task."""
+"""Number of records that one task simulates."""
 
 
 def compute_chunk(study: Study, kind: str, first: int) -> Product:
@@ -41,8 +41,9 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
     -------
     Product
         The content is a `RecoveryContent`. Arrays for c records and m models: model (c,), the index of the true model;
-        probability (c, m); log_evidence (c, m); design (c, 2), noise and cycles; loss (c,), the fraction of the
-        amplitude that the motion loses.
+        probability (c, m) of each model, with equal prior probabilities; log_evidence (c, m) in nats; design (c, 2),
+        whose columns are the noise (fraction of the reference amplitude) and the number of cycles; loss (c,), the
+        fraction of the amplitude that the motion loses. Evidence and probability are NaN for records that are not used.
     """
     models, began = models_of(study, kind), time.perf_counter()
     outcomes, evidence_outcomes = (
@@ -105,7 +106,9 @@ def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
 
 
 def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model. The prior of the noise has its median at the given noise level.
+    """Return a generator for each model, for records with this number of cycles.
+
+    The prior of the noise has its median at `noise` times the reference amplitude.
 
     Raises InputError if the study's first signal is not simulated, or states no reference amplitude or frequency.
     """
@@ -126,9 +129,10 @@ def _generators(study: Study, kind: str, models: list[str], noise: float, cycles
 def _evidence(
     study: Study, source: Generator, drawn: DrawnRecord, labels: tuple[object, ...]
 ) -> tuple[float, str]:
-    """Return the log evidence (nats) of one model for a record, by importance sampling, and its outcome.
+    """Return the log evidence (nats) of one model for a record, by importance sampling, and the outcome of this method.
 
-    Raises Refusal if no mode is found, or the evidence is not finite.
+    source: the generator of the model whose evidence is computed. labels: what seeds the random numbers besides the
+    study's seed. Raises Refusal if no mode is found, or the evidence is not finite.
     """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)
@@ -152,12 +156,12 @@ def _loss(drawn: DrawnRecord) -> float:
 
 
 def check(study: Study) -> None:
-    """Check, before anything is computed, that the study's models can be drawn.
+    """Check, before anything is computed, that records of the study's models can be drawn.
 
     Raises
     ------
     InputError
-        If they cannot be drawn.
+        If there are fewer than two models to compare, or `make_generator` cannot draw records of one of them.
     """
     for kind in ("recovery", "single") if study.recovery.single else ("recovery",):
         models = models_of(study, kind)
@@ -169,7 +173,7 @@ def check(study: Study) -> None:
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return the settings on which the result of a task depends, besides its kind and first record."""
+    """Return the settings, by name, on which the result of a task depends besides its kind and first record."""
     resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],

@@ -1,7 +1,7 @@
 """Run a calibration: compute records until enough are usable, and write tables and report.
 
-A series is one kind of records, such as those of one model. A task computes a chunk of a few records of a series. An
-interrupted calibration resumes.
+A series is a number of records of one kind, such as those that are drawn from one model. A task simulates and analyses
+the next few records of a series, a chunk. The tasks that run together are a wave. An interrupted calibration resumes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,11 @@ MOST_TRIES = 20
 
 @dataclass(frozen=True)
 class RecordSeries:
-    """A series of records: kind "ranks" (of one model), "recovery" or "single". wanted: number of usable records."""
+    """A series of simulated records.
+
+    kind: "ranks" tests the posteriors of one `model`; "recovery" tests the probabilities of all models of the study,
+    and "single" those of the models with one term. wanted: number of usable records at which the series is complete.
+    """
 
     kind: str
     wanted: int
@@ -49,16 +53,20 @@ class RecordSeries:
 
     @property
     def name(self) -> str:
-        """Name of the series: the kind, with the model if there is one."""
+        """Name of the series: the kind, followed by a slash and the model if the series has one."""
         return f"{self.kind}/{self.model}" if self.model else self.kind
 
     @property
     def module(self) -> ModuleType:
-        """The module that computes its tasks."""
+        """The module that computes the tasks of the series: `ranks` or `recovery`."""
         return ranks if self.kind == "ranks" else recovery
 
     def task(self, study: Study, first: int) -> tuple[str, str]:
-        """Return name and key of the task whose first record is number `first`."""
+        """Return the name of the task that begins with record number `first`, and its key.
+
+        The key is a digest of all settings and sources on which the result depends; a stored result with this key is
+        used again.
+        """
         terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
         laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
         # Plug-ins are looked up by name, not imported, so their source is added to the key.
@@ -91,7 +99,7 @@ def run_calibration(
     records
         Number of records, instead of the study's.
     models
-        Whether to test the probabilities of models instead of the posteriors.
+        Whether to test the probabilities of models (model recovery) instead of the posteriors of parameters.
     workers
         Number of processes; by default the number of cores.
     fresh
@@ -187,11 +195,11 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
 def compute_series(
     study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[TaskResult]]:
-    """Compute the tasks of every series in waves, and return their results in order, by the name of the series.
+    """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
 
-    The size of a wave follows from the fraction of usable records in the waves before it, not from the results that
-    were already stored: an interrupted calibration ends with the same records. Failed tasks are repeated by the next
-    run.
+    Tasks run in waves until each series has enough usable records. The size of a wave follows from the fraction of
+    usable records in the waves before it, not from the results that were already stored: an interrupted calibration
+    ends with the same records. Failed tasks are repeated by the next run.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
@@ -212,7 +220,7 @@ def count_usable(results: Sequence[TaskResult]) -> int:
 
 
 def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
-    """Return the numbers of the first records of the tasks in the next wave.
+    """Return, for each task of the next wave, the number of its first record.
 
     The list is empty if the series is complete, has tried `MOST_TRIES` times the wanted records, or has a failed task.
     """
@@ -231,7 +239,10 @@ def is_failed(result: TaskResult) -> bool:
 
 
 def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) -> TaskResult:
-    """Return the result of a task; compute and store it if it is missing."""
+    """Return the result of a task from the store in `folder`.
+
+    It is computed and stored first if it is missing, if it has another key, or if the program failed in it.
+    """
     use_modules(study.plugins)
     store, (name, key) = Store(folder), series.task(study, first)
     stored = store.find(name)

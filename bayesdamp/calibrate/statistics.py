@@ -15,7 +15,7 @@ from scipy.stats import binom
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` of the draws, shape (chain, draw), spread evenly over each chain: shape (count,)."""
+    """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw)."""
     flat = draws.reshape(-1)
     if flat.size < count:
         raise ValueError(f"{count} thinned draws are needed, and there are {flat.size}")

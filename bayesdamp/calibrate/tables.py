@@ -21,25 +21,27 @@ from bayesdamp.types import OK
 LEVELS = (0.5, 0.8, 0.95)
 """Probabilities of the intervals whose coverage is tested."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
-"""Edges of the bins into which records are sorted by the probability of their most probable model."""
+"""Edges of the bins into which the records of a model recovery are sorted, by the probability of the model that is most
+probable for the record."""
 FALSE_ALARM = 0.01
 """Probability that any test in a table has the verdict "wrong" although everything is correct (conventional)."""
 CLASSICAL = "refined estimate"
-"""Method whose intervals are tested beside those of samplers: the trajectory fit with its standard errors."""
+"""Name, in the column "method", of the trajectory fit, whose intervals of several standard errors are tested too."""
 COLUMNS = (
     "model", "method", "parameter", "check", "level", "records", "without", "value", "low", "high", "p", "p_holm",
     "verdict",
 )  # fmt: skip
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
 RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
-"""Columns of recovery.csv; a column for each damping sum follows."""
+"""First columns of recovery.csv: the true model, the fraction of the amplitude that is lost, and the number of models
+whose evidence is doubtful, among others. A column with the probability of each damping sum follows."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
 
 
 def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
-    """Return an array of all results of a series, joined along its first axis (records)."""
+    """Return the array `name` of all results of a series, joined along its first axis (records)."""
     return np.concatenate([c.arrays[name] for c in chunks])
 
 
@@ -57,9 +59,10 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     For each model, sampler and parameter there is a test of the ranks and one for each level of intervals; then follow
     the intervals of the refined estimates. Samplers and refined estimates are two families of tests.
 
-    records: number of records. without: number without an interval. value: for "ranks" the largest difference between
-    their distribution function and the uniform one; for "coverage" the fraction of intervals that contain the truth.
-    low, high: limits that this fraction keeps with 99 % probability if the intervals are right. The verdict is "wrong"
+    records: number of tested records. without: number of further records, without an interval. value: for "ranks" the
+    largest difference (with its sign) of their distribution function from the uniform one; for "coverage" the fraction
+    of intervals that contain the truth. low, high: range that contains this fraction with 99 % probability if the
+    intervals are right. The verdict is "wrong"
     if p_holm is below `FALSE_ALARM`.
     """
     rows, classical = list[Row](), list[Row]()
@@ -108,7 +111,10 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
 
 
 def points(draws: int) -> int:
-    """Return the number of bins for the test of ranks: the largest divisor of draws + 1 that is at most 64."""
+    """Return the number of bins into which the test of ranks sorts them, at most 64.
+
+    It is the largest such divisor of draws + 1, the number of possible ranks, so that the bins have equal size.
+    """
     return max(k for k in range(1, 65) if (draws + 1) % k == 0)
 
 
@@ -116,7 +122,7 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     """Return the row of a test of coverage.
 
     `inside` (n,): whether each interval of probability `level` contains the truth; `without`: number of records without
-    one.
+    an interval, which are not tested.
     """
     n, hits = inside.size, int(inside.sum())
     low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
@@ -208,7 +214,11 @@ def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
 
 
 def recovery_summary(results: Results) -> Row:
-    """Return the summary of a model recovery for run.json, by series."""
+    """Return the summary of a model recovery for run.json, by name of the series.
+
+    It contains the numbers of tried and counted records, the confusion matrix, the tests of the models' probabilities,
+    and the mean log probability of the true model (`log_score`).
+    """
     summary: Row = {"alarm": FALSE_ALARM}
     for name, chunks in results.items():
         contents = [RecoveryContent.of(c) for c in chunks]
@@ -256,9 +266,11 @@ def recovery_summary(results: Results) -> Row:
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
-    """Return how often the most probable model is the true one, compared with its probabilities.
+    """Return how often the most probable model is the true one, and how often it should be.
 
-    hit, p (n,): whether the most probable model of each record is the true one, and its probability.
+    hit, p (n,): whether the most probable model of each record is the true one, and its probability. expected: sum of
+    these probabilities. excess: hits minus expected, whose 99 % range is low to high, and whose standard deviation is
+    sd, if the probabilities are right. share_low, share_high: 95 % interval of the fraction of hits.
     """
     n, hits = hit.size, int(hit.sum())
     low, high = statistics.hits_band(p, 1 - FALSE_ALARM)
@@ -278,9 +290,11 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Yield a row for each bin of `EDGES` with records: the fraction of hits, and its band from the probabilities.
+    """Yield a row for each bin of `EDGES` that contains records.
 
-    The bands hold jointly (Bonferroni). hit and p are as in `_hits`.
+    It has the fraction of records whose most probable model is the true one, and the range of this fraction if the
+    probabilities are right. The ranges of all bins hold jointly with 99 % probability (Bonferroni). hit and p are as in
+    `_hits`.
     """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)

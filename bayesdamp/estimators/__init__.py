@@ -1,4 +1,9 @@
-"""Estimate damping coefficients: by each method itself, then by a trajectory fit that starts at that estimate."""
+"""Estimate damping coefficients: by each method itself, then by a trajectory fit that starts at that estimate.
+
+In the docstrings of this package, "the paper" is: A Comparative Study of Machine Learning and Classical Methods for
+Damping Parameter Estimation in Nonlinear Oscillatory Systems. It compares eleven methods on pendulums with viscous,
+Coulomb or quadratic damping; docs/methods.md describes what we do differently.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +25,18 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
     "bayesdamp.estimators.methods", "estimator", home="bayesdamp.estimators"
 )
 STAGES = ("initial", "refined")
-"""The method's own estimate, and the trajectory fit that starts there."""
+"""Stages of an estimator: the method's own estimate, and the trajectory fit that starts at this estimate."""
 ELEVEN = (
     "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
     "symbolic_regression", "envelope", "genetic",
 )  # fmt: skip
-"""The methods of the paper, in the order of its sections."""
+"""Names of the estimators for the eleven methods of the paper that the module cites."""
 
 __all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
 def names_for_all() -> list[str]:
-    """Return the names of the estimators that `use = "all"` selects, without importing them."""
+    """Return the names of the estimators that `use = "all"` in a study file selects: the eleven of the paper."""
     return list(ELEVEN)
 
 
@@ -45,7 +50,7 @@ def parse_options(name: str, options: Mapping[str, object] | None, shown: str | 
     options
         Values by option.
     shown
-        The name under which the study uses the estimator, for messages; by default `name`.
+        The name of the estimator's table in the study file, for messages; by default `name`.
 
     Returns
     -------

@@ -53,9 +53,11 @@ class Estimator(ABC, Generic[OptionsType]):
     name: str
     options: type[OptionsType]
     by_position: str = ""
-    """The reason, as a clause, why the method cannot estimate a force that depends on the position; "" if it can."""
+    """The reason, as a clause, why the method cannot estimate a damping force that depends on the position; "" if it
+    can."""
     with_parameters: str = ""
-    """The reason, as a clause, why the method cannot estimate a term with further parameters; "" if it can."""
+    """The reason, as a clause, why the method cannot estimate a damping term with parameters besides its coefficient;
+    "" if it can."""
 
     def __init_subclass__(cls) -> None:
         """Set the name of an estimator of this package to the name of its file."""
@@ -65,7 +67,10 @@ class Estimator(ABC, Generic[OptionsType]):
             cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return the reason why a sum of damping terms cannot be estimated, or None if it can (the default)."""
+        """Return a reason of this method's own why it cannot estimate a sum of damping terms, or None (the default).
+
+        `reason_not_applicable` asks this first, then applies `by_position` and `with_parameters`.
+        """
         return None
 
     @abstractmethod
@@ -77,7 +82,8 @@ class Estimator(ABC, Generic[OptionsType]):
         Returns
         -------
         Estimate
-            Values by parameter name; `run` adds the estimator's name, the stage and the duration.
+            Values of the damping coefficients and of the unknown restoring and start parameters, by name.
+            `estimators.run` adds the estimator's name, the stage and the duration.
 
         Raises
         ------
@@ -87,7 +93,7 @@ class Estimator(ABC, Generic[OptionsType]):
 
 
 def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
-    """Return the reason why an estimator cannot estimate a sum of damping terms, or None if it can."""
+    """Return the reason why an estimator cannot estimate a sum of these damping terms, or None if it can."""
     if reason := estimator.refuses(damping):
         return reason
     for term in map(TERMS.get, damping):

@@ -27,7 +27,7 @@ def cramer_rao(
 
     For independent normal noise the Fisher information is JᵀJ/σ², where J (n, k) has the derivatives of the n samples
     by the k unknowns: the damping coefficients, and every restoring parameter, theta0 and omega0 that is not in
-    `problem.system.known`. Known parameters and ε are exact.
+    `problem.system.known`. Known parameters, and the width ε of the smoothed sign in Coulomb friction, have no error.
 
     Parameters
     ----------

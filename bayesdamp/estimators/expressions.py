@@ -155,7 +155,11 @@ class Expression:
 
 
 def _is_unit(atom: Atom) -> bool:
-    """Return whether an atom is the absolute value of a single product, whose coefficient is always 1."""
+    """Return whether an atom is |product|.
+
+    The coefficient of that inner product is always 1, because `apply` moves its size outside; so it is not a constant
+    to fit.
+    """
     assert atom.inner is not None
     return atom.kind == "abs" and len(atom.inner.terms) == 1
 
@@ -179,7 +183,10 @@ DEPTH = 8
 
 @dataclass(frozen=True)
 class ScoredExpression:
-    """An expression on the Pareto front, with the length in nodes of Operon's tree, and its mean square error."""
+    """An expression on the Pareto front of length and error.
+
+    length: number of nodes of the tree that Operon found. error: mean square error in the searched data.
+    """
 
     expression: Expression
     length: int
@@ -269,7 +276,9 @@ def front(
 
 
 def _from_postfix(nodes: list, largest: float) -> Expression:
-    """Convert the nodes of a tree in postfix order to an expression; a node's first argument directly precedes it.
+    """Convert the nodes of Operon's tree, in postfix order, to an expression.
+
+    A node follows its arguments, the first of which is directly before it.
 
     largest: the largest absolute value of the variable.
     """

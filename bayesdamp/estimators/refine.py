@@ -1,4 +1,4 @@
-"""The second stage of every estimator: a least squares fit of the trajectory, from the values of the first stage."""
+"""Fit the trajectory to a record by least squares, from an initial estimate: the second stage of every estimator."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class _TrajectoryFit:
         return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
 
     def until(self, time: float) -> _TrajectoryFit:
-        """Return the fit to the samples up to a time (s)."""
+        """Return the same problem, with the record cut at a time (s)."""
         early = self.signal.t <= time
         return replace(self, signal=replace(self.signal, t=self.signal.t[early], y=self.signal.y[early]))
 

@@ -1,4 +1,4 @@
-"""Functions that several estimators use: smoothed motion with derivatives, starting values, and small searches."""
+"""Provide what several estimators use: smoothed motion with derivatives, starting values, and small searches."""
 
 from __future__ import annotations
 
@@ -24,25 +24,27 @@ if TYPE_CHECKING:
 DEGREE = 7
 """Degree of the splines. The derivatives of an interpolating spline of this degree have relative errors near 1e-8."""
 LEAST_SAMPLES = 4
-"""Fewest samples before the first gap, from which the start of the motion is determined."""
+"""Least number of samples before the first gap, because the start of the motion is determined from these."""
 NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
-"""Greatest number of samples from which the noise is measured, and number of evenly spread parts into which they are
-divided in a longer record."""
+"""Greatest number of samples from which the noise is measured. If the record has more, they are taken from this many
+evenly spread parts of it (second number)."""
 NO_NOISE = 1e-6
 """A record with less noise than this fraction of its amplitude counts as noise-free: it has no likelihood."""
 KNOTS_PER_PERIOD = 4.0
-"""Knots of the smoothing spline in a period, which preserve the oscillation and its second harmonic."""
+"""Number of knots of the smoothing spline in a period; it preserves the oscillation and its second harmonic."""
 EDGE = 1.5
 """Length at each end of a smoothing spline, in knot spacings, that is not used, because derivatives are inaccurate
 there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
-"""Fewest samples in a period (conventional)."""
+"""Least number of samples in a period that a record must have (conventional)."""
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
 """By quantity: the order of the time derivative of the displacement."""
 SCORE = 3.5
-"""Largest standard normal score (under its prior) at which a further parameter of a term is searched."""
+"""A parameter of a damping term other than its coefficient is searched between ± this standard normal score under its
+prior (see `bayesdamp.priors`)."""
 MEANS_PER_CYCLE = 40.0
-"""Least number of block means in a cycle; the mean over a block then reduces a sinusoid by 0.1 % at most."""
+"""Least number of block means in a cycle when a record is thinned; the mean over a block then reduces a sinusoid by at
+most 0.1 %."""
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -119,8 +121,9 @@ def epsilon_of(problem: Problem, features: Features) -> float:
 def further_values(problem: Problem, features: Features) -> dict[str, float]:
     """Return the arguments of the damping terms besides their coefficients, by name.
 
-    These are ε if a term depends on the sign of the velocity, the further parameters of terms (known values, or the
-    medians of their priors), and the scales of the record.
+    These are ε if a term depends on the sign of the velocity; the parameters of terms besides their coefficients (known
+    values, or the medians of their priors); and the amplitude, peak velocity or rest position of the record, for terms
+    that are defined relative to them.
     """
     osc, reference = oscillator(problem), reference_of(problem.system, features)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
@@ -228,7 +231,8 @@ def noise_level(signal: Signal) -> float:
     """Return the standard deviation of the noise in the record's unit; rounding error if there is no noise.
 
     It follows from the median absolute residual of a spline of degree 7 with a knot at every fourth sample; the median
-    is not affected by the corners of Coulomb friction. It is at least step/√12, the noise of quantisation.
+    is not affected by the corners of Coulomb friction. With fewer than 40 samples it follows from sixth differences. It
+    is at least step/√12, the noise of quantisation.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
@@ -522,10 +526,11 @@ def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[fl
 def search_further(
     priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
 ) -> dict[str, float]:
-    """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty without parameters.
+    """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty if `priors` is empty.
 
-    The search of Nelder and Mead varies the standard normal scores of the parameters, from the best point of a grid. If
-    the cost is the residual with the best coefficients, this is variable projection (Golub and Pereyra 1973).
+    cost: maps values by name to the number to minimise. The search of Nelder and Mead varies the standard normal scores
+    of the parameters, from the best point of a grid. If the cost is the residual with the best coefficients, this is
+    variable projection (Golub and Pereyra 1973).
     """
     if not priors:
         return {}

@@ -1,4 +1,7 @@
-"""Fit the Hilbert envelope of trajectories to that of the record (paper, section 3.3, equation 15)."""
+"""Estimate damping by fitting the Hilbert envelope of trajectories to that of the record.
+
+Section 3.3, equation 15, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,16 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 LEAST_CYCLES = 3.0
-"""Fewest cycles of a record (conventional)."""
+"""Least number of cycles that a record must have (conventional)."""
 TOLERANCE = 1e-7
 """Largest error of a trajectory, as a fraction of the amplitude."""
 
 
 class EnvelopeOptions(Options):
-    """Options of the envelope.
+    """Options of the envelope method.
 
-    window: length of the Savitzky–Golay window in periods. above: the record is used until the ratio of its
-    envelope to its noise first falls below this.
+    window: length in periods of the Savitzky–Golay filter that smooths the envelopes. above: the record is used until
+    the ratio of its envelope to its noise first falls below this.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -42,7 +45,7 @@ class EnvelopeOptions(Options):
 
 
 class Envelope(Estimator[EnvelopeOptions]):
-    """Damping coefficients that minimise Σ (ln A_observed − ln A_simulated)².
+    """Find the damping coefficients that minimise Σ (ln A_observed − ln A_simulated)², with the Hilbert envelopes A.
 
     Unknown restoring parameters follow from the record's frequency and midline, and an unknown start from the smoothed
     record; the amplitude of the start is then fitted together with the damping. Record and trajectories with uneven
@@ -136,7 +139,10 @@ class _EnvelopeMatch:
         return np.maximum(np.asarray(savgol_filter(raw, width, 3)), 1e-300)
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
-        """Return all parameters for unknowns x (k,), with the start multiplied by `scale` about the midline."""
+        """Return all parameters of the trajectory with the unknowns x (k,), in the order of `names`.
+
+        The initial displacement from the midline and the initial velocity are multiplied by `scale`.
+        """
         p = {**self.base, **dict(zip(self.names, map(float, x)))}
         theta0 = self.midline + scale * (p["theta0"] - self.midline)
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}

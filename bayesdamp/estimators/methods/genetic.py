@@ -1,4 +1,7 @@
-"""A genetic search for the trajectory that fits a record (paper, section 3.11)."""
+"""Estimate damping by a genetic search for the trajectory that fits a record.
+
+Section 3.11 of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +39,10 @@ LEAST_DECAY = 0.05
 """A record whose amplitude falls by less than this fraction is treated as if it fell by this fraction, so that the
 search range of its damping is not too narrow."""
 PHASE = 3.0
-"""Half range in which the frequency is searched: this many radians divided by the record's duration, plus half a per
-cent."""
+"""Half width, in rad/s, of the range in which the angular frequency is searched: this phase (rad) divided by the
+record's duration, plus 0.5 % of the record's frequency."""
 CHANGE = 1e-5
-"""Relative step of the differences in Newton's method."""
+"""Relative step of the finite differences in Newton's method for harmonic balance."""
 PHASES, NEWTON = 24, 3
 """Number of phases of a cycle in a harmonic balance, and number of Newton steps to its solution (conventional)."""
 
@@ -244,7 +247,10 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
 def _next_generation(
     people: np.ndarray, genes: Genes, options: GeneticOptions, elite: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the next generation, (m, d), with the `elite` best first. people: the present one, (m, d), best first."""
+    """Return the next generation of variables, (m, d), of which the first `elite` rows are the best of the present one.
+
+    people: variables of the present generation, (m, d), the best first.
+    """
     size, count = people.shape
     children = size - elite
     # The people are in order, so that the least index wins a tournament.

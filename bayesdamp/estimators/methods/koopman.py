@@ -1,4 +1,7 @@
-"""Extended dynamic mode decomposition (paper, section 3.12, equations 24 and 25)."""
+"""Estimate damping by extended dynamic mode decomposition, a linear model of a dictionary of functions of the state.
+
+Section 3.12, equations 24 and 25, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,14 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 STEP = 1.0 / 1000.0
-"""Lag for a record without noise, in periods; at least one sample."""
+"""Time from one state to the next (the lag τ) for a record without noise, in periods; at least one sample is used."""
 NOISY_STEP = 1.0 / 24.0
-"""Lag for a record with noise, in periods."""
+"""Time from one state to the next (the lag τ) for a record with noise, in periods."""
 FILTER = 1.2
-"""Width of the filter for a record with noise, in periods."""
+"""Width in periods of the filter that all observables of a record with noise pass."""
 CLEAN_RANK, NOISY_RANK = 1e-9, 1e-3
-"""Singular values of the dictionary below this fraction of the largest are left out, without and with noise."""
+"""Singular values of the dictionary along the record below this fraction of the largest are left out: the first for
+records without noise, the second with noise."""
 
 
 class KoopmanOptions(Options):
@@ -57,7 +61,7 @@ class Koopman(Estimator[KoopmanOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Estimate the coefficients from the generator of the dictionary."""
+        """Return the coefficients that express the acceleration row of the dictionary's generator along the record."""
         features = checked_features(signal)
         library = candidates(problem, features, signal.unit, mixed=True)
         osc = oscillator(problem)
@@ -111,8 +115,9 @@ def observe(
     Returns
     -------
     tuple
-        The values before and after the lag, (m, p) each; the linear form of the restoring law at the times before, with
-        the same filter: columns (m, c) and offset (m,); and the lag in s.
+        The values of the p functions of the dictionary at m times, and one lag later, (m, p) each; the restoring force
+        at the m times as a linear form offset + columns @ coefficients of its c unknown coefficients (`LinearForm`),
+        with the same filter: columns (m, c) and offset (m,); and the lag in s.
     """
     parts = pieces(signal, features.period)
     law, known = oscillator(problem).law, known_restoring(problem)
@@ -154,9 +159,10 @@ def observe(
 def decompose(
     before: np.ndarray, after: np.ndarray, lag: float, rank: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Compute K and its generator by least squares on the leading singular vectors of the dictionary.
+    """Compute the matrix K of one step and its generator by least squares on leading singular vectors.
 
-    rank: fraction of the largest singular value below which singular vectors are left out.
+    before, after: values of p functions, (m, p) each, `lag` (s) apart. rank: fraction of the largest singular value
+    below which singular vectors are left out.
 
     Returns
     -------

@@ -1,4 +1,7 @@
-"""Linear regression of the equation of motion (paper, section 3.10, equation 23)."""
+"""Estimate damping by linear regression of the equation of motion.
+
+Section 3.10, equation 23, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 ROUNDS = 50
 """Largest number of iterations of the iteratively reweighted variant."""
 REPLICAS = 64
-"""Number of noise draws from which standard errors are computed (relative error 9 %)."""
+"""Number of simulated noise vectors from which standard errors are computed (their own relative error is 9 %)."""
 
 
 class LeastSquaresOptions(Options):
@@ -106,9 +109,10 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
 def _solve_variant(
     a: np.ndarray, b: np.ndarray, t: np.ndarray, period: float, variant: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return weights (n,) and the solution x (c,) of a x = b.
+    """Return weights (n,) and the weighted least squares solution x (c,) of a x = b.
 
-    Weights: 1 (ols), inverse local mean square residual (wls), or Huber's (irls).
+    variant: "ols" has weights 1; "wls" the inverse of the mean square residual within a period, scaled to a mean of 1;
+    "irls" Huber's weights. a (n, c), b (n,): values at the times t (n,). period: of the oscillation, in the unit of t.
     """
 
     def solve_weighted(weight: np.ndarray) -> np.ndarray:
@@ -146,8 +150,9 @@ def _solve_total(
 ) -> np.ndarray:
     """Return the solution x (c,) of a x = b by total least squares, with errors in the columns of a (n, c) and in b.
 
-    arguments: of the damping shapes, besides the coefficients. The errors are those of white noise within the spline's
-    bandwidth. The last `drift` columns have (nearly) no error.
+    The columns of a are the damping shapes, the restoring terms, and last `drift` columns that have (nearly) no error.
+    The errors of the others are those that white noise within the spline's bandwidth causes. arguments: values of the
+    arguments of the damping shapes besides the coefficients, by name.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (
@@ -170,7 +175,8 @@ def _covariance(
 ) -> np.ndarray:
     """Return the covariance (c, c) of a solution whose residuals `rest` (n,) are correlated within half a period.
 
-    a: columns (n, c). The estimate is that of Newey and West (1987).
+    a: columns (n, c). weight: weights of the rows, (n,). t, period: times (n,) and the period, in s. The estimate is
+    that of Newey and West (1987).
     """
     lags = min(rest.size // 4, max(1, round(0.5 * period / np.median(np.diff(t)))))
     scale = np.linalg.norm(a, axis=0)
@@ -190,10 +196,10 @@ def _noise_of_equation(
     restoring: Mapping[str, float],
     arguments: Mapping[str, float],
 ) -> np.ndarray:
-    """Return draws, (m, REPLICAS), of the errors of the equation of motion that the record's noise causes.
+    """Return draws of the error of the equation of motion that the record's noise causes, at its m times.
 
-    They are computed to first order. damping: coefficients. restoring: values of the law's parameters. arguments:
-    arguments of the damping shapes besides the coefficients.
+    The shape is (m, REPLICAS), the unit rad/s². They are computed to first order. damping: coefficients. restoring:
+    values of the law's parameters. arguments: arguments of the damping shapes besides the coefficients.
     """
     assert smoothed.response is not None
     theta, omega, _ = smoothed.everywhere
@@ -215,7 +221,10 @@ def _noise_of_equation(
 
 
 def _propagate(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the covariance (c, c) of the solution from r draws of the error in the target, `noise` (m, r)."""
+    """Return the covariance (c, c) of the solution of a x = b from r draws of the error in b, `noise` (m, r).
+
+    a: columns (m, c). weight: weights of the rows, (m,).
+    """
     scale = np.linalg.norm(a, axis=0)
     bread = np.linalg.pinv((a / scale * weight[:, None]).T @ (a / scale))
     moved = bread @ ((a / scale * weight[:, None]).T @ noise) / scale[:, None]

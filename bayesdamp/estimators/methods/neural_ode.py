@@ -1,4 +1,6 @@
-"""Neural ordinary differential equation (paper, section 3.6, equation 20).
+"""Estimate damping with a neural ordinary differential equation.
+
+Section 3.6, equation 20, of the paper that `bayesdamp.estimators` cites.
 
 ẏ = (θ̇, −F_rest(θ) − f(θ̇)) with the restoring law that is known and a network for the damping force f, an odd
 function of the velocity. It is trained through the solver by multiple shooting: the record is cut into segments of

@@ -1,4 +1,6 @@
-"""Physics-informed neural network (paper, section 3.5, equations 17 to 19).
+"""Estimate damping with a physics-informed neural network.
+
+Section 3.5, equations 17 to 19, of the paper that `bayesdamp.estimators` cites.
 
 θ(t) is a network whose inputs are time and the sines and cosines of the record's own phase and its harmonics; angles
 are in units of the amplitude A, and the residual of the equation of motion in units of Aω². Damping coefficients are
@@ -50,7 +52,7 @@ class Pinn(Estimator[PinnOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: PinnOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients trained together with a network for the motion, by its residual in the equation."""
+        """Return the coefficients with which a network for the motion fits record and equation of motion best."""
         optional_package("torch")
         from bayesdamp.estimators.networks import collocation
 

@@ -1,4 +1,6 @@
-"""Estimate the damping of a record with a recurrent network (paper, section 3.7).
+"""Estimate the damping of a record with a recurrent network.
+
+Section 3.7 of the paper that `bayesdamp.estimators` cites.
 
 An LSTM or GRU is trained on simulated records of the same oscillator at the record's own times. The logarithm of their
 damping coefficient is uniform in a wide range about the value that the record's mean decay suggests; their noise is
@@ -38,9 +40,9 @@ NARROWEST = float(np.log(1.1))
 MOST_ROUNDS = 6
 """Largest number of rounds, each with a new range of the coefficient (conventional)."""
 LEAST_SAMPLES = 5
-"""Smallest number of samples in a stretch that is used (conventional)."""
+"""Least number of samples in a stretch (see `Stretches`); stretches with fewer are not used (conventional)."""
 LEAST_STRETCHES = 3
-"""Smallest number of stretches of a record (conventional)."""
+"""Least number of stretches with enough samples that a record must have (conventional)."""
 FEW = 6.0
 """If the record has fewer half cycles than this, its stretches are quarter cycles."""
 MOST_SAMPLES = 2000
@@ -52,7 +54,7 @@ TOLERANCE = 1e-6
 LEAST_DECAY = 0.01
 """Smallest fall of the logarithm of the amplitude over the record; it is assumed if the record itself shows less."""
 FLOOR = 1e-3
-"""Added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude."""
+"""Number added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude."""
 COPIES = 2
 """Number of times that each simulated record is presented, each time with other noise."""
 

@@ -1,4 +1,7 @@
-"""Sparse identification of nonlinear dynamics (paper, section 3.4, equation 16)."""
+"""Estimate damping by sparse identification of nonlinear dynamics (SINDy).
+
+Section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -36,17 +39,19 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 RIDGES = (1e-8, 1e-3)
-"""Ridge parameters, for columns and target of unit norm, along which the path of thresholds is computed."""
+"""Weights of the ridge penalty, for columns and target of unit norm. For each of them the thresholds are raised step by
+step, as `sparse_models` describes."""
 TESTED = 2
-"""Number of sparse solutions with functions of θ whose predictions are tested, for each set of damping terms."""
+"""Number of sparse solutions with functions of θ, for each set of damping terms, whose integrated predictions are
+compared with the record."""
 FLOOR = 1e-4
 """Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the amplitude."""
 END = 0.5
 """Length at each end of a smoothed piece, in periods, that the regression leaves out, because splines are inaccurate
 there."""
 MOST_CANCELLATION = 10.0
-"""Largest sum of the sizes of all terms, in units of the size of the acceleration. In a solution above it, large terms
-cancel each other and fit noise."""
+"""Largest sum of the rms of all terms (coefficient times column), as a multiple of the rms of the regression's target.
+In a solution above it, large terms cancel each other and fit noise."""
 
 
 class SindyOptions(Options):
@@ -63,9 +68,10 @@ class Derivatives:
     """State and acceleration computed from the record.
 
     t, y (n,): the samples. theta, omega, alpha (n,): the motion at all samples. rows (m,): indices of the samples that
-    the regression uses. project: smooths values (n,) like the record and returns them at the rows, (m,). integrated:
-    number of constants of integration that were guessed. freedom: effective number of independent rows. smoothing:
-    log₁₀ of the spline's penalty. spline: the smoothing spline of a recorded angle; None for other quantities.
+    the regression uses. project: smooths values (n,) at all samples as the record is smoothed, and returns them at the
+    rows, (m,). integrated: number of constants of integration that were guessed. freedom: effective number of
+    independent rows. smoothing: log₁₀ of the spline's penalty. spline: the smoothing spline of a recorded angle; None
+    for other quantities.
     """
 
     rows: np.ndarray

@@ -1,4 +1,7 @@
-"""Genetic programming over expressions for the damping force (paper, section 3.8, equation 21)."""
+"""Estimate damping by genetic programming over expressions for the damping force.
+
+Section 3.8, equation 21, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +35,13 @@ if TYPE_CHECKING:
 KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
 """Numbers of spline knots in a period that are tried: more knots resolve the force better but pass more noise."""
 MOST_NOISE = 0.1
-"""Largest noise of the acceleration with more than the fewest knots, as a fraction of the damping force."""
+"""A number of knots above the smallest of `KNOTS` is used only if the noise of the acceleration is then at most this
+fraction of the rms damping force."""
 HATS = 25
 """Largest number of hat functions of the velocity that represent an unknown damping force."""
 FLOOR = 1e-11
-"""Smallest fraction of the variance of the force that single precision resolves."""
+"""Smallest mean square error, as a fraction of the variance of the force, that the search in single precision
+resolves."""
 MOST_DIFFERENCE = 1e-3
 """The damping law counts as equal to the expression if the rms of their difference is at most this fraction of the
 expression's rms."""
@@ -51,8 +56,9 @@ class SymbolicRegressionOptions(Options):
 
     searches: number of independent searches, whose Pareto fronts are joined. population, generations: of each search.
     length: largest number of nodes of an expression. polish: Levenberg–Marquardt steps for the constants of each
-    expression. samples: number of samples on which expressions are compared during the search, half of them mirrored.
-    penalty: cost of a node, in units of ln(n), where n is the number of independent samples (Schwarz's criterion).
+    expression. samples: number of samples on which expressions are compared during the search, half of which are copies
+    with the signs of velocity and force reversed. penalty: cost of a node, in units of ln(n), where n is the number of
+    independent samples (Schwarz's criterion).
     """
 
     population: int = Field(default=500, ge=20, le=100_000)
@@ -183,9 +189,10 @@ class Force:
         self._variance = float(np.var(self._damping_force))
 
     def thin(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities and forces at evenly spread samples, followed by their mirror images, each (2m,).
+        """Return velocities and forces at m evenly spread samples, followed by the negatives of both, each (2m,).
 
-        A damping force is odd in the velocity; the mirror images enforce this.
+        m is half of `samples`, or all samples if these are fewer. A damping force is odd in the velocity; the negatives
+        enforce this.
         """
         count = min(samples // 2, self._damping_force.size)
         rows = np.linspace(0, self._damping_force.size - 1, count).round().astype(int)

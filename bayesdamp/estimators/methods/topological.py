@@ -1,4 +1,6 @@
-"""Damping from the persistence lifetimes of a record's sublevel sets (paper, section 3.2).
+"""Estimate damping from the persistence lifetimes of a record's sublevel sets.
+
+Section 3.2 of the paper that `bayesdamp.estimators` cites. The method comes from:
 
 A. D. Myers and F. A. Khasawneh, Damping parameter estimation using topological signal processing, Mechanical
 Systems and Signal Processing 174 (2022) 109042.

@@ -1,4 +1,7 @@
-"""Weak SINDy: regression of the equation of motion integrated against test functions (paper, 3.9, equation 22)."""
+"""Estimate damping by weak SINDy: regression of the equation of motion integrated against test functions.
+
+Section 3.9, equation 22, of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 

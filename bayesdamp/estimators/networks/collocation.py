@@ -1,4 +1,7 @@
-"""The loss of a physics-informed neural network (paper, equation 17) as a sum of squares."""
+"""Compute the loss of a physics-informed neural network as a sum of squares.
+
+Equation 17 of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +29,8 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 UNIT = 3.0
-"""Factor of the units of the physical parameters: the larger it is, the less Levenberg's method damps their steps in
-comparison with those of the weights."""
+"""Factor that enlarges the units in which the physical parameters are trained: the larger it is, the less Levenberg's
+method damps their steps in comparison with those of the weights."""
 UNINFORMED = 0.05
 """Equivalent damping ratio of each term at an uninformed start."""
 COLLINEAR = 1e-3

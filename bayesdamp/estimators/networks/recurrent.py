@@ -11,7 +11,7 @@ from torch import Tensor
 from bayesdamp.estimators.networks.training import REAL, Evaluated, descend, jacobian, single_thread
 
 PATIENCE = 4
-"""Rounds without a smaller error on other records after which a training ends."""
+"""A training ends after this many rounds in a row without a smaller error on the test records."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RecurrentNetwork:
         others: tuple[np.ndarray, np.ndarray],
         epochs: int,
     ) -> tuple[np.ndarray, list[float], float]:
-        """Train the weights further, until the error on other sequences has not fallen for `PATIENCE` rounds.
+        """Train the weights further, until the error on the sequences `others` has not fallen for `PATIENCE` rounds.
 
         Parameters
         ----------
@@ -106,5 +106,5 @@ class RecurrentNetwork:
 
     @torch.no_grad()
     def read(self, weights: np.ndarray, sequences: np.ndarray) -> np.ndarray:
-        """Return the answer (m,) to each sequence (m, steps, inputs)."""
+        """Return the answer (m,) to each sequence (m, steps, inputs) with these weights (k,), as NumPy arrays."""
         return self.answers(torch.from_numpy(weights), torch.from_numpy(sequences)).numpy()

@@ -196,7 +196,10 @@ class Shooting(ScaledRecord):
 
 
 def _runge_kutta(rate: Callable[[Tensor], Tensor], start: Tensor, times: Tensor) -> Tensor:
-    """Return the states (m, …) at times (m,), one step apart, from the state `start` at the first time."""
+    """Return the states (m, …) at times (m,), with one Runge–Kutta step of order 4 from each time to the next.
+
+    rate: maps a state to its time derivative. start: the state at the first time.
+    """
     return cast(Tensor, odeint(lambda _, state: rate(state), start, times, method="rk4"))
 
 

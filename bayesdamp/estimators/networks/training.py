@@ -30,7 +30,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem, Refusal, Signal
 
 REAL = torch.float64
-"""Precision of every tensor; each states it, so that torch's own default stays unchanged."""
+"""Type of every tensor. We pass it wherever a tensor is created, so that torch's default type stays unchanged."""
 MOST_SAMPLES = 750
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 BIAS = 0.5
@@ -39,12 +39,12 @@ FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
 """Damping λ of the first step, its lowest value, its factor after a step that lowers the loss (applied only if the step
 tried before did too), and its factor after a step that does not (conventional)."""
 AHEAD, STRAIGHT = 0.1, 0.375
-"""Fraction of a step over which the second derivative along it is measured, and largest length of the bend as a
-fraction of the step's length (Transtrum & Sethna)."""
+"""Fraction of a step over which the second derivative of the residuals along the step is measured, and largest length
+of the correction for it (geodesic acceleration) as a fraction of the step's length (Transtrum & Sethna 2012)."""
 TRIALS = 12
 """Largest number of steps that are tried from one point (conventional)."""
 WINDOW = 8
-"""Number of rounds over which the watched numbers must be steady (conventional)."""
+"""Number of rounds over which the numbers that `train` watches must be steady (conventional)."""
 
 
 @contextmanager
@@ -134,7 +134,7 @@ def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
 
 
 class _Mathematics:
-    """`math` and NumPy's functions for tensors."""
+    """Stands in for the modules `math` and `numpy`: its attributes are the functions of the same names in torch."""
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(math, name, None) or getattr(np, name)
@@ -156,15 +156,16 @@ _GLOBALS: dict[str, Any] = {
     "float": lambda x: x,
     "pow": pow,
 }
-"""Global names with which a kernel is evaluated on tensors."""
+"""Global names for `on_tensors`: what the names `math`, `np`, `abs` and so on mean in the code of a force function that
+is evaluated on tensors."""
 
 
 @lru_cache(maxsize=256)
 def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
-    """Return a kernel, which is a plain function of numbers, as a function of tensors that torch can differentiate.
+    """Return a version of a kernel, the Python function of a force of single numbers, that torch can differentiate.
 
-    It takes tensors (n,), or numbers, and a tuple of them for a tuple. A kernel that decides by `if` is called number
-    by number.
+    Each argument of this version is a tensor (n,), a number, or a tuple of these where the kernel takes a tuple; it
+    returns a tensor (n,). A kernel that branches with `if` is called for one number after the other.
     """
     assert isinstance(kernel, FunctionType)
     on_rows = FunctionType(

@@ -1,4 +1,7 @@
-"""Libraries of candidate terms (paper, sections 3.4 and 3.12), predictions of their models, and their parameters."""
+"""Define the library of candidate terms of a regression, predict records from sums of them, and read off parameters.
+
+Sections 3.4 and 3.12 of the paper that `bayesdamp.estimators` cites.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,12 @@ from bayesdamp.types import OK, Problem
 SHAPES = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
 """Formulae of the shapes of damping terms, by name; other terms are shown by their names."""
 STEPS = 100
-"""Runge–Kutta steps in a period."""
+"""Number of Runge–Kutta steps in a period, for predictions."""
 TABLE = 4001
 """Number of entries in the tables of forces, which cover twice the record's range of θ and θ̇."""
 STEP = 1e-3
-"""Step of finite differences: a coefficient changes by this fraction of the force, a start value by a tenth of it."""
+"""Step of finite differences: a coefficient changes by this fraction of its scale, and displacement and velocity at the
+start by a tenth of this fraction of their ranges."""
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from bayesdamp.types import Refusal
 DEGREE = 7
 """Degree of the splines; the penalty needs five derivatives."""
 KNOTS_PER_PERIOD = 16.0
-"""Many more knots than needed: the penalty determines the smoothing."""
+"""Number of knots in a period. It is larger than needed, because the penalty determines the smoothing."""
 DECADES = np.arange(-8.0, 6.0)
-"""Decimal logarithms of the penalties of the first search."""
+"""Values of log₁₀ λ at which the cross-validation score is first computed; the best is then refined within ± 1."""
 PROBES = 32
 """Number of random vectors that estimate the trace of the smoothing matrix."""
 OUTLIER = 6.0

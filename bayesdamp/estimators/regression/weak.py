@@ -155,7 +155,8 @@ class WhiteRows:
     """Rows with independent errors that have the variance of a sample's noise.
 
     inertia (p + 1,), columns (p + 1, p): after an orthogonal transformation to p + 1 rows. count: number of rows before
-    it. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the derivatives B_k of all columns and, last, the inertia.
+    it. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the covariance C of the rows for unit noise of the samples,
+    and the derivatives B_k by the samples of each column and, last, of the inertia.
     """
 
     inertia: np.ndarray
@@ -165,7 +166,7 @@ class WhiteRows:
 
 
 def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> WhiteRows:
-    """Return rows with independent errors, for coefficients x (p,).
+    """Return the rows, transformed so that their errors are independent if the coefficients are x (p,).
 
     sigma: standard deviation of the samples' noise. wanted (p,): the columns whose moments are computed.
     """
@@ -211,8 +212,10 @@ class Solution:
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
     """Return the solution with the terms in `support` (p,), corrected for the bias from noise in their columns.
 
-    The residual r = b + Gx has the noise (A₀ + Σ x_l B_l) n of covariance C. The mean of GᵀC⁻¹r is therefore
-    σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is subtracted.
+    sigma: standard deviation σ of the samples' noise n. The residual r = b + Gx, with the inertia b and the columns G,
+    has the noise (A₀ + Σ x_l B_l) n, where A₀ and B_l are the derivatives of b and of column l by the samples. With its
+    covariance C for σ = 1, the mean of (GᵀC⁻¹r)_k is σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is
+    subtracted.
     """
     terms = np.flatnonzero(support)
     scale = np.linalg.norm(white.columns[:, terms], axis=0)
