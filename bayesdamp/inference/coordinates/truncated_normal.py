@@ -1,4 +1,8 @@
-"""A normal distribution of scores, restricted to reflected scores ≥ 0 (a boundary is called a wall)."""
+"""Normal distributions of standard normal scores, truncated at zero in some of the scores.
+
+A reflected score is that of a parameter with a half-normal prior, which depends only on the score's absolute value; it
+is restricted to values ≥ 0. The boundary, where such a score is 0, is called a wall.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +17,21 @@ from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
 GRADIENT_STEP = 0.01
-"""Step of the differences of gradients that give the Hessian in `laplace`, in posterior sds."""
+"""Step of the finite differences of gradients that give the Hessian in `laplace`, in posterior sds."""
 LEAST_INSIDE = 0.02
-"""If a smaller fraction of normal draws is inside the walls, the sampler of `numerics.orthant` replaces rejection."""
+"""`TruncatedNormal.draw` uses rejection sampling, unless a smaller fraction of normal draws than this has no negative
+reflected score; then it uses the sampler of `numerics.orthant`."""
 MOMENT_DRAWS = 20_000
 """Number of draws from which moments of a truncated distribution are computed."""
 FAR_WALL_SDS = 8.0
-"""A wall that is at least this many sds from the mean is ignored."""
+"""A restriction to scores ≥ 0 is ignored if the mean of the score is at least this many sds above zero."""
 
 
 class TruncatedNormal:
-    """N(mean, covariance), shapes (d,) and (d, d), restricted to non-negative values of the reflected scores, (d,).
+    """The distribution N(mean, covariance) of d scores, in which the reflected scores are restricted to values ≥ 0.
 
-    `walls`: indices of the reflected scores for which the restriction matters.
+    mean: (d,). covariance: (d, d). reflected: boolean mask of the restricted scores, (d,). walls: indices of those
+    reflected scores whose mean is less than `FAR_WALL_SDS` sds above zero; the restriction of the others is ignored.
     """
 
     def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
@@ -51,7 +57,7 @@ class TruncatedNormal:
         return draws[:n]
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density at scores z, (n, d), up to a constant; −∞ beyond a wall."""
+        """Return the log density at scores z, (n, d), up to a constant, (n,); −∞ if a restricted score is < 0."""
         white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         inside = np.all(z[:, self.walls] >= 0, axis=1)
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
@@ -60,9 +66,9 @@ class TruncatedNormal:
 def truncated_moments(
     information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and covariance of a normal distribution restricted to reflected scores ≥ 0.
+    """Return mean and Cholesky factor of the covariance of a normal distribution restricted to reflected scores ≥ 0.
 
-    The effect of the walls is computed from `MOMENT_DRAWS` draws with a fixed seed.
+    The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed.
 
     Parameters
     ----------
@@ -73,7 +79,7 @@ def truncated_moments(
     at : ndarray, shape (d,)
         The point.
     reflected : ndarray of int
-        Indices of the reflected scores.
+        Indices of the reflected scores, which must not be negative.
 
     Returns
     -------
@@ -101,9 +107,10 @@ def truncated_moments(
 
 
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
-    """Return the truncated normal with covariance factor @ factor.T and the log posterior's gradient at z, (d,).
+    """Return the truncated normal with covariance factor @ factor.T and the gradient of the log posterior at z, (d,).
 
-    Reflected scores in z are replaced by their absolute values.
+    Its log density thus has the same slope at z as the log posterior. Reflected scores in z are first replaced by their
+    absolute values, and the distribution is restricted to values ≥ 0 of these scores.
     """
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
@@ -113,11 +120,12 @@ def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) ->
 
 
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
-    """Return the truncated normal with the gradient and the full Hessian of the log posterior at the mode.
+    """Return Laplace's approximation at a mode: a truncated normal with the log posterior's gradient and full Hessian.
 
-    The Hessian is computed by differences of gradients, about a point that is far enough from all walls. For a mode at
-    zero, where the gradient is not zero, the mean of the normal distribution is negative. The common prior scale of
-    coefficients is that of `Mode.near`.
+    The Hessian is computed by finite differences of gradients about the mode; reflected scores nearer to zero than two
+    steps are first moved there. For a mode with a reflected score at zero, the gradient is not zero and the mean of the
+    normal distribution is negative. The unknown scale of the priors of coefficients is fixed at the value in
+    `Mode.near`.
 
     Raises
     ------

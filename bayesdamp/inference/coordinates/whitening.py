@@ -25,55 +25,62 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 FIRST_STEP = 0.5
-"""First step along the ridge of the tied parameters of the noise, in posterior sds at the mode."""
+"""First step of the second of the two `tied` noise parameters away from the mode, in posterior sds, when `NoiseMap.of`
+follows the ridge of the posterior (the maximum over all other parameters at each value)."""
 SMALL_CHANGE, LARGE_CHANGE = 0.4, 1.5
-"""Changes of the log density in a step (nats) below which steps are lengthened and above which they are shortened."""
+"""A step along the ridge is lengthened if it changes the log density by less than the first value (nats), and shortened
+if by more than the second."""
 STEP_FACTOR = 1.6
-"""Factor by which steps along the ridge are lengthened and shortened."""
+"""Factor by which steps along the ridge of the noise parameters are lengthened and shortened."""
 RIDGE_END_NATS = 16.0
 """The ridge is followed until the log density is this many nats below its maximum: 5.7 sds of a normal distribution."""
 MOST_STEPS = 60
 """Greatest number of steps along the ridge to each side of the mode."""
 LEAST_STEPS = 4
-"""If at most this number of points on the ridge can be computed, `NoiseMap` is the identity."""
+"""If no more points than this can be computed on the ridge of the noise parameters, `NoiseMap` is the identity."""
 PARTS_PER_STEP = 8
-"""Number of parts into which the interpolation of the log density divides each step along the ridge."""
+"""Number of parts into which each step along the ridge is divided when the log density between the points is
+interpolated and integrated."""
 LARGEST_LEVEL = 4.5
-"""Level score up to which the map of the noise is tabulated; beyond, it is linear."""
+"""`NoiseMap.table` has points up to this absolute level score (a standard normal quantile); beyond, it is continued
+linearly."""
 LINEAR_END = 1000.0
-"""The tabulated map is continued by straight lines up to this absolute level score (conventional)."""
+"""`NoiseMap.table` is continued by straight lines up to this absolute level score (conventional)."""
 NEWTON_STEPS = 6
-"""Number of Newton steps that invert the map (four are enough)."""
+"""Number of Newton steps by which `NoiseMap.level` inverts the map (four are enough)."""
 RIDGE_DIMENSIONS = 2
-"""Number of scores along which a ridge may extend (its wide scores)."""
+"""Number of wide scores: the scores of the motion's parameters with the largest posterior sds, along which a curved
+ridge of the posterior may extend."""
 CURVATURE_SDS = 1.5
 """Distance from the mode, in posterior sds, at which the curvature of the ridge is measured."""
 VISIBLE_BEND = 0.02
 """A ridge is straightened only if, one sd from the mode, its distance from its tangent is at least this, in posterior
 sds."""
 SECOND_DIFFERENCE_STEP = 0.3
-"""Step of the second differences that give Hessians, in posterior sds. They extend to 0.6 sds from the mean of the
-truncated distribution, which is about one sd or more from the wall."""
+"""Step of the second differences that give Hessians, in posterior sds. The differences extend to 0.6 sds from the mean
+of the truncated distribution; where a score must not be negative, zero is about one sd or more from this mean, so that
+they do not cross it."""
 LEAST_CURVATURE = 0.1
-"""Smallest curvature of the log posterior that is used in any direction, as a fraction of the Gauss–Newton
-curvature."""
+"""Smallest eigenvalue of the log posterior's negative Hessian that is used, in coordinates in which the Gauss–Newton
+Hessian is the identity; smaller ones are replaced by it."""
 
 
 @dataclass(frozen=True)
 class NoiseMap:
     """A map from level scores to scores, which changes two parameters of the noise whose posterior is not normal.
 
-    The second of the two (tied) parameters, such as a correlation time, can have a very skew posterior. Its level score
-    is the standard normal quantile of its marginal posterior. The level score of the first parameter is its score minus
-    its most probable value given the second. All other level scores are equal to the scores.
+    The two parameters are those that the noise model declares as `tied`. The second of them, such as a correlation
+    time, can have a very skew posterior. Its level score is the standard normal quantile of its marginal posterior. The
+    level score of the first parameter is its score minus a shift: the change of its most probable value with the second
+    parameter. All other level scores are equal to the scores.
 
     Attributes
     ----------
     first, second : int
-        Indices of the two parameters.
+        Indices of the two parameters among all scores.
     table : PPoly or None
-        Score of the second and shift of the first parameter, as functions of the level score of the second; None for
-        the identity.
+        Score of the second parameter and shift of the first, as functions of the level score of the second; None if
+        the map is the identity.
     """
 
     first: int = 0
@@ -82,10 +89,11 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map for a target.
+        """Return the map for the posterior of a target, computed along the ridge through its mode.
 
-        It is the identity unless two tied parameters of the noise are inferred, neither is reflected, the model has
-        exact laws, and more than `LEAST_STEPS` points of the ridge can be computed.
+        It is the identity if the noise model has no `tied` parameters or not both of them are inferred, if one of them
+        is a reflected score (half-normal prior), if the model allows for deviations from its laws, or if at most
+        `LEAST_STEPS` points of the ridge can be computed.
         """
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
@@ -159,7 +167,7 @@ class NoiseMap:
         return slope
 
     def log_volume(self, level: np.ndarray) -> np.ndarray:
-        """Return the log determinant of `NoiseMap.slope`, (...), at level scores (..., d)."""
+        """Return the log determinant of the derivatives `NoiseMap.slope`, (...), at level scores (..., d)."""
         if self.table is None:
             return np.zeros(level.shape[:-1])
         return np.log(self._rate(level[..., self.second])[..., 0])
@@ -230,11 +238,11 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
 def _profile(
     target: Target, mode: Mode, first: int, second: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the marginal posterior of the second parameter by steps along its ridge, to both sides of the mode.
+    """Compute the marginal posterior of the second noise parameter at points in steps to both sides of the mode.
 
-    Returns m scores of the second parameter, their marginal log density by Laplace's approximation over all other
-    scores, and the most probable score of the first parameter given each, (m,) each; all empty if the posterior at the
-    mode is not finite.
+    At each of m values the log posterior is maximised over all other scores. Returns the scores of the second
+    parameter, their marginal log density by Laplace's approximation, and the most probable score of the first noise
+    parameter given each, (m,) each; all empty if the posterior at the mode is not finite.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
@@ -283,8 +291,9 @@ def _profile(
 class Shear:
     """A map from straight scores to scores: a shear with unit determinant, followed by the map of the noise.
 
-    Level scores are straight scores plus a quadratic form, ½ aᵀ C a, where a is the distance of the few wide scores
-    from `centre`. Each level score has its own matrix C, which is zero for the wide and the reflected scores.
+    Level scores, the scores before the map of the noise, are straight scores plus a quadratic form, ½ aᵀ C a. Here a,
+    (k,), are the wide scores minus their values at `centre`; the wide scores are those with the largest posterior sds.
+    Each level score has its own matrix C, which is zero for the wide and for the reflected scores.
 
     Attributes
     ----------
@@ -323,7 +332,7 @@ class Shear:
         return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Return the level scores for straight scores, (..., d) each."""
+        """Return the level scores (scores before the map of the noise) for straight scores, (..., d) each."""
         return straight + self._shift(straight) if self._curved else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
@@ -336,7 +345,7 @@ class Shear:
         return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
 
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
-        """Return the log determinant of `Shear.slope`, (...), at straight scores (..., d)."""
+        """Return the log determinant of the derivatives `Shear.slope`, (...), at straight scores (..., d)."""
         return self.noise.log_volume(self.level(straight))
 
     def volume_slope(self, straight: np.ndarray) -> np.ndarray:
@@ -356,9 +365,9 @@ class Shear:
         return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
-        """Return the quadratic form, (..., d), at straight or level scores z, (..., d).
+        """Return the quadratic form, (..., d), that is added to straight scores, at straight or level scores z.
 
-        Both kinds of scores have the same wide scores.
+        It depends only on the wide scores, which are the same in both.
         """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
@@ -369,11 +378,12 @@ class Shear:
 def shear_of(target: Target, mode: Mode) -> Shear | None:
     """Return the shear that straightens the ridge of a posterior; None if the ridge is straight.
 
-    The ridge is the set of conditional maxima given the wide scores, which are the scores with the largest standard
-    deviations, each given the ones before it. Its curvature is measured by second differences at `CURVATURE_SDS`
-    posterior sds. A ridge occurs if the record determines only one combination of parameters, such as gravity and
-    stiffness of the horizontal pendulum. None is also returned if the model has fewer wide scores than
-    `RIDGE_DIMENSIONS`, if all other scores are reflected, or if the posterior on the ridge is not finite.
+    Wide scores are those of the motion's parameters (not reflected) with the largest posterior sds: first the largest,
+    then the one with the largest conditional sd given the first. The ridge is the set of maxima of the posterior over
+    all other scores, for all values of the wide ones. Its curvature is measured by second differences at
+    `CURVATURE_SDS` posterior sds from the mode. A ridge occurs if the record determines only one combination of
+    parameters, such as gravity and stiffness of the horizontal pendulum. None is also returned if there are fewer than
+    `RIDGE_DIMENSIONS` wide scores, if all other scores are reflected, or if the posterior on the ridge is not finite.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -419,9 +429,9 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
 def _ridge(
     target: Target, mode: Mode, noise: NoiseMap, wide: np.ndarray, others: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Return the level scores `others`, (d − k,), at the conditional maximum with wide scores changed by `step`, (k,).
+    """Maximise the posterior over the scores `others`, with the wide scores changed by `step`, (k,), from the mode.
 
-    Raises Refusal if the posterior is not finite there.
+    Return the level scores `others` at this maximum, (d − k,). Raises Refusal if the posterior is not finite there.
     """
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
@@ -445,8 +455,8 @@ class Whitening:
     factor : ndarray, shape (d, d)
         Cholesky factor of the covariance of straight scores.
     lacking : ndarray, shape (d, d)
-        Full negative Hessian of the log posterior at the centre minus that for a linearised motion; 0 if either is not
-        finite or was not computed.
+        Full negative Hessian of the log posterior by straight scores, at the centre, minus the same for a motion that
+        is linearised there; 0 if either is not finite or was not computed.
     good : bool
         Whether the Hessians are finite (True if they were not computed).
     shear : Shear
@@ -468,7 +478,7 @@ class Whitening:
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:
-        """Return the log determinant of the derivatives of scores by straight scores, (...), at u, (..., d)."""
+        """Return the log determinant, (...), of the derivatives of scores by straight scores, at points u, (..., d)."""
         return self.shear.log_volume(self.straight(u))
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
@@ -477,15 +487,16 @@ class Whitening:
 
 
 def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
-    """Return whitened coordinates of a posterior, from the gradient and the full Hessian near its mode.
+    """Return coordinates in which a posterior is nearly standard normal, from gradient and full Hessian near its mode.
 
-    If the Hessian is not finite, the Gauss–Newton covariance is used (`Whitening.good` is False). With deviations from
-    the laws, the posterior is a mixture; the coordinates then have the moments of the draws of the linear model.
+    If the Hessian is not finite, the Gauss–Newton covariance is used instead (`Whitening.good` is then False). If the
+    model allows for deviations from its laws, mean and covariance are those of the draws in `Mode.linear`, because the
+    posterior is then a mixture that one Hessian does not describe.
 
     Parameters
     ----------
     target : Target
-        The target of the posterior.
+        The record, the model and its priors.
     mode : Mode
         Mode of the posterior.
     shear : Shear, optional
@@ -494,7 +505,7 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     Returns
     -------
     Whitening
-        The coordinates.
+        The map between these coordinates and the scores.
     """
     d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
@@ -517,10 +528,11 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
 
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal approximation at the mode in straight scores: its mean, (d,), and Cholesky factor, (d, d).
+    """Return mean, (d,), and Cholesky factor, (d, d), of the normal approximation at the mode in straight scores.
 
-    The factor is that of the covariance. If there is a map of the noise, the score that it makes standard normal has
-    mean 0 and variance 1, and is independent of the others.
+    The covariance is that of `Mode.factor`, transformed to straight scores. If there is a map of the noise, the score
+    of the second noise parameter has mean 0 and variance 1 and is independent of the others, because the map makes it
+    standard normal.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -534,14 +546,15 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 
 
 def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
-    """Return the gradient of the log posterior density of straight scores, (d,), at one point, (d,)."""
+    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,)."""
     return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return the truncated normal of straight scores whose covariance is that of `expansion`.
+    """Return the truncated normal of straight scores that has the covariance of `expansion`.
 
-    Its log density has the gradient of the log posterior at the centre of `expansion`.
+    Its log density has the same gradient as the log posterior at the mode. Reflected scores are restricted to values ≥
+    0.
     """
     at, factor = expansion(target, mode, shear)
     covariance = factor @ factor.T
@@ -549,10 +562,11 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
-    """Return whitened coordinates of a posterior given one combination of the hyperparameters of its deviations.
+    """Return coordinates in which a posterior is nearly standard normal, given one combination of hyperparameters.
 
-    The coordinates have the moments of the truncated normal at the mode. combination: index among the combinations of
-    `Target.deviation`.
+    Hyperparameters are the sizes and correlation lengths of the deviations from the laws; `combination` is the index of
+    the combination in `Target.deviation`. Mean and covariance are those of a normal distribution with the gradient and
+    the Gauss–Newton information of this conditional log posterior at the mode, restricted to reflected scores ≥ 0.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
@@ -564,9 +578,10 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
 def _curvatures(
     mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the negative Hessians of the log posterior, without and with a linearised motion, in u, (d, d) each.
+    """Return two negative Hessians of the log posterior in coordinates u, (d, d) each, by second differences.
 
-    at: straight scores at which they are computed. factor: derivatives of straight scores by u, (d, d).
+    The first is that of the full posterior, the second that for a motion linearised at the point. at: this point, in
+    straight scores, (d,). factor: derivatives of straight scores by u, (d, d).
     """
     d = at.size
     pairs = [(i, j) for i in range(d) for j in range(i, d)]

@@ -1,7 +1,8 @@
-"""A record of hundreds of cycles or more, reduced to amplitudes and phases of blocks.
+"""Reduce a record of hundreds of cycles or more to amplitudes and phases of blocks of cycles.
 
-The averaged motion is compared with these instead of the samples: as many numbers for a million cycles as for a
-thousand.
+Candidates are fitted to these instead of the samples: they are as many numbers for a million cycles as for a thousand.
+The solver computes them from a shorter, compressed oscillation, which has M times the damping and 1/M of the cycles,
+and therefore decays through the same amplitudes (see `bayesdamp.physics.kernel.averaged`).
 """
 
 from __future__ import annotations
@@ -21,53 +22,56 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 MOST_CYCLES = 1200.0
-"""Largest number of cycles for which the ODE is solved instead if averaged motions are not accurate: the Jacobian then
-takes 1 GB (measured)."""
+"""Largest number of cycles for which the equation of motion is solved over the whole record if averaged motions are not
+accurate: the Jacobian then takes 1 GB (measured)."""
 FEWEST_CYCLES = 400.0
-"""Number of cycles from which on a record is averaged (conventional)."""
+"""A record with at least this many cycles is reduced to amplitudes and phases (conventional)."""
 BLOCKS = 64
-"""Number of blocks. The oscillation that is solved in place of the record's has `TURNS` cycles per block. For a record
-of 400 cycles its damping is three times the record's: a damping ratio of 0.4 % if the amplitude falls to a
-twentieth."""
+"""Number of blocks into which a record is divided. The compressed oscillation has `TURNS` cycles per block. For a
+record of 400 cycles this makes its damping three times that of the record: a damping ratio of 0.4 % if the amplitude
+falls to a twentieth over the record."""
 PIECES = 20
-"""Number of polynomial pieces of the smooth splines of amplitude and phase."""
+"""Number of polynomial pieces of the smooth cubic splines through the logarithm of the amplitude and the phase."""
 LEAST_SAMPLES = 24
 """Smallest number of samples in a block."""
 HOLE = 0.4
-"""Gap between samples, in lengths of a block, from which on it is a hole: blocks end before it and begin again after it
-(conventional)."""
+"""A gap between neighbouring samples of at least this many lengths of a block is a hole: a block ends before it and
+another begins after it (conventional)."""
 SHORTEST = 0.25
-"""Length, in blocks, of the shortest piece between two holes that is used (conventional)."""
+"""Smallest duration, in lengths of a block, of a piece between two holes for it to be used (conventional)."""
 WINDOW = 4.0
 """Length in cycles of the windows whose demodulation gives the first estimates of phase and amplitude."""
 FULL = 0.7
-"""A window is used only if the summed taper weights of its samples are more than this fraction of their median over all
-windows (conventional)."""
+"""A window of the demodulation is used only if the sum of the taper weights of its samples is larger than this fraction
+of the median sum over all windows (conventional)."""
 REACH = 2.5
-"""The cycles in a hole are counted by polynomials through the phase on either side, as far as this many lengths of the
-hole from its middle (conventional)."""
+"""The number of cycles in a hole is computed from polynomials through the phase on either side, which are fitted to the
+windows within this many lengths of the hole from its middle (conventional)."""
 LEAST_REACH = 10.0
-"""For `REACH`, a hole that is shorter than this many windows (`WINDOW`) counts as this long (conventional)."""
-DEGREE = 3
-"""Largest degree of the polynomials of `REACH` (conventional)."""
-UNSURE = 0.25
-"""The number of cycles in a hole counts as known if its distance from a whole number plus three sds is at most this
+"""Least length of a hole in the rule of `REACH`, in lengths of a window (`WINDOW`); a shorter hole counts as this long
 (conventional)."""
+DEGREE = 3
+"""Largest degree of the polynomials through the phase on either side of a hole (see `REACH`; conventional)."""
+UNSURE = 0.25
+"""The number of cycles in a hole counts as known if its distance from the nearest whole number, plus three of its sds,
+is at most this many cycles (conventional)."""
 FOLLOWED = 8
-"""Number of windows (`WINDOW`) in each piece of the spline that follows a wandering phase; the noise of so many windows
-hardly shifts it."""
+"""Number of windows (`WINDOW`) in each piece of the spline that follows a randomly wandering phase; the noise of so
+many windows hardly shifts the spline."""
 OVERTONES = 3
-"""Largest multiple of the frequency that is also removed from a block."""
+"""Highest harmonic of the oscillation that is fitted in each block together with the fundamental."""
 BENT = 3.0
-"""Largest `_scatter` of amplitudes and phases about the curves with which blocks are used. By chance alone it is 1; at
-3, the mean over a block differs from the value in its middle by 0.3 sds."""
+"""Largest `_scatter` of the blocks' amplitudes and phases about smooth curves with which these curves are accepted. For
+white noise alone it is 1; at 3, the mean over a block differs from the value in its middle by 0.3 sds."""
 PASSES = 3
-"""Largest number of fits of the blocks, between which the curves are corrected."""
+"""Largest number of times that the blocks are fitted; between two fits the smooth curves of amplitude and phase are
+corrected by the result."""
 ROUNDS = 10
-"""Largest number of refits of the blocks with new working residuals, under a noise model other than least squares."""
+"""Largest number of refits for noise that is not Gaussian. Before each, the residuals are replaced by working residuals
+(`FittedNoise.working_residuals`), with which least squares give the most probable motion."""
 SETTLED = 0.05
-"""Refits with new working residuals end when the last of them changes the motion by less than this many sds of the
-whole record's noise."""
+"""The refits of `ROUNDS` end when the last one changed the motion by less than this: norm of the change over all
+samples, in sds of the noise of a sample."""
 MOST_SHIFT = 0.1
 """Averaged motions are used if averaging shifts no parameter by more than this, in posterior sds."""
 
@@ -79,22 +83,23 @@ class Averaged:
     Attributes
     ----------
     t : ndarray, shape (3b,)
-        Ends of the blocks on the clock of the oscillation that is solved, in s; each is repeated for the three values
-        of y.
+        Ends of the blocks in the time of the compressed oscillation (see the module), in s; each is repeated for the
+        three values of y.
     y : ndarray, shape (3b,)
-        Amplitudes, phases and midlines in turn, as an `AveragedSolver` gives them.
+        Amplitude, phase and midline of each block in turn, times the factors of `track`, which give all values
+        independent noise of the same sd; an `AveragedSolver` gives motions in this form.
     track : Track
-        Points of the blocks in the record and in the oscillation that is solved.
+        Times and phases, in the record and in the compressed oscillation, at which each block is measured.
     noise : float
-        Sd of y's noise, in the record's unit.
+        Sd of the noise of each value of y, in the record's unit.
     samples : int
-        Number of samples that each value stands for.
+        Half the median number of samples in a block: each value of y has 1/`samples` of a sample's noise variance.
     residual : ndarray, shape (n,)
         Record minus the fit of its block, in the record's unit; 0 for samples that are in no block.
     wander : float
-        Sd at the record's end of a random walk of the phase, in rad; 0 where the phase is smooth.
+        Sd that a random walk of the phase has accumulated at the record's end, in rad; 0 if the phase is smooth.
     jumps : tuple of float
-        Times in s of holes in which the cycles cannot be counted.
+        Times in s of the middles of gaps in the record in which the cycles cannot be counted.
     """
 
     t: np.ndarray
@@ -109,7 +114,7 @@ class Averaged:
 
 @dataclass(frozen=True)
 class Averaging:
-    """How far averaged motions are from the equation of motion.
+    """The error of replacing the equation of motion by its averaged form.
 
     Attributes
     ----------
@@ -125,16 +130,16 @@ class Averaging:
 
     @property
     def close(self) -> bool:
-        """Whether averaged motions can replace the equation of motion."""
+        """Whether averaged motions are accurate enough: `error` is at most `MOST_SHIFT`."""
         return self.error <= MOST_SHIFT
 
 
 @dataclass(frozen=True)
 class _Curves:
-    """Phase in rad and log amplitude against time in s.
+    """Splines of the phase in rad and of the log amplitude against time in s.
 
-    phase, log_size: splines. steps: pairs of a time in s and the step in rad that is added to the spline of the phase
-    after it.
+    phase, log_size: the splines. steps: pairs of a time in s and a step in rad; after this time the step is added to
+    the spline of the phase, because the number of cycles in a hole of the record is not known.
     """
 
     phase: BSpline
@@ -142,7 +147,7 @@ class _Curves:
     steps: tuple[tuple[float, float], ...] = ()
 
     def phase_at(self, t: np.ndarray) -> np.ndarray:
-        """Return the phase with its steps at times t, (n,)."""
+        """Return the phase in rad, with its steps, at times t in s, (n,)."""
         return self.phase(t) + sum((size * (t > at) for at, size in self.steps), np.zeros(1))
 
 
@@ -186,8 +191,9 @@ def average_of(
 def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged | None:
     """Reduce values to amplitudes and phases by least squares. Arguments and result are those of `average_of`.
 
-    Phases are relative to a smooth curve. If the record's phase does not follow one, it is treated as a random walk:
-    the fits are relative to a spline that follows it. Return None in the cases that `average_of` lists.
+    In each block, amplitude and phase are fitted relative to smooth curves. If the phase of the record wanders too much
+    for a smooth curve, the reference is a spline that follows the phase closely, and the deviation from the smooth
+    curve is treated as a random walk. Return None in the cases that `average_of` lists.
     """
     if t[-1] < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
@@ -253,10 +259,10 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
 
 
 def _long_pieces(t: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of the samples, at times t (n,), that are in long enough pieces between holes.
+    """Return a mask (n,) of the samples, at times t (n,) in s, that are in long enough pieces between holes.
 
-    A piece at either end of the record must be at least a block long, because a motion is read over a whole block;
-    others at least `SHORTEST` blocks. Each must have `LEAST_SAMPLES` samples.
+    The first and the last piece must be at least a block long, because the amplitude and phase of a motion are measured
+    over a whole block; the others must be at least `SHORTEST` blocks long. Each must have `LEAST_SAMPLES` samples.
     """
     block = float(t[-1]) / BLOCKS
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * block) + 1).tolist(), t.size]
@@ -270,9 +276,10 @@ def _long_pieces(t: np.ndarray) -> np.ndarray:
 def _demodulated(
     t: np.ndarray, y: np.ndarray, features: Features
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
-    """Return times in s, phases in rad and amplitudes of windows, (w,) each, and `_Curves.steps`.
+    """Demodulate a record in short windows, and count the cycles across holes.
 
-    In a hole whose cycles cannot be counted the phase has a step, which is left out of the phases.
+    Return times in s, unwrapped phases in rad and amplitudes of the w windows, (w,) each, and `_Curves.steps`. Where
+    the cycles in a hole cannot be counted, the phases continue smoothly and the unknown change is in the steps instead.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -310,11 +317,12 @@ def _demodulated(
 
 @dataclass(frozen=True)
 class _BlockFit:
-    """The oscillation in b blocks, relative to curves of phase and amplitude.
+    """Least-squares fits of the oscillation in b blocks, relative to curves of phase and amplitude.
 
-    curves: the reference. z: amplitude and phase relative to the curves as complex numbers, (b,); |z| has the unit of
-    the record. midline: (b,). sd: standard errors of the amplitudes, (b,). left: the residual, (n,). bent: the larger
-    of the `_scatter` of amplitudes and of phases about the curves.
+    curves: these curves. z: complex amplitudes, (b,): |z| is the amplitude in the record's unit, and the argument is
+    the phase minus that of the curve, in rad. midline: midlines of the blocks, (b,). sd: standard errors of the
+    amplitudes, (b,). left: residual of all samples, (n,). bent: `_scatter` of the amplitudes or of the phases about the
+    curves, whichever is larger.
     """
 
     curves: _Curves
@@ -333,10 +341,10 @@ def _fit_curves(
     curves: _Curves,
     follows: bool = False,
 ) -> _BlockFit:
-    """Fit the blocks, and correct the curves until they describe the blocks, because noise shifts the windows' phase.
+    """Fit the oscillation in each block, and correct the reference curves until they describe the blocks.
 
-    parts, middles: as of `_fit_blocks`. follows: whether the curve of the phase follows the record's phase closely, so
-    that blocks cannot correct it.
+    The first curves come from short windows, whose noise shifts them. parts, middles: as in `_fit_blocks`. follows:
+    whether the curve of the phase follows a wandering phase closely; it is then not corrected.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):
@@ -358,10 +366,10 @@ def _fit_blocks(
     curves: _Curves,
     follows: bool = False,
 ) -> _BlockFit:
-    """Fit the oscillation in each block by least squares, relative to the curves.
+    """Fit the oscillation, its midline and its harmonics in each block by least squares, relative to the curves.
 
-    parts: first and last + 1 sample of each block. middles: times of the blocks in s, (b,). follows: whether to leave
-    the phases out of `_BlockFit.bent`.
+    parts: indices of each block's first sample and of the sample after its last. middles: times of the blocks in s,
+    (b,). follows: whether to leave the phases out of `_BlockFit.bent`.
     """
     fits, lefts, freedom = [], [], 0
     for (a, b), at in zip(parts, middles, strict=True):
@@ -395,10 +403,11 @@ def _fit_blocks(
 def _blocks(
     t: np.ndarray, phases: np.ndarray, block: float
 ) -> tuple[list[tuple[int, int]], tuple[float, float]]:
-    """Return first and last + 1 sample of each block, and the least and greatest allowed middle of a block in s.
+    """Divide a record into blocks of about the same change of the phase, which do not extend over holes.
 
-    block: approximate change of the phase in a block, in rad. phases: phase at times t, (n,). Blocks end before a hole
-    and begin again after it.
+    Return the indices of each block's first sample and of the sample after its last, and the least and the greatest
+    time in s that the middle of a block may have. t: times in s, (n,). phases: the phase at these times in rad, (n,).
+    block: approximate change of the phase in a block, in rad.
     """
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * t[-1] / BLOCKS) + 1).tolist(), t.size]
     places = []
@@ -413,12 +422,12 @@ def _blocks(
 def _walk_rate(
     t: np.ndarray, phases: np.ndarray, sizes: np.ndarray, covariance: np.ndarray, walk: np.ndarray
 ) -> float:
-    """Return the variance in rad²/s of a random walk of the phase, by restricted maximum likelihood.
+    """Estimate the variance of the phase's random walk per unit time, in rad²/s, by restricted maximum likelihood.
 
-    Without the walk, the phases would be those of a frequency that changes with the squared amplitude, which is
-    estimated too (H. D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). t, phases, sizes: times, phases and
-    amplitudes of the blocks, (b,). covariance: of the other errors of the phases, (b, b). walk: covariance that a walk
-    of 1 rad²/s would cause, (b, b).
+    Without the walk, the phases would follow from a frequency that depends linearly on the squared amplitude; this
+    dependence is estimated too (H. D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). t, phases, sizes: times in
+    s, phases in rad and amplitudes of the blocks, (b,) each. covariance: covariance of the other errors of the phases,
+    (b, b). walk: covariance that a walk of 1 rad²/s would cause, (b, b).
     """
     power = np.square(sizes)
     energy = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
@@ -456,23 +465,30 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.nda
 
 
 def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray) -> BSpline:
-    """Return a spline plus the least-squares spline, with the same knots, of values at times t, (m,)."""
+    """Return a spline plus the least-squares spline, with the same knots, of values at times t, (m,).
+
+    weight: 1/sd of each value, up to a factor, (m,).
+    """
     more = _smooth(t, values, weight, curve.t)
     return scipy.interpolate.BSpline(curve.t, curve.c + more.c, 3)
 
 
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
-    """Return the rms second difference of blocks' values, (b,), divided by that of independent noise of sd 1/weight."""
+    """Return the roughness of the blocks' values, (b,): their rms second difference, divided by that of white noise.
+
+    weight: 1/sd of the noise of each value, (b,).
+    """
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
 
 
 def _track(
     curves: _Curves, middles: np.ndarray, slowness: float, weights: np.ndarray, whitening: np.ndarray
 ) -> Track | None:
-    """Return the blocks' points in the record and in the oscillation that is solved.
+    """Return the times and phases at which each block is measured, in the record and in the compressed oscillation.
 
-    None if these points are not in order of time or start before 0, as where the phase goes backwards. slowness:
-    duration of the record divided by that of the oscillation that is solved.
+    None if these times do not increase or are negative, for example where the phase decreases. middles: times of the
+    blocks in the record in s, (b,). slowness: duration of the record divided by that of the compressed oscillation.
+    weights, whitening: see `Track`.
     """
     phase, rate = curves.phase, curves.phase.derivative()
     origin, end = float(phase(0.0)), phase.t[-1]

@@ -24,51 +24,56 @@ from bayesdamp.types import Reference, candidate_name
 START = ("theta0", "omega0")
 """Names of the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
-"""Scores of a term's own parameter at which fits start."""
+"""Fits start at these standard normal scores of a damping term's own parameter, such as an exponent: low, middle and
+high in its prior."""
 MOST_STEPS = 8
 """Largest number of Gauss–Newton steps to the mode of parameters and deviations."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
-"""Steps that are tried in turn: the fraction of the full step, and Marquardt's parameter for the scores. Where a record
-determines only a combination of parameters (a spring's angle and gravity, for small swings), parameters of equal fit
-lie along a curve: the full step follows its tangent, which no fraction of the step corrects, but Marquardt's parameter
-does."""
+"""Steps that `linearise_at_mode` tries in turn: the fraction of the full Gauss–Newton step, and Marquardt's parameter
+for the scores. Where a record determines only a combination of parameters (a spring's angle and gravity, for small
+swings), parameters of equal fit lie along a curve. The full step follows the tangent of this curve; a shorter step does
+too, but Marquardt's parameter turns the step."""
 SETTLED = 0.3
-"""Change of the motion below which the steps end: the norm over all samples, in standard deviations of the noise."""
+"""The Gauss–Newton steps end when a step changes the motion by less than this: norm of the change over all samples, in
+standard deviations of the noise."""
 MOST_G, MOST_H = 3.0, 0.4
-"""Largest |g| and |h| about which a candidate is linearised."""
+"""Largest |g| and |h| about which a candidate is linearised; g is the log deviation of the damping, h the relative
+deviation of the frequency."""
 
 
 @dataclass(frozen=True)
 class MotionCandidate:
-    """A damping sum (the names of its terms) under a restoring law."""
+    """A candidate of the comparison: a damping sum (`damping`, the names of its terms) under a restoring law."""
 
     damping: tuple[str, ...]
     restoring: str
 
     @property
     def name(self) -> str:
-        """Return the name, such as `viscous+coulomb@pendulum`."""
+        """Return the candidate's name, such as `viscous+coulomb@pendulum`."""
         return candidate_name("+".join(self.damping), self.restoring)
 
 
 @dataclass(frozen=True)
 class Linearisation:
-    """A candidate that is linearised about a motion, with g and h as further unknowns.
+    """A candidate that is linearised about a motion, with deviations from its laws as further unknowns.
+
+    The deviations are g (log damping) and h (relative frequency), with values at n knots in time each.
 
     Attributes
     ----------
     fit : LeastSquaresFit
         The candidate's fit under exact laws.
     u : ndarray, shape (K,)
-        Scores, then g and h at the knots: the point of the linearisation.
+        Standard normal scores of the d inferred parameters, then g and h at the knots: the point of the linearisation.
     motion : Motion
         The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion.
     model : LinearModel
-        Sum of squares as a quadratic function of u.
+        The sum of squared residuals of the linearised motion as a quadratic function of u.
     left : ndarray, shape (n,)
-        Residual of the linear least-squares fit of all unknowns.
+        Residual of the linear model when all unknowns are fitted by least squares, without priors.
     """
 
     fit: LeastSquaresFit
@@ -80,7 +85,7 @@ class Linearisation:
 
     @property
     def z(self) -> np.ndarray:
-        """Return the scores at u, (d,)."""
+        """Return the standard normal scores of the inferred parameters at u, (d,)."""
         return self.u[: self.fit.z.size]
 
     @property
@@ -114,11 +119,17 @@ class Linearisation:
         return data.least_variance + float(self.left @ self.left) / degrees
 
     def grid(self, coarse: bool) -> Grid:
-        """Return the grid of the deviations' hyperparameters. coarse: whether it has fewer points."""
+        """Return the grid of sizes and correlation lengths (hyperparameters) of the deviations.
+
+        coarse: whether to use every other size and only the shortest and the longest length.
+        """
         return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
 
     def distance(self, u: np.ndarray, variance: float) -> float:
-        """Return the norm of the difference between the linear motions at `self.u` and at u, in sds of the noise."""
+        """Return the norm of the change of the linearised motion from `self.u` to u, (K,), in sds of the noise.
+
+        The norm is over all samples. variance: variance of the noise, in the record's unit squared.
+        """
         return float(np.linalg.norm(self.model.root @ (self.u - u))) / np.sqrt(variance)
 
 
@@ -145,9 +156,9 @@ def parameters_of(
 
 
 def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
-    """Return the values at which a fit starts, by name of coefficients, law parameters and start.
+    """Return the values at which a fit starts, by name: coefficients, restoring parameters and initial state.
 
-    Each damping term has the same part of the record's decay.
+    The coefficients are such that each damping term causes the same part of the record's decay.
     """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -161,10 +172,11 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return combinations of values of the terms' own parameters at which fits start, by name.
+    """Return combinations of values of the terms' own parameters, by name, at which fits start.
 
-    They are low, middle and high in the prior of a single parameter, low and high for two or more. A parameter with
-    which a term can reduce to a simpler one starts only at that value.
+    The values are low, middle and high in the prior of a single parameter, and low and high for two or more. A
+    parameter that makes its term equal to a simpler one at a certain value (`DampingTerm.reduces`) starts only at this
+    value.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
@@ -180,7 +192,7 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
 
 
 def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
-    """Return which of the solver's terms have an inferred coefficient, (m,); the others exert no force."""
+    """Return a mask, (m,), of the solver's terms that have an inferred coefficient; only these exert a force."""
     return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 
@@ -189,8 +201,8 @@ def search(
 ) -> LeastSquaresFit | None:
     """Fit from each start over growing windows, and return the best fit; None if every fit fails.
 
-    A start contains values of parameters by name; the others start at 0. With several starts, the fits are rough and
-    the best one is refined.
+    A start contains values of inferred parameters by name; inferred parameters that it does not contain start at the
+    value 0. With several starts, the fits end early and the best one is refined.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
@@ -211,10 +223,10 @@ def search_near(
     values: Mapping[str, float],
     starts: Sequence[Mapping[str, float]],
 ) -> LeastSquaresFit | None:
-    """Fit a candidate, starting near the motion of another one; None if this fails.
+    """Fit a candidate, starting near the motion of another candidate; None if this fails.
 
-    About that motion, the record is a linear function of the coefficients, the law and the start. Least squares of this
-    function give the values at which the fit starts, and which of `starts` is the best.
+    About that motion, the record is a linear function of the coefficients, the restoring law and the initial state.
+    Least squares of this function give the values at which the fit starts, and which of `starts` is the best.
 
     Parameters
     ----------
@@ -261,7 +273,11 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
 def tangents_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> np.ndarray | None:
-    """Return the Jacobian of a candidate's motion at u = (scores, g, h), (n, K); None where the motion escapes."""
+    """Return the Jacobian of a candidate's motion at u = (scores, g, h), (n, K); None where the motion escapes.
+
+    A motion escapes if it grows beyond all bounds or needs too many steps. tolerance: error of an integration step as a
+    fraction of the amplitude, by default that of fits.
+    """
     solution = _solve(solver, at, u, tolerance)
     return None if solution is None else solution[1]
 
@@ -269,7 +285,10 @@ def tangents_at(
 def _solve(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> tuple[Motion, np.ndarray] | None:
-    """Return a candidate's motion at u = (scores, g, h) and its Jacobian, (n, K); None where the motion escapes."""
+    """Return a candidate's motion at u = (scores, g, h) and its Jacobian, (n, K); None where the motion escapes.
+
+    tolerance: error of an integration step as a fraction of the amplitude, by default that of fits.
+    """
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
     motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL, tolerance=tolerance)
@@ -282,7 +301,7 @@ def _solve(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model of scores about a fit under exact laws, without deviations."""
+    """Return the linear model of the motion as a function of the scores, about a fit under exact laws (g = h = 0)."""
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
 
@@ -290,9 +309,9 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit without deviations.
+    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit with g = h = 0.
 
-    Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes.
+    Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -331,9 +350,9 @@ def linearise_at_mode(
     variance : float or None
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
-        Where the steps start; by default the fit without deviations.
+        The linearisation at which the steps start; by default that at the fit without deviations.
     near : bool
-        Whether to return the start itself if its linear model has its mode within `SETTLED`.
+        Whether to return `start` itself if its linear model has its mode within `SETTLED` (see there) of it.
 
     Returns
     -------
@@ -368,7 +387,10 @@ def linearise_at_mode(
 def mode_of(
     model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
 ) -> np.ndarray:
-    """Return the u of largest posterior density, (K,), under the most probable hyperparameters, with coefficients ≥ 0.
+    """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
+
+    u = (scores, g, h). The hyperparameters of g and h (sizes and correlation lengths) are fixed at the most probable
+    point of the grid.
 
     Parameters
     ----------

@@ -20,22 +20,24 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Reference, Signal
 
 A_CYCLE = 80
-"""Least number of means in a cycle, if neighbouring samples are averaged. Motions are averaged over the same windows,
-so this number sets the cost and not the answer."""
+"""If neighbouring samples are averaged, at least this many means remain in a cycle. Motions are averaged over the same
+windows, so that this number affects the computing time and not the result."""
 HOLE = 2.0
-"""Gap between samples, in lengths of a window, from which on no window extends over it (conventional)."""
+"""Samples on both sides of a gap longer than this many lengths of an averaging window (1/80 of a cycle) are not
+averaged together (conventional)."""
 LEAST = 0.05
-"""Fraction of the first amplitude at which the used part of a record ends. Laws that hold to a few per cent over a
-decade of amplitudes do not hold over two, and below this the sensor's step and static friction dominate."""
+"""The used part of a record ends where the amplitude has fallen to this fraction of the first one. Laws that hold to a
+few per cent over a decade of amplitudes do not hold over two, and at smaller amplitudes the sensor's resolution and
+static friction dominate."""
 FEWEST_CYCLES = 4.0
 """Least number of cycles of a record that are used, however small their amplitudes are."""
 SOLVED = 1e-6
-"""Error of a motion by the ODE solver, as a fraction of the amplitude."""
+"""Error of a motion that the ODE solver computes, as a fraction of the amplitude."""
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
-"""Noise models under which amplitudes and phases are least-squares estimates; their noise is measured by their own
-scatter."""
+"""Noise models under which the amplitudes and phases of blocks are estimated by least squares. Under the others they
+are the most probable ones (see `average_of`)."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative that a record contains."""
+"""Order of the time derivative of the displacement that is recorded, by the name of the recorded quantity."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class Data:
     Attributes
     ----------
     t, y : ndarray, shape (n,)
-        Times in s from the first sample, where motions start, and values. Of an averaged record they are amplitudes and
-        phases of blocks, at times of the shorter oscillation that is solved in its place.
+        Times in s from the first sample, where motions start, and values. For an averaged record, y are amplitudes,
+        phases and midlines of blocks, and t are times of the compressed oscillation that is solved in its place.
     quantity : str
         What was recorded: angle, velocity or acceleration.
     amplitude, final_amplitude : float
@@ -58,15 +60,15 @@ class Data:
     cycles : float
         Number of cycles.
     noise : float
-        Rough standard deviation of the noise of y, from the record's roughness.
+        Rough standard deviation of the noise of y: the median over windows of about a cycle.
     start : tuple of float
-        Estimate of θ₀ and θ̇₀ at the first sample.
+        Estimate of the displacement θ₀ and the velocity θ̇₀ at the first sample.
     thinned : int
-        Number of samples that each value of y stands for.
+        Number of samples for each value of y: its noise has 1/`thinned` of the variance of a sample's noise.
     features : Features
         Features of the record's oscillation.
     averaged : Averaged, optional
-        The blocks, where t and y are amplitudes and phases.
+        The blocks, if the record is reduced to amplitudes and phases.
     windows : Windows, optional
         The windows over which y are means; None where y are samples or amplitudes and phases.
     record : Signal, optional
@@ -74,10 +76,10 @@ class Data:
     rows : ndarray of int, shape (n, m), optional
         Indices of the samples in each window.
     readings : ndarray, shape (n,), optional
-        y as it was recorded, if y itself was changed by `working`; None if it was not.
+        y as it was recorded, if y itself was changed by `working` for noise that is not Gaussian; else None.
     noise_model : SampleNoise
-        Noise model of the samples behind amplitudes and phases. The noise model of samples is chosen later, from the
-        residual of a motion.
+        Noise model under which amplitudes and phases were estimated. If y are samples or means, their noise model is
+        chosen later, from the residual of a motion.
     """
 
     t: np.ndarray
@@ -101,22 +103,26 @@ class Data:
 
     @property
     def recorded(self) -> np.ndarray:
-        """Return y without the change by `working`, (n,)."""
+        """Return y as it was recorded, without the change by `working`, (n,)."""
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
-        """Return the data with y = `recorded` plus `change`, (m,), of the samples; `readings` is then `recorded`."""
+        """Return a copy whose y is the recorded one plus a change that is given for each sample, (m,).
+
+        Where y are means over windows, the means of the change are added. This replaces residuals by working residuals,
+        for noise that is not Gaussian. `readings` of the copy contains the recorded y.
+        """
         means = change if self.rows is None else change[self.rows].mean(axis=1)
         return replace(self, y=self.recorded + means, readings=self.recorded)
 
     @property
     def recorded_amplitude(self) -> float:
-        """Return the first amplitude in the unit of y."""
+        """Return the first amplitude of the recorded quantity (angle, velocity or acceleration), in the unit of y."""
         return self.amplitude * self.frequency ** ORDERS[self.quantity]
 
     @property
     def middle(self) -> Reference:
-        """Return the geometric mean of the first and the last amplitude with the frequency, as a `Reference`."""
+        """Return a `Reference` with the geometric mean of first and last amplitude, and the frequency."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
@@ -126,7 +132,10 @@ class Data:
 
     @property
     def end(self) -> float:
-        """Return the time at which motions end, in s on the clock of `t`; a last window ends after the last `t`."""
+        """Return the time at which motions end, in s, in the same time as `t`.
+
+        It is the last `t`, or the end of the last window if y are means over windows.
+        """
         return float(self.t[-1] if self.windows is None else self.windows.times[-1, -1])
 
     @property
@@ -143,15 +152,20 @@ class Data:
         )
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return the amplitudes among values, (n,), of an averaged record, without weights; else all values."""
+        """Return the amplitudes among values, (n,), of an averaged record; else all values.
+
+        The values have the form of y: amplitude, phase and midline of each block in turn. The amplitudes are divided by
+        the weights of the blocks, so that they are in the record's unit.
+        """
         return values if self.averaged is None else values[::NUMBERS] / self.averaged.track.weights[:, 0]
 
     def solver(
         self, terms: Sequence[str], restoring: str, epsilon: float, knots: np.ndarray
     ) -> Solver | AveragedSolver:
-        """Return the solver that gives the motions of damping terms under a restoring law in the form of y.
+        """Return a solver for damping terms under a restoring law; its motions have the same form as y.
 
-        knots: times of the deviations' knots, on the clock of t.
+        epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s. knots: times of the
+        knots of the deviations g and h, in the same time as `t`.
         """
         arguments = (
             tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,
@@ -161,17 +175,20 @@ class Data:
         return Solver(*arguments, self.windows)
 
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
-        """Return the equilibrium in rad or m under parameters of a restoring law; None if none is near the midline."""
+        """Return the equilibrium in rad or m for restoring parameters `law`, (r,); None if none is near the midline."""
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
-        """Return the equilibrium under parameters of a restoring law, or the midline if there is none near it."""
+        """Return the equilibrium in rad or m for restoring parameters `law`, (r,); the midline if none is near it."""
         equilibrium = self.equilibrium(restoring, law)
         return self.rest if equilibrium is None else equilibrium
 
     @property
     def least_variance(self) -> float:
-        """Return the variance of the solver's own error, in the unit of y squared; it is added to that of the noise."""
+        """Return the variance of the solver's error, in the unit of y squared.
+
+        It is added to the variance of the noise.
+        """
         return (SOLVED * self.recorded_amplitude) ** 2
 
 
@@ -181,9 +198,9 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
 
 
 def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
-    """Return the data to which candidates are fitted: means of neighbouring samples, or amplitudes and phases.
+    """Return the data to which candidates are fitted: samples, means of neighbouring samples, or amplitudes and phases.
 
-    The part after the amplitude has fallen to `LEAST` of the first one is left out.
+    Samples after the amplitude has fallen to `LEAST` of the first one are left out.
 
     Parameters
     ----------
@@ -242,9 +259,10 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
 
 
 def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tuple[float, float]:
-    """Estimate θ₀ and θ̇₀, with a sinusoid of growing or falling amplitude that is fitted to the first cycle.
+    """Estimate displacement θ₀ and velocity θ̇₀ at the first sample, by a sinusoid that is fitted to the first cycle.
 
-    quantity: what y contains. If few samples are in the cycle, the amplitude is constant.
+    Its amplitude changes linearly with time, or is constant if few samples are in the cycle. quantity: what y contains,
+    one of `ORDERS`.
     """
     w = shape.frequency
     stop = max(int(np.searchsorted(t, 1.05 * shape.period)), min(6, t.size))
