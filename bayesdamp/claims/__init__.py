@@ -1,9 +1,10 @@
-"""Judge the claims of the paper by measurements."""
+"""Test claims of the paper on eleven damping estimators by measurements, and write a page with the verdicts."""
 
 from bayesdamp.claims import accuracy, mechanisms
 from bayesdamp.claims.judge import Claim, Judgement, judge_all, write_page
 
 CLAIMS: tuple[Claim, ...] = (*mechanisms.CLAIMS, *accuracy.CLAIMS, *accuracy.IN_NOISE, *accuracy.TIMES)
-"""All claims, by subject."""
+"""All claims of the paper that are judged, in the order of the page: mechanisms, errors on records without noise,
+errors on noisy records, times."""
 
 __all__ = ["CLAIMS", "Claim", "Judgement", "judge_all", "write_page"]

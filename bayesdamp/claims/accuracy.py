@@ -35,13 +35,15 @@ from bayesdamp.report.results.estimators import (
 
 CLAIMS: list[Claim] = []
 IN_NOISE: list[Claim] = []
-"""Claims on records without noise, and on noisy records."""
+"""`CLAIMS` are the claims on the errors of estimators on records without noise, `IN_NOISE` those on noisy records."""
 HYBRID = 0.1
-"""Largest error of hybrid methods that the paper claims, in per cent."""
+"""Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
+estimate is refined by a least-squares fit of the trajectory."""
 GENERATIONS = (20, 40)
-"""Range of the number of generations that the paper claims."""
+"""Smallest and largest number of generations in which the genetic algorithm converges, as the paper claims."""
 LEAST_ERRORS = 20
-"""Smallest number of errors from which a root mean square is computed; its relative sd is then a sixth."""
+"""Smallest number of errors from which a root mean square is computed. Its relative standard error is then about
+1/√(2·20) = 16 % (for Gaussian errors)."""
 PRINTED_ERRORS = {
     "least_squares": "0.0004 / 0.006 / 0.001",
     "koopman": "~0",
@@ -54,7 +56,8 @@ PRINTED_ERRORS = {
     "envelope": "0.03 / 0.04 / 0.03",
     "genetic": "~0",
 }
-"""Errors in per cent (viscous / Coulomb / quadratic) by method, as printed in table 2."""
+"""Relative errors of the estimated coefficient in per cent (viscous / Coulomb / quadratic record) by estimator, as
+printed in the paper's table 2."""
 PRINTED_TIMES = {
     "least_squares": ("< 1 s", 0.0, 1.0),
     "sindy": ("< 1 s", 0.0, 1.0),
@@ -67,9 +70,11 @@ PRINTED_TIMES = {
     "koopman": ("2–3 min", 120.0, 180.0),
     "symbolic_regression": ("5–10 min", 300.0, 600.0),
 }
-"""Times by method as printed in table 3, with their limits in s (0 if only an upper limit is printed)."""
+"""Computing times by estimator: as printed in the paper's table 3, and the lower and upper limit in s. The lower limit
+is 0 if the paper prints only an upper one."""
 MUCH_FASTER = 3.0
-"""A time below the printed range by more than this factor does not confirm it (machines differ by less)."""
+"""A measured value that is below the printed range by more than this factor is judged "better than claimed" instead of
+"holds". For times: other machines differ by less."""
 
 
 @claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")
@@ -95,7 +100,11 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
 
 
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge the claimed errors of a method (a row of table 2)."""
+    """Judge the errors that the paper's table 2 prints for one estimator, by the measured errors in `comparison`.
+
+    "holds" if the initial estimates reach every printed error, "holds in part" if only the refined estimates do, and
+    "better than claimed" if every initial error is smaller than the printed one by more than `MUCH_SMALLER`.
+    """
     if method not in comparison.methods:
         return NO_RUN
     signals = comparison.signals
@@ -182,13 +191,19 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
 
 
 def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
-    """Return the errors of a method's initial estimates at a noise level, by repeat; {} if there are none."""
+    """Return the errors of a method's initial estimates at a noise level (one of `along.values`).
+
+    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none.
+    """
     each = along.each.get((method, "initial"))
     return each[along.values.index(level)] if each and level in along.values else {}
 
 
 def _size(along: ErrorSeries, method: str, level: float) -> str:
-    """Return the root mean square error of a method's initial estimates, with its interval, as text."""
+    """Return the root mean square error of a method's initial estimates at a noise level as text.
+
+    It is in per cent of the true value, with its 95 % interval if there are enough repeats.
+    """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
@@ -271,14 +286,18 @@ def _bound(runs: Runs) -> Judgement:
 
 
 def verdict_of(own: float, low: float, high: float) -> Verdict:
-    """Judge a printed range of times, low to high, by a measured time `own`, all in s."""
+    """Return the verdict on a printed range of times, `low` to `high`, given the measured time `own` (all in s).
+
+    A time above the range means "does not hold", nan "cannot be judged", and a time below the range by more than
+    `MUCH_FASTER` "better than claimed"; any other time means "holds".
+    """
     if not own <= high:
         return "does not hold" if math.isfinite(own) else "cannot be judged"
     return "better than claimed" if own < low / MUCH_FASTER else "holds"
 
 
 def _time(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge the claimed time of a method (a row of table 3)."""
+    """Judge the time that the paper's table 3 prints for one estimator, by its measured time without the refinement."""
     if method not in comparison.methods:
         return NO_RUN
     own, refined = (comparison.seconds.get((method, stage), math.nan) for stage in STAGES)

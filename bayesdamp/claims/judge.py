@@ -1,4 +1,4 @@
-"""Claims, measurements on the paper's records, verdicts, and the page that lists them."""
+"""Define claims of the paper and verdicts on them, measure on the paper's records, and write the page of verdicts."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ from bayesdamp.types import Estimate, Problem, Signal, System
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """Verdicts on a claim. "Better than claimed": so far below the printed error or time that it is not confirmed."""
 MUCH_SMALLER = 10.0
-"""An error below the printed one by more than this factor does not confirm it."""
+"""If a measured error is smaller than the printed error by more than this factor, the claim is judged "better than
+claimed" instead of "holds"."""
 TRUTH = {"viscous": 0.05, "coulomb": 0.03, "quadratic": 0.05}
-"""True coefficients of the paper's records (its section 2.3)."""
+"""True damping coefficient of each of the paper's three records (its section 2.3): viscous in 1/s, Coulomb in rad/s²,
+quadratic in 1/rad."""
 PENDULUM = {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0}
 SPRING = {"stiffness": 20.0, "rest_angle": 0.0}
 START = {"theta0": 0.3, "omega0": 0.0}
@@ -40,7 +42,7 @@ SEED = 20260101
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict on a claim, and a description of the measurement."""
+    """The verdict on a claim, and a sentence (`measured`) with the measurement on which it is based."""
 
     verdict: Verdict
     measured: str
@@ -48,14 +50,14 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs of studies by which claims are judged.
+    """The folders of finished runs whose results decide on claims.
 
     Attributes
     ----------
     paper
-        Folder of the run of the study `paper`; None without one.
+        Folder of a run of the study `paper` (the paper's records, without noise); None without such a run.
     noise
-        Folders of the runs of the studies `noise*`.
+        Folders of runs of the studies `noise`, `noise_coulomb` and `noise_quadratic` (the same records with noise).
     """
 
     paper: Path | None = None
@@ -68,7 +70,7 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """The errors of the estimators along the noise level: a series for each damping in each run of `noise`."""
+        """The errors of the estimators against the noise level: one series for each damping in each run of `noise`."""
         return [s for folder in self.noise for s in error_series(RunFolder(folder)) if s.factor == "noise"]
 
 
@@ -95,9 +97,9 @@ class Claim:
 
 
 def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge]:
-    """Return a decorator that adds a claim to a list, with the decorated function, which stays as it is, as its judge.
+    """Return a decorator that appends a `Claim` to `claims`; the decorated function becomes its `judge`.
 
-    text, where: as in `Claim`.
+    The function itself is not changed. For `text` and `where` see `Claim`.
     """
 
     def add(judge: Judge) -> Judge:
@@ -111,9 +113,10 @@ NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing
 
 
 def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
-    """Return a judge of runs that applies `judge` to their comparison on records without noise.
+    """Adapt a judge of the comparison on records without noise to a judge of `Runs`.
 
-    Without this comparison it returns `NO_RUN`.
+    The returned function applies `judge` to `runs.compared`. If there is no such comparison, it returns `NO_RUN`, the
+    judgement "cannot be judged".
     """
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
 
@@ -122,7 +125,23 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 def paper_record(
     damping: str, restoring: str = "horizontal_pendulum", epsilon: float = 0.1
 ) -> tuple[Signal, Problem]:
-    """Return the paper's record with a damping term (5,000 samples in 10 s, no noise), and its estimation problem."""
+    """Simulate the paper's record with one damping term (5,000 samples in 10 s, no noise).
+
+    Parameters
+    ----------
+    damping
+        The damping term; its coefficient is that of `TRUTH`.
+    restoring
+        "horizontal_pendulum" for the paper's pendulum; any other law has the parameters of a spring.
+    epsilon
+        Velocity in rad/s within which Coulomb friction changes its sign smoothly (tanh); 0 for the sign function.
+
+    Returns
+    -------
+    tuple
+        The record, and the problem for an estimator: the damping term, and all parameters except its coefficient, which
+        are known.
+    """
     law = PENDULUM if restoring == "horizontal_pendulum" else SPRING
     known = {**law, **START, "epsilon": epsilon}
     osc = Oscillator((damping,), restoring)
@@ -142,16 +161,18 @@ def initial_estimate(
     simulated: float = 0.1,
     assumed: float = 0.1,
 ) -> Estimate:
-    """Return the initial estimate of a method on the paper's record.
+    """Return the initial estimate of a method on the paper's record, without the refinement by a trajectory fit.
 
     Parameters
     ----------
-    method, damping, options, restoring
-        The estimator and its options, and the record.
+    method, options
+        The estimator and its options.
+    damping, restoring
+        Damping term and restoring law of the record, as in `paper_record`.
     simulated
-        Width ε of friction in the simulated record (rad/s).
+        Velocity in rad/s within which Coulomb friction changes its sign in the simulated record.
     assumed
-        Width ε of friction that the estimator is given (rad/s).
+        The value of this velocity in rad/s that the estimator is given.
     """
     signal, problem = paper_record(damping, restoring, simulated)
     if assumed != simulated:
@@ -160,7 +181,7 @@ def initial_estimate(
 
 
 def error_of(estimate: Estimate, damping: str) -> float:
-    """Return the error of an estimate in per cent of the truth; nan if it has no value."""
+    """Return the absolute error of an estimated damping coefficient in per cent of `TRUTH`; nan if it has no value."""
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
     return 100 * abs(value / TRUTH[damping] - 1)
 
@@ -168,12 +189,15 @@ def error_of(estimate: Estimate, damping: str) -> float:
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """Return the error of `initial_estimate(...)` in per cent of the truth."""
+    """Return the absolute error of `initial_estimate`, called with the same arguments, in per cent of `TRUTH`."""
     return error_of(initial_estimate(method, damping, options, **record), damping)
 
 
 def period_drift(damping: str) -> float:
-    """Return the difference of the mean periods in the two halves of the paper's record, in per cent."""
+    """Return by how many per cent the mean period in the first half of the paper's record differs from the second half.
+
+    The value is not negative.
+    """
     signal, _ = paper_record(damping)
     crossings = features(signal).crossing_times
     periods = crossings[2:] - crossings[:-2]

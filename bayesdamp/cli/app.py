@@ -90,7 +90,10 @@ class Commands(TyperGroup):
 
 @lru_cache(maxsize=len(COMMANDS))
 def command(name: str) -> Any:
-    """Return a command with its options. It is cached because tests run hundreds of commands in one process."""
+    """Return the Click command of this name, whose options follow from the signature of its function.
+
+    It is cached because tests run hundreds of commands in one process.
+    """
     function = getattr(import_module(f"bayesdamp.cli.commands.{name}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=SETTINGS)
     alone.command(name, epilog=f"Example: {COMMANDS[name][1]}")(function)
@@ -109,7 +112,8 @@ app = typer.Typer(
 
 
 build_parser = lru_cache(maxsize=1)(typer.main.get_command)
-"""Convert the app to a function that parses and runs a command line. The result is cached, as that of `command`."""
+"""Function that converts the Typer app to a Click command, which parses and runs a command line. The result is cached
+as that of `command`."""
 
 
 def _show_version(wanted: bool) -> None:
@@ -187,7 +191,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _usage_error(error: Any, given: Sequence[str]) -> str:
-    """Return one line on an error in the command line; empty if Typer has already printed the help."""
+    """Return one line that describes an error in the command line and names the help to read.
+
+    `error` is Click's exception, `given` the words of the command line. The line is empty if Typer has already printed
+    the help.
+    """
     line = error.format_message().rstrip(".")
     at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", line)
     line = f"{at[1]}: must be {at[2]}" if at else line

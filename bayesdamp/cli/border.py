@@ -20,7 +20,10 @@ _MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 
 
 def one_line(text: object) -> str:
-    """Return a text as one printable line. A long text loses its middle, because its end contains the remedy."""
+    """Return a text as one printable line of at most `LONGEST_ERROR` characters.
+
+    The middle of a longer text is replaced by "...", because the end of an error usually contains the remedy.
+    """
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
     if len(line) <= LONGEST_ERROR:

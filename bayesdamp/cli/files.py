@@ -57,9 +57,10 @@ GENERATOR = '<meta name="generator" content="bayesdamp look">'
 SIMULATED = re.compile(FIRST_LINE)
 LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
 CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
-"""Patterns for the beginnings of files that `bayesdamp simulate`, `look` and `claims` have written."""
+"""`SIMULATED`, `LOOK_PAGE` and `CLAIMS_PAGE` are patterns that match the beginning of a file that `bayesdamp simulate`,
+`look` or `claims` has written. Such a file may be overwritten by the same command."""
 _HEAD_BYTES = 4096
-"""Number of bytes at the beginning of a file in which the pattern must be found."""
+"""Number of bytes at the beginning of a file that are compared with its pattern, such as `LOOK_PAGE`."""
 
 
 @dataclass(frozen=True)

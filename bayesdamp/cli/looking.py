@@ -169,7 +169,17 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
 def plot(
     t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int = 72, rows: int = 10
 ) -> Text:
-    """Draw a record for the terminal, with its free decay (`window`, in s) in a bright colour, and its ranges."""
+    """Draw a record for the terminal with braille characters; the last line gives the ranges of times and values.
+
+    Parameters
+    ----------
+    t, y
+        Times in s and values, (n,).
+    window
+        Start and end of the free decay in s, which is drawn in a bright colour; None if there is none.
+    columns, rows
+        Size of the plot in characters.
+    """
     span = float(t[-1] - t[0]) or 1.0
     edges = [int((end - t[0]) / span * columns) for end in window] if window else [0, -1]
     text = Text()

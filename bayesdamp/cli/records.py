@@ -32,12 +32,13 @@ _VALID = {
 LONGEST_SUGGESTION = 290
 """Largest number of characters of an error with a suggested command."""
 _OPTIONS = {"value": "angle", "rate": "rate"}
-"""By argument of `read_records` that an error may ask for: the option with which a user can provide it."""
+"""Map from an argument of `read_records` that is missing in an error to the option with which a user can provide it."""
 _PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
 """Placeholders in a suggested command for values that are not known."""
 _INTRODUCTION = "in one command (check its values): "
 MOST_SUGGESTED_OPTIONS = 3
-"""Largest number of errors of one file for which a single command is suggested."""
+"""Largest number of times that a file is read on trial, each time with one more missing option filled in, to suggest a
+single command that provides all of them."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class ReadingOptions:
     def interpret(self, raw: RawRecord) -> tuple[str, str, tuple[Finding, ...]]:
         """Return the unit and the quantity of a record, and findings on what looks wrong with it.
 
-        A unit that is not in `UNITS` has no findings.
+        If the unit is not in `UNITS`, there are no findings.
         """
         unit, quantity = unit_or_guess(raw, self.unit, self.quantity)
         doubtful = findings(raw, unit, quantity, self.unit is not None) if unit in UNITS else ()
@@ -359,7 +360,10 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
 
 
 def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
-    """Return a line for each file with several findings, with a command that settles all of them."""
+    """Return a line for each file with doubts that two or more options would settle.
+
+    The line contains a command with all these options, each with its most likely value.
+    """
     by_path: dict[Path, dict[str, str]] = {}
     for record in records:
         by_path[record.path] = _answers(record.raw, options) | by_path.get(record.path, {})
@@ -371,7 +375,7 @@ def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) 
 
 
 def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the most likely values, by option, that would settle the findings on a record."""
+    """Return the options that would settle the findings on a record: the most likely value of each, by its name."""
     unit, quantity, doubtful = options.interpret(raw)
     answers = {"unit": unit} if options.assumes_rad(raw, unit, quantity) else {}
     return answers | dict(doubt.answer for doubt in doubtful if doubt.answer is not None)

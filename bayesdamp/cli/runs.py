@@ -21,7 +21,7 @@ from bayesdamp.report.terminal import PipeSafeConsole, VerdictPrinter, print_con
 from bayesdamp.types import InputError
 
 MOST_ANSWERS = 100
-"""Largest number of folders NAME, NAME-2, ... in which the answers on one name are stored (conventional)."""
+"""The folders of runs with the same NAME are NAME, NAME-2, NAME-3, ..., with numbers below this one (conventional)."""
 FEW_RECORDS = 5
 """Largest number of records in one command for which each verdict is printed as soon as it is available."""
 
@@ -44,7 +44,9 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
 
 
 def choose_folder(study: Study) -> Path:
-    """Return the first of the folders reports/NAME, NAME-2, NAME-3, ... that has no answer to a different question.
+    """Return the first of the folders reports/NAME, NAME-2, NAME-3, ... that contains no run of a different study.
+
+    It is a new folder, or that of an earlier run of the same study, which is then resumed.
 
     Raises
     ------

@@ -30,7 +30,10 @@ class StudyError(Exception):
         super().__init__(f"{key}: {what}" if key else what)
 
     def within(self, table: str) -> str:
-        """Return the message with the key relative to a table."""
+        """Return the message for a reader who sees only one table: the key without the leading name of this table.
+
+        In `table` "simulate", for example, the key "simulate.samples" becomes "samples".
+        """
         key = "" if self.key == table else self.key.removeprefix(f"{table}.")
         return f"{key}: {self.what}" if key else self.what
 
@@ -120,7 +123,10 @@ def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
 
 
 def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> None:
-    """Raise StudyError if a name is not that of a plug-in. The plug-ins are not imported."""
+    """Raise StudyError if `registry` has no plug-in (such as an estimator) of one of these names.
+
+    `key` is the key of the study file with the names. The plug-ins are not imported.
+    """
     for name in names:
         if name not in registry.names():
             raise StudyError(key, f"unknown {registry.kind} {name!r}{nearest(name, registry.names())}")

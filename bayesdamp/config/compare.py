@@ -20,10 +20,11 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 PRUNE_NATS = 20.0
-"""Distance to the best log evidence (nats) from which a candidate is pruned: a relative probability of 2e-9. Pruning
-uses Laplace's evidence, whose error is a few nats at most if a posterior is not normal."""
+"""A candidate (a damping sum under a restoring law) is left out if its log evidence is this far below the largest, in
+nats: a relative probability of 2e-9. Pruning uses Laplace's evidence, whose error is a few nats at most if a posterior
+is not normal."""
 SAMPLED_CANDIDATES = 2
-"""Number of candidates whose posterior is sampled: the two most probable ones."""
+"""Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
 WARMUP, DRAWS = 100, 500
 """Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
 if they are not, the sampler adds draws."""
@@ -31,9 +32,9 @@ LEAST_NOISE = 1e-3
 """Noise that is added to a record without noise, because a likelihood needs noise: a fraction of the amplitude, typical
 of a good encoder."""
 METHODS = ("laplace", "importance", "bridge")
-"""Evidence methods."""
+"""Methods by which the evidence of each model is computed, unless the records are also fitted jointly."""
 JOINT_METHODS = ("laplace", "importance")
-"""Evidence methods for single records if the records are also fitted jointly."""
+"""Methods by which the evidence on single records is computed if the records are also fitted jointly."""
 SPECIMEN = "specimen"
 """Name of the specimen if all records belong to the same one."""
 
@@ -62,8 +63,8 @@ def comparison(
     records
         Files and how to read them.
     plugins
-        The user's modules. Each damping term in them is compared alone and together with each term of the paper; each
-        restoring law is added.
+        The user's modules. Each damping term in them is compared alone and together with viscous, Coulomb and quadratic
+        damping; each restoring law in them is added to the laws that are compared.
     settings
         Further arguments of `comparison_tables`.
 
@@ -106,8 +107,9 @@ def comparison_tables(
     restoring, damping
         Restoring laws and damping sums; all if empty.
     repeats
-        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws. Otherwise,
-        of several motions each is a specimen, except that records with the same `specimen` are one.
+        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws. If false,
+        each of several oscillations is a specimen of its own, except that records with the same key `specimen` belong
+        to one specimen. Envelopes then have no specimen.
     noise, seed, deviation, sensor
         Settings of the study.
 

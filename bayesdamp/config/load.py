@@ -93,18 +93,19 @@ def study_file(given: Path) -> Path:
 
 
 def record_question(study: Study, folder: Path) -> dict[str, Any]:
-    """Return the description of a study for the run.json in the run's folder.
+    """Return the part of run.json that describes the study, from which the study can be run again.
 
-    The path to the study's files is relative, so that both folders can be moved together.
+    `tables` has the tables of the study file, `beside` the folder of the study's files. This path is relative to
+    `folder`, the folder of the run, so that both folders can be moved together.
     """
     beside = Path(os.path.relpath(study.source.parent.resolve(), folder.resolve())).as_posix()
     return {"tables": dict(study.tables), "beside": beside}
 
 
 def has_other_study(study: Study, folder: Path) -> bool:
-    """Return whether a folder contains the run of another study, or a run.json that cannot be read.
+    """Return whether a folder contains the run of a different study, or a run.json that cannot be read.
 
-    False if the folder contains no run.json.
+    Studies are different if their tables or the folders of their files differ. Return False if there is no run.json.
     """
     try:
         run = json.loads((folder / "run.json").read_text(encoding="utf-8"))

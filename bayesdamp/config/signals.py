@@ -42,7 +42,7 @@ from bayesdamp.types import System
 from bayesdamp.units import UNITS
 
 START = ("theta0", "omega0")
-"""Parameters of the start of a motion."""
+"""Names of the initial conditions of a motion: displacement and velocity at the first sample."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 LARGEST_VALUE = 1e24
@@ -78,9 +78,10 @@ def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
 
 
 def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Check and return the table [system] of a study.
+    """Check the table [system] of a study, and return it as it is.
 
-    Its keys must be parameters of its restoring law or of `laws`; of any law if it names none. Raises StudyError.
+    If the table names a restoring law, its other keys must be parameters of this law or of `laws`, the laws that the
+    study compares; otherwise they may be parameters of any law. Raises StudyError.
     """
     base = check_table(raw, "system")
     names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
@@ -117,10 +118,28 @@ def _read_number(name: str, raw: object, key: str) -> float:
 def _read_systems(
     base: Mapping[str, Any], own: Mapping[str, Any], laws: tuple[str, ...], key: str
 ) -> tuple[list[System], dict[str, float]]:
-    """Return the system of a signal under each of its restoring laws, and its numbers of `REFERENCE` by name.
+    """Return what is known of a signal's system, once for each restoring law that is compared.
 
-    The first law is that of the signal or of `base`, the table [system]; else the first of `laws`. The keys of the
-    signal replace those of the study. Raises StudyError.
+    Parameters
+    ----------
+    base, own
+        The tables `system` of the study and of the signal; keys of the signal replace those of the study.
+    laws
+        The restoring laws that are compared.
+    key
+        Key of the signal in the study file, for messages.
+
+    Returns
+    -------
+    systems
+        A system for each law. The first law is the one that `own` or `base` names, or else the first of `laws`.
+    reference
+        Amplitude, frequency and inertia, as far as the tables state them (`REFERENCE`), by name.
+
+    Raises
+    ------
+    StudyError
+        A law is missing or unknown, or a key or value is wrong.
     """
     first = own.get("restoring", base.get("restoring", *laws[:1]))
     if first is None:
@@ -327,7 +346,10 @@ def resolve_signal(
 
 
 def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
-    """Return the specification of a signal that is an envelope, which has no restoring law. Raises StudyError."""
+    """Return the specification of a signal that is an envelope, which has no restoring law.
+
+    `entry` is the table [[signal]]; `given` contains only the keys that the file states. Raises StudyError.
+    """
     fields = SignalTable.model_fields
     stray = next((n for n in given if n in _NOT_OF_ENVELOPES and given[n] != fields[n].default), None)
     if stray is not None:
@@ -363,8 +385,9 @@ def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
 def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, Any]]:
     """Return the raw [[signal]] tables, repeated for every combination of the sweeps' values.
 
-    A sweep of `simulate.*` applies to simulated signals, of a key of files to signals that are read, of `system.*` to
-    all. The name of a signal gets `-key-value` for each sweep that applies (0.003 becomes `0p003`). Raises StudyError.
+    A sweep over a key `simulate.*` applies to simulated signals, a sweep over `system.*` to all signals, and a sweep
+    over any other key to signals that are read from files. The name of a signal gets a suffix `-key-value` for each
+    sweep that applies (0.003 becomes `0p003`). Raises StudyError.
     """
     tables = [read_section(SweepTable, raw, f"sweep[{i}]") for i, raw in enumerate(sweeps, start=1)]
     for i, sweep in enumerate(tables, start=1):

@@ -212,7 +212,7 @@ class PosteriorTable(StudySection):
 
 
 class EvidenceTable(StudySection):
-    """[evidence]: methods, and when nested sampling decides between them (the referee)."""
+    """[evidence]: methods of computing the evidence, and when nested sampling (the referee) checks them."""
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field(
@@ -242,11 +242,12 @@ class CalibrationTable(StudySection):
 class RecoveryTable(StudySection):
     """[recovery]: settings of `calibrate --models`.
 
-    noise: medians of the prior of the noise, as fractions of the reference amplitude. noise_sigma: its standard
-    deviation in the logarithm. cycles: lengths of records, in cycles of the reference frequency. Records take all
-    combinations of noise and cycles in turn. single: number of records of single damping terms, which have
-    single_noise, single_cycles and single_samples; records that lose less than least_loss of their amplitude are not
-    counted.
+    records: number of simulated records. noise, noise_sigma: the noise sd of a record has a log-normal prior; its
+    median is one of the values of noise, in fractions of the reference amplitude, and noise_sigma is the standard
+    deviation of its logarithm. cycles: lengths of records, in cycles of the reference frequency. Records take all
+    combinations of noise and cycles in turn. samples: number of samples of a record. single: number of further records
+    with a single damping term, which have single_noise, single_cycles and single_samples; those that lose less than
+    the fraction least_loss of their amplitude are not counted.
     """
 
     records: int = Field(1000, ge=1, le=MOST_RECORDS, description=_A_COUNT)
@@ -429,7 +430,7 @@ class Study:
 
     @property
     def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen, by its name."""
+        """The signals of each specimen, by the specimen's name; signals that name no specimen are not included."""
         specimens: dict[str, tuple[SignalSpec, ...]] = {}
         for spec in self.signals:
             if spec.specimen:

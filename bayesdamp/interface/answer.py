@@ -44,16 +44,19 @@ BEYOND = 1.3
 COMPARED = "comparison"
 """Key of the stored comparison in the argument `comparisons` of `answer`."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
-"""Names of the arrays of the damping curve that a verdict on several records needs."""
+"""Names of the arrays of a damping curve that a verdict on several records needs: amplitudes, damping ratio with the
+ends of its 95 % interval, and mean and sd of the logarithm of the damping ratio divided by that without deviations."""
 BY_LAW = ("ratio", "low", "high", "free/")
-"""Prefixes of the arrays of the damping curve, which are replaced if the verdict is free of a law."""
+"""Prefixes of the names of the arrays of the damping curve. They are replaced by a curve that is measured without a
+damping law if no law is the answer."""
 OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
-"""Prefixes of all arrays that depend on the law."""
+"""Prefixes of the names of all arrays that depend on a damping law; they are left out if the record contradicts every
+law."""
 RUN = "run/"
 """Prefix of the arrays that describe each model's likelihood, for a verdict on several records."""
 JOINABLE = 40.0
-"""Largest distance in nats from the best evidence at which the likelihood of a form of damping that is not compared is
-stored for a verdict on several records (conventional)."""
+"""For a verdict on several records, the likelihood of each compared damping sum is stored. That of another form of
+damping is stored only if its log evidence is less than this many nats below the largest (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -299,11 +302,10 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
 
 
 def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
-    """Measure the damping ratio and the frequency without a law, at amplitudes in rad or m, or the nearest ones.
+    """Measure the damping ratio at given amplitudes, and the frequency at the last of these, without a damping law.
 
-    The frequency is that at the last amplitude.
-
-    None if the record is too short for this.
+    Amplitudes are in the base unit of the signal (rad, m or the sensor's unit). For an amplitude that the record does
+    not contain, the nearest one is used. Return None if the record is too short.
     """
     try:
         curve = law_free(signal)
@@ -394,7 +396,10 @@ def _noise_remark(noise: SampleNoise) -> str:
 
 
 def _phase_remark(data: Data, first: float) -> str:
-    """Return sentences on a phase that wanders, and on gaps with uncounted cycles; empty where there are none."""
+    """Return sentences on a phase of the oscillation that wanders randomly, and on gaps whose cycles cannot be counted.
+
+    `first` is the time of the first sample in s, on the record's own time axis. The text is empty if there is neither.
+    """
     averaged, sentences = data.averaged, []
     if averaged is not None and averaged.wander:
         sentences.append(
@@ -433,7 +438,10 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
 
 
 def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandidate:
-    """Return the stored form of a model. It has no rms residual if cycles were averaged instead of fitting samples."""
+    """Return the stored form of the result of one model.
+
+    Its rms residual is None if averages over cycles were fitted instead of the samples of the record.
+    """
     data, noise = comparison.data, comparison.variance / comparison.inflation
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.
     squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise

@@ -71,7 +71,10 @@ class Density(ResultView):
 
     @classmethod
     def at(cls, signal: types.Signal, model: Result, mode: Mode) -> Self:
-        """Return the posterior density of the mode's target, with the solver's step sizes of the mode."""
+        """Return the posterior density of a model on a signal whose posterior mode was found before.
+
+        The density uses the step sizes of the solver that were chosen at this mode.
+        """
         target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
         units = units_of(target.names, target.oscillator.restoring, signal)

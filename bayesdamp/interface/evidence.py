@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
-"""The default method if the fit assumes exact laws, and two names of the linear approximation, which is for fits with
-deviations."""
+"""`EXACT_METHOD` is the default evidence method for a fit that assumes exact laws. If laws may hold approximately,
+"linear" and "laplace" are two names of the same method, the linear approximation."""
 FROM_DRAWS = "nuts"
 """The sampler whose draws a method can use; the draws of other samplers are thinned or weighted."""
 

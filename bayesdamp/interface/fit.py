@@ -111,7 +111,11 @@ class Prediction(Result):
 
 @dataclass(frozen=True)
 class StoredFit:
-    """The content of a file that stores a fit: the signal, the model, the choices, and the mode that was reached."""
+    """The content of a file that stores a fit.
+
+    noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode, law: the result, for laws that hold
+    exactly and for laws that may hold approximately; the other one is None, and both are None without a fit.
+    """
 
     signal: Signal
     model: Model

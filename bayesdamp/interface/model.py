@@ -254,7 +254,9 @@ Model.__init__ = checked_call(Model.__init__, "Model")
 
 @dataclass(frozen=True)
 class Case:
-    """A record and a model, with what the priors need. `target` and `mode` assume exact laws.
+    """A record and a model, with the features of the record to which default priors are scaled.
+
+    Its methods `target` and `mode` assume that laws hold exactly.
 
     Attributes
     ----------

@@ -56,13 +56,14 @@ GROUP_ORDER = (
 )  # fmt: skip
 """Order of the groups in `Posterior.data`."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
-"""Names of the variables with the deviations along the record; with the suffix `_size`, of their mean sizes."""
+"""Names of the variables in `Posterior.data` with the relative deviations of damping and frequency from their laws, at
+times along the record. With the suffix `_size` they name the mean size of each deviation over the record."""
 RECORD = "record"
 """Name of the only variable in the groups along the record."""
 Group = tuple[dict[str, Any], dict[str, Any]]
 """Variables and coordinates of a group, as `xarray.Dataset` takes them."""
 TEMPERED = "smc"
-"""Default sampler if laws may hold approximately."""
+"""Default sampler (sequential Monte Carlo with tempering) if laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
 """Default sampler if the fit assumes exact laws."""
 DEFAULT_DRAWS = 1000

@@ -25,10 +25,11 @@ from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
 ANSWER, SAMPLED_ANSWER = "answer", "sampled"
-"""Kinds of the two tasks: the answer by linear models, and the same with the most probable candidates sampled."""
+"""Kinds of the two tasks that answer a record: by linear approximations of every model; and after that, with the
+posteriors of the most probable models sampled."""
 _COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
-"""The comparisons of the last answer only, by the answer's key and the restoring laws: the sampled answer starts from
-them."""
+"""Cache of the model comparison in the last answer of this process, by the key of that answer. The sampled answer on
+the same record starts from this comparison instead of computing it again."""
 
 
 def asks_for_answers(study: Study) -> bool:
@@ -43,9 +44,9 @@ def is_approximate(study: Study, spec: SignalSpec) -> bool:
 
 
 def likelihood_of(study: Study) -> str:
-    """Return "law" if the study's samplers allow deviations from the laws, else "none".
+    """Return "law" if the study's samplers and evidence methods allow deviations from the laws, else "none".
 
-    Under "auto" only the answer allows them.
+    If the study's setting `deviation` is "auto", this is "none": only the answer then allows deviations.
     """
     return "law" if study.posterior.deviation == "law" else "none"
 

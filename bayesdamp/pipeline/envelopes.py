@@ -37,7 +37,11 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
 
 @lru_cache(maxsize=CACHED_ENVELOPES)
 def _read(source: Recording, changed: int) -> EnvelopeRecord:
-    """Read the envelope in a file; cached while its time of change `changed` is the same (a run reads files twice)."""
+    """Read the envelope in a file.
+
+    `changed`, the time at which the file was last modified, is only a key of the cache: the file is read again if it
+    has changed. A run reads each file twice.
+    """
     del changed
     return read_envelope(
         source.path,

@@ -34,7 +34,8 @@ from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
 FAR_BEHIND = 5.0
-"""Distance to the best log evidence (nats) from which a candidate is not likely: its posterior odds are below 1:148."""
+"""A candidate is far behind if its log evidence is at least this many nats below the largest: its Bayes factor against
+the best candidate is then at most 1:148."""
 FAR_IN_ANSWER = Status.PRUNED.because("far behind in the answer")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
 
@@ -77,10 +78,11 @@ class CandidateSelection:
         return outcomes
 
     def choose_for_sampling(self) -> tuple[str, ...]:
-        """Return the candidates whose posterior is sampled, the best first; all if the study sets no number.
+        """Return the candidates whose posterior is sampled, those with the largest evidence first.
 
-        To the best ones we add candidates that are not far behind and whose evidence is unreliable: bridge sampling
-        and nested sampling, which check it, start from draws.
+        The study sets the number of best candidates (`posterior.best`); without a number all are sampled. Candidates
+        whose evidence by some method is unreliable are added if they are less than `FAR_BEHIND` behind, because bridge
+        sampling and nested sampling, which check the evidence, start from draws.
         """
         count = self.study.posterior.best
         if count is None:
@@ -135,8 +137,8 @@ class CandidateSelection:
 class Depth(StrEnum):
     """The last step of a run.
 
-    ANSWER: the answer by linear models. SAMPLED: the answer with the posterior sampled. WHOLE: all samplers and
-    evidence methods that the study asks for.
+    ANSWER: the answer by linear approximations. SAMPLED: the answer with the posteriors of the most probable models
+    sampled. WHOLE: all samplers and evidence methods that the study names.
     """
 
     ANSWER = "answer"
@@ -271,7 +273,11 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 
 
 def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
-    """Iterate over the stages of candidates in a study that leaves out candidates with small evidence."""
+    """Iterate over the stages (lists of jobs) of candidates, in a study that leaves out those with small evidence.
+
+    Each stage has only the candidates that remain after the stages before. For a candidate that is left out, the reason
+    is stored as the result of its tasks.
+    """
     selections = [
         CandidateSelection(study, s, r, store)
         for s, r in study.records

@@ -210,7 +210,10 @@ _unpickle: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _is_done(store: Store, name: str, key: str) -> bool:
-    """Return whether a task has a usable result. Failed tasks, and tasks that depend on them, are computed again."""
+    """Return whether an undamaged result of a task is stored under `key`, so that it need not be computed again.
+
+    Return False for a task that failed, or was not computed because another task failed.
+    """
     result = store.find(name)  # reads the arrays too, because a result with damaged arrays counts as missing
     return (
         result is not None

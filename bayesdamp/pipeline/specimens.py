@@ -48,8 +48,9 @@ from bayesdamp.units import UNITS
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
 NOT_COMPARED = Status.PRUNED.because("not compared in the answer on any record")
 LOCATION_SCALE = 3.0
-"""Scale of the prior of a population's location, as a multiple of the largest coefficient of a specimen, if the study
-states no prior of the coefficient. A convention: much wider than the intervals of single specimens."""
+"""Scale of the half-normal prior of the mean of a coefficient over a population of specimens, as a multiple of the
+largest coefficient of a specimen. It is used if the study states no prior of the coefficient. A convention: much wider
+than the intervals of single specimens."""
 Arrays = dict[str, np.ndarray]
 
 
@@ -82,7 +83,10 @@ class Specimen:
 
     @property
     def key(self) -> str:
-        """The key of its task `joint/SPECIMEN`, which depends on both answers on each of its records."""
+        """The key of its task `joint/SPECIMEN`.
+
+        It depends on the candidates, the priors, and the keys of both answers (linear and sampled) on each record.
+        """
         keys = [
             answer_key(self.study, spec, repeat, self.store, kind)
             for spec, repeat in self.records
@@ -125,9 +129,10 @@ class Specimen:
         return compare_runs([r.comparison for r in self.answered], self.priors, seed=self.seed)
 
     def model_of(self, candidate: str) -> Model | None:
-        """Return the (damping, restoring) key of a candidate such as `viscous+coulomb@linear`.
+        """Return (damping sum, restoring law), as answers name them, for a candidate such as `viscous+coulomb@linear`.
 
-        The order of terms does not matter; without `@` the first restoring law is meant. None if no answer compared it.
+        The order of terms does not matter. Without `@` the restoring law is the first one of the specimen's first
+        signal. Return None if no answer compared this candidate.
         """
         damping, law = candidate_parts(candidate)
         terms, law = set(parse_model(damping)), law or self.specs[0].restoring[0]

@@ -62,7 +62,8 @@ from bayesdamp.verdict.units import in_unit, picture_in_unit
 Row = dict[str, Any]
 
 SMC = "smc"
-"""Name, in the tables, of the sampler of the answer (sequential Monte Carlo) and of its evidence."""
+"""Name in the tables for sequential Monte Carlo, by which the sampled answer computes posteriors (column `sampler`) and
+evidence (column `method`)."""
 SUMMARY = ("mean", "sd", "median", "q2.5", "q97.5")
 
 
@@ -302,7 +303,11 @@ def _specimen_model(own: Specimen, candidate: str) -> Row:
 
 
 def _specimens(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of specimens.csv: of joint fits and of their single records, and of specimens with one record."""
+    """Yield the rows of specimens.csv.
+
+    A specimen with several records has rows for each candidate of its joint fit, and for each single record under the
+    best candidate. A specimen with one record has rows only if a population of specimens was inferred.
+    """
     population = PopulationContent.maybe(store.find("population/specimens"))
     for label, specs in study.specimens.items():
         own = Specimen(study, label, specs, store)
@@ -342,7 +347,10 @@ def _numbers(summary: Summary) -> Row:
 
 
 def _populations(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of population.csv: of the records of each specimen, then of the specimens."""
+    """Yield the rows of population.csv, with mean, spread and single values of each damping coefficient.
+
+    First come the rows on the records of each specimen, then those on all specimens.
+    """
     for label, specs in study.specimens.items():
         result = store.find(f"joint/{label}")
         joint = JointContent.maybe(result)

@@ -30,10 +30,10 @@ from bayesdamp.types import candidate_parts
 INK = "#222222"
 MUTED = "#8a8a8a"
 FAINT = "#d9d9d9"
-"""Greys of lines and text, from the most to the least prominent."""
+"""`INK`, `MUTED` and `FAINT` are greys for lines and text, from the most to the least prominent."""
 
 WIDTH = 9.6
-"""Width of a full figure in inches; the report shows it at its natural size."""
+"""Width in inches of a figure that fills the width of the page; the report does not scale it."""
 
 RC = rc_params_from_file(Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False)
 """The style sheet of all figures."""
@@ -47,9 +47,9 @@ _MODELS = {
     frozenset({"coulomb", "quadratic"}): ("#E69F00", "-."),
     frozenset({"viscous", "coulomb", "quadratic"}): ("#000000", "-"),
 }
-"""Colour and line style of each damping sum, by its set of terms."""
+"""Colours and line styles of the seven sums of viscous, Coulomb and quadratic damping, by their sets of terms."""
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
-"""Colours of all other damping sums."""
+"""Colours of the damping sums that are not in `_MODELS`; several of these sums may have the same colour."""
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", INK)
 """Colours that distinguish several records, oscillations or methods in one figure."""
 LOOKS = tuple(zip(INKS, ("-", "--", "-.", ":")))
@@ -72,9 +72,10 @@ DPI = 150
 
 
 def colour(model: str) -> str:
-    """Return the colour of a model, which depends on its damping sum only.
+    """Return the colour of a model, which depends on its damping sum and not on its restoring law.
 
-    For any other sum it is one of `_OTHERS`, chosen by the name of the sum.
+    Sums of viscous, Coulomb and quadratic damping have the colours of `_MODELS`. The colour of any other sum is one of
+    `_OTHERS`, chosen by the name of the sum.
     """
     return _look(model)[0]
 
@@ -85,7 +86,7 @@ def dash(model: str) -> str:
 
 
 def _look(model: str) -> tuple[str, str]:
-    """Return the colour and the line style of a model, which are chosen as `colour` says."""
+    """Return the colour (see `colour`) and the line style of a model; sums that are not in `_MODELS` are dotted."""
     damping = candidate_parts(model)[0]
     known = _MODELS.get(frozenset(damping.split("+")))
     return known or (_OTHERS[sum(damping.encode()) % len(_OTHERS)], ":")

@@ -28,7 +28,7 @@ from bayesdamp.types import (
 
 
 class OtherVersionError(InputError, ValueError):
-    """The stored result was written by another version of the package, with another content."""
+    """Error: a stored result has other fields than expected, because another version of the package wrote it."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,12 @@ class Content:
 class RecordContent(Content):
     """A record (`signal/NAME/REPEAT`).
 
-    provenance: source of the record, and how it was cleaned. step: recording step; 0 without one. bound: Cramér–Rao
-    bound of a simulated record, standard deviation by parameter. The other fields exist only if the record oscillates.
-    features: its features. anomalies: remarks. reference: amplitude and frequency with which priors scale. known: known
-    parameters of the system, with ε (rad/s) of friction. epsilon_note: a sentence if ε was assumed. noisy: whether the
-    record has noise, without which there is no likelihood.
+    step: step to which values are rounded, in the unit of the record; 0 if they are not rounded. provenance: source of
+    the record, and how it was cleaned. bound: Cramér–Rao bound of a simulated record, standard deviation by parameter.
+    The other fields exist only if the record oscillates. features: period, amplitudes and other features. anomalies:
+    remarks for the user. reference: amplitude and frequency to which default priors are scaled. known: values of known
+    parameters, and ε, the velocity (rad/s or m/s) within which Coulomb friction changes its sign. epsilon_note: a
+    sentence if ε was assumed. noisy: whether the record has noise, without which there is no likelihood.
     """
 
     name: str = ""
@@ -109,9 +110,10 @@ NAN = float("nan")
 class SearchContent:
     """A search for the mode from one seed (starting point).
 
-    same: other seeds with the same start. start, end: log posterior at start and end. evaluations: number of
-    likelihoods. volume: log volume of the posterior at the end. distance: of the start from the mode, in sds. mode:
-    number of the maximum that was reached, 0 for the highest; None if none was.
+    same: other seeds with the same starting point. start, end: log posterior (nats) at start and end. evaluations:
+    number of evaluations of the likelihood. volume: −½ log det of the information matrix at the end, so that the
+    probability of the maximum is proportional to exp(end + volume). distance: of the start from the mode, in posterior
+    sds. mode: number of the maximum that was reached, 0 for the highest; None if none was reached.
     """
 
     seed: Seed
@@ -416,8 +418,9 @@ class JointCandidate(JointEvidence):
 class CoefficientPopulation:
     """Mean and spread of a coefficient over a population of specimens.
 
-    scale: scale of the half-normal prior of the population's location. shrunk: coefficient of each specimen, given all
-    specimens. effective: effective number of its draws.
+    scale: scale of the half-normal prior of the population's mean. mean, spread: posterior summaries of the mean and
+    the standard deviation of the coefficient over the population. shrunk: posterior summary of each specimen's
+    coefficient, given the records of all specimens. effective: effective number of draws for this summary.
     """
 
     scale: float
@@ -456,12 +459,19 @@ class JointContent(Content):
 
     @property
     def differ(self) -> bool:
-        """Whether the damping differs between the records."""
+        """Whether the damping clearly differs between the records.
+
+        It does if the lower end of the spread's 95 % interval is above `LEAST_SPREAD`, or if the log Bayes factor of
+        equal damping is below −`CLEAR_NATS`.
+        """
         return self.spread["q2.5"] > LEAST_SPREAD or self.no_spread < -CLEAR_NATS
 
     @property
     def agree(self) -> bool:
-        """Whether the evidence clearly favours equal damping in all records."""
+        """Whether the evidence clearly favours equal damping in all records, by `CLEAR_NATS` or more.
+
+        Both `agree` and `differ` are false if neither is clear.
+        """
         return not self.differ and self.no_spread >= CLEAR_NATS
 
 
@@ -469,9 +479,10 @@ class JointContent(Content):
 class PopulationContent(Content):
     """The population of specimens (`population/specimens`), for the candidate with the largest total evidence.
 
-    best: this candidate. log_evidence: total log evidence of each candidate. behind: largest log evidence on a specimen
-    minus that of the best candidate there (nats), by specimen. specimens: results of each specimen. units, populations:
-    by coefficient. deviation: as in `JointContent`.
+    best: this candidate. log_evidence: log evidence of each candidate, summed over the specimens (nats). behind: by
+    specimen, the number of nats by which the log evidence of `best` on it is below that of the specimen's own best
+    candidate. specimens: result of each specimen for `best`. units, populations: by coefficient. deviation: "law" if
+    the answers allow deviations from the laws, else "none".
     """
 
     best: str
@@ -513,7 +524,8 @@ class RanksContent(ChunkContent):
 class RecoveryContent(ChunkContent):
     """Model recovery for the records of a task (`recovery/FIRST`, `single/FIRST`): which model has the most evidence.
 
-    models: names of the models. evidence_outcomes: outcomes of the evidence, by record and model.
+    The log evidence itself is in the arrays of the result. models: names of the models. evidence_outcomes: for each
+    record, the outcome of the evidence of each model ("ok", or why it is unreliable or missing).
     """
 
     models: tuple[str, ...] = ()

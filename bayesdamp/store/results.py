@@ -237,7 +237,10 @@ class Store:
         self._keys: dict[tuple[object, ...], tuple[tuple[object, ...], str]] = {}
 
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
-        """Return the key of a task, computed by `compute` only once for the same objects `of`, on which it depends."""
+        """Return the key of a task, which `compute` returns and which depends on the objects `of`.
+
+        The key is cached: `compute` is called only once for the same task and the same objects.
+        """
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
             self._keys[identity] = of, compute()  # storing the objects keeps their ids valid

@@ -60,7 +60,8 @@ _TEXT = frozenset({
 _WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
 _NUMBER = {c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns} - _TEXT - _WHOLE
 TEXT_COLUMNS = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
-"""Columns of text whose name is a column of numbers in another table."""
+"""Pairs (table, column) of columns that contain text, although a column of the same name contains numbers in another
+table."""
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:

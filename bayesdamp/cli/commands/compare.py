@@ -201,7 +201,11 @@ def _envelopes(
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
-    """Return the records with the free decays that the run of the study will use, as far as these can be read."""
+    """Return the records in which a missing free decay is filled in, read as the run of the study will read it.
+
+    `records` are the records of the study's signals, in the same order. A record whose free decay cannot be read stays
+    without one; the run then reports the error.
+    """
     read = []
     for record, spec in zip(records, study.signals, strict=True):
         assert isinstance(spec.source, Recording)
@@ -215,9 +219,10 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
 def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
     """Return lines on records that are printed before anything is fitted.
 
-    For each record that oscillates, a line gives its frequency and its damping without a law, or says that it is not
-    the free decay of one oscillator. For each record without an oscillation, a line suggests --quantity envelope if no
-    value is negative. Then there is a line for each file for which the unit rad is assumed.
+    For each record that oscillates, a line gives its frequency and its damping, measured without assuming a damping
+    law, or says that it is not the free decay of one oscillator. For each record without an oscillation, a line
+    suggests --quantity envelope if no value is negative. Last, there is a line for each file for which the unit rad is
+    assumed.
     """
     lines = []
     assumed: dict[str, None] = {}

@@ -16,7 +16,8 @@ from bayesdamp.machine import cache_folder, cores
 LEAST_MEMORY = 2.0
 """Required memory in GiB: twice the 0.95 GiB of a quick comparison of 2,001 samples on two processes (measured)."""
 TRUE_RATE, TOLERATED_ERROR = 0.05, 0.1
-"""Decay rate in 1/s of the test record, and the relative error that the answer may have (conventional)."""
+"""True viscous coefficient in 1/s of the simulated test record, and the relative error of the estimate from which the
+installation check fails (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,11 @@ def machine() -> CheckResult:
 
 
 def answer() -> CheckResult:
-    """Compare dampings on a small simulated record, and check the result against the true damping."""
+    """Compare viscous with Coulomb damping on a small simulated record, and check the result against the truth.
+
+    The check succeeds if the verdict is viscous damping and its coefficient differs from the true one by less than
+    `TOLERATED_ERROR`.
+    """
     import bayesdamp as bd
 
     options = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}

@@ -85,7 +85,11 @@ def _as_comment(text: str) -> str:
 
 
 def _sort_key(item: tuple[str, Any]) -> int:
-    """Return the key by which items (key, value) of a [[signal]] are sorted: specimen, restoring and system last."""
+    """Return a sort key for the items (key, value) of a [[signal]] table.
+
+    specimen, restoring and system come last, in this order; all other items get the same sort key (-1), so that they
+    stay in their order before these.
+    """
     last = ("specimen", "restoring", "system")
     return last.index(item[0]) if item[0] in last else -1
 

@@ -29,7 +29,8 @@ RESTORING_DEFAULTS = {
     "rest_angle": 0.0,
     "spring_angle": 0.0,
 }
-"""Default parameters of the restoring laws, with a frequency of about 1 Hz and visible nonlinearities."""
+"""Default parameters of the restoring laws by name: stiffness in 1/s², gravity in rad/s², cubic in 1/(rad² s²), angles
+in rad. They give a frequency of about 1 Hz and visible nonlinearities."""
 NOISE_FRACTION = 0.01
 """Default sd of the noise, as a fraction of the amplitude. It is not 0, because models cannot be compared without
 noise."""
@@ -57,7 +58,17 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 
 
 def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
-    """Return the nonzero defaults that were used, in the form of options; empty if there are none."""
+    """Return the nonzero defaults that were used for a simulation, as text in the form of command-line options.
+
+    An example is `--damping viscous=0.1 --set stiffness=40,theta0=0.3`. The text is empty if no default was used.
+
+    Parameters
+    ----------
+    damping, other
+        Values that the user gave with --damping and --set, by name.
+    restoring
+        The restoring law.
+    """
     system = {
         name: RESTORING_DEFAULTS[name]
         for name in LAWS.get(restoring).parameters
@@ -70,9 +81,9 @@ def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], rest
 
 
 def suggest_option(option: str) -> str:
-    """Return a hint on the right option, for an unknown option that is the name of a damping term or a parameter.
+    """Return a hint for an unknown option whose name is that of a damping term or of a parameter.
 
-    Empty for other unknown options.
+    For example, the hint for `--viscous` is "; it is --damping viscous=NUMBER". It is empty for other unknown options.
     """
     name = option.lstrip("-").replace("-", "_")
     if name in TERMS.names():

@@ -27,7 +27,8 @@ from bayesdamp.store.contents import AverageContent, EvidenceContent
 from bayesdamp.types import OK, Evidence, Refusal, candidate_parts
 
 FIRST_METHOD = "laplace"
-"""The method by which candidates are pruned. It has no error estimate and is ignored if another method has evidence."""
+"""The evidence method by which candidates are pruned (Laplace's approximation). It has no error estimate; its evidence
+is ignored if another method has computed one."""
 
 
 def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str, tuple[object, ...]]:

@@ -31,9 +31,10 @@ QUANTILE_LEVELS = np.array([0.025, 0.5, 0.975])
 STORED_LEVELS = (np.arange(100) + 0.5) / 100
 """Levels of 100 quantiles that represent the draws of a curve with equal weight."""
 CURVE_POINTS = 25
-"""Number of amplitudes at which the damping is computed."""
+"""Number of amplitudes at which curves of the damping against amplitude are computed."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
-"""Names, in the file of draws, of the sizes of the deviations g and h: energy-weighted means over the record."""
+"""Names of two variables in the file of draws: the sizes of the deviations of damping and frequency from their laws, as
+energy-weighted means over the record."""
 SMALLEST_AMPLITUDE = 0.02
 """Smallest amplitude of the curves as a fraction of the first amplitude (conventional)."""
 

@@ -49,8 +49,9 @@ COMPUTE = {
     "evidence": compute_evidence,
     "sensitivity": compute_sensitivity,
 }
-"""Functions of a candidate, a method (or kind of sensitivity) and a seed that compute a task, by the kind of task. Only
-"mode" is computed without these (`compute`); the seed follows from the task's name."""
+"""Function that computes a task, by the kind of task. Its arguments are the candidate, the method (or the kind of
+sensitivity) and the seed, which follows from the task's name. Tasks of the kind "mode" have neither method nor seed;
+`compute` computes them directly."""
 
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:

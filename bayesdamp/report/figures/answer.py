@@ -33,7 +33,7 @@ from bayesdamp.verdict.words import named
 ANSWER_HEIGHT = 6.2
 """Height of the figure of an answer, in inches."""
 LAW_FREE_COLOUR = "#c9b27c"
-"""Colour of the band around the damping curve that is measured without a law."""
+"""Colour of the 95 % band of the damping ratio that is measured directly, without assuming a damping law."""
 MOST_POINTS = 1200
 """Largest number of points of a line in a panel: about two for each column of pixels in the PNG."""
 MOST_COLOURED = 6
@@ -41,13 +41,16 @@ MOST_COLOURED = 6
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
 MARKED_EXPONENTS = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
-"""Exponents that are marked on the axis, each with its label and its damping term."""
+"""Exponents p of a damping force ∝ |velocity|^p that are marked on the axis of p, each with its label and its damping
+term."""
 EXPONENT_ENDS = (-0.12, 3.05)
-"""Ends of the exponent's axis; its prior is uniform between 0 and 3."""
+"""Ends of the axis of the exponent p of a damping force ∝ |velocity|^p; the prior of p is uniform between 0 and 3."""
 CUBIC_EXPONENT = (3.0, "cubic", "cubic")
-"""A further mark on that axis, as in `MARKED_EXPONENTS`."""
+"""A further mark on the axis of the exponent, as in `MARKED_EXPONENTS`, if the damping of an envelope has a cubic
+term."""
 FIT_COLOUR, BAND_COLOUR = USED, "#D55E00"
-"""Colours of the fit, and of the ends of the decay and the scatter of the readings, in the figure of an envelope."""
+"""Colours in the figure of an envelope: of the fit with its band; and of the lines at the start and end of the decay
+and the ± 2 sd band of the readings' noise."""
 PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
 """Left, bottom, width and height of the three panels in the figure of an envelope, as fractions of the figure."""
 
@@ -55,7 +58,8 @@ PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "") -> Figure:
     """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
-    There are three panels if no law is drawn, because there is no residual.
+    If `arrays` contains no fit (because no damping law describes the record), the residual is left out and there are
+    three panels.
 
     Parameters
     ----------
@@ -88,9 +92,10 @@ def draw_answer(
     damping: str,
     recorded: str = "",
 ) -> None:
-    """Draw the four panels of `answer` on the given axes: record, damping ratio, residual, energy.
+    """Draw the panels of `answer` on the given axes: record, damping ratio, residual, energy lost in a cycle.
 
-    If no law is drawn, the axes of the residual are switched off. For the other arguments see `answer`.
+    `axes` contains these four axes; those of the residual may be None. If `arrays` contains no fit, the axes of the
+    residual are switched off. For the other arguments see `answer`.
     """
     whole, ratio, rest, energy = axes
     assert whole is not None
@@ -135,7 +140,11 @@ def draw_answer(
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    """Draw the damping ratio against amplitude: of the answer, of each law fitted alone, and measured without a law."""
+    """Draw the equivalent damping ratio in per cent against amplitude.
+
+    The curves are that of the answer with its 95 % band, that of each damping sum fitted to the record, and the 95 %
+    band of the ratio measured without assuming a damping law.
+    """
     law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")
     if law_free:
@@ -195,7 +204,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
 
 
 def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str) -> Figure:
-    """Draw the posterior of the exponent of the velocity, with its median and 95 % interval below.
+    """Draw the posterior of the exponent p of a damping force ∝ |velocity|^p, with its median and 95 % interval below.
 
     Parameters
     ----------
@@ -245,19 +254,21 @@ def draw_exponent(
 def draw_envelope(
     axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
 ) -> None:
-    """Draw an envelope with its fit, the residual and the exponent; without a decay only the record.
+    """Draw the readings of an envelope with the fit, the residual, and the exponent of the damping force.
+
+    If the record contains no free decay, only the readings are drawn.
 
     Parameters
     ----------
     axes
         Three axes, for record, residual and exponent. Axes without content are switched off.
     arrays
-        `t` (s) and `level` (dB): the record; `curve/...`: the decay, with the fields of
-        `inference.envelope.decay.Curve`.
+        The record: times `t` in s and readings `level` in `unit`. The decay, if there is one: `curve/...`, the fields
+        of `inference.envelope.decay.Curve`.
     verdict
         The verdict on the record.
     unit
-        Unit of the levels.
+        Unit of the readings, for the label of their axis.
     """
     whole, rest, below = axes
     whole.plot(*thin_line(arrays["t"], arrays["level"], MOST_POINTS), color=MUTED, lw=0.7)

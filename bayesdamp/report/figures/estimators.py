@@ -21,11 +21,12 @@ SINGLE_WIDTH = 4.3
 MOST_IN_ROW = 4
 """Largest number of panels in a row; more would be too narrow for their labels."""
 HALF_AXIS = 3.0
-"""Half the length of the axis, in half widths of the posterior's 95 % interval, which then fills the middle third."""
+"""Half the length of the axis of a coefficient in `estimate_panels`, as a multiple of half the posterior's 95 %
+interval; the interval then fills the middle third of the axis."""
 HALF_AXIS_ALONE = 0.06
-"""Half the length of the axis without a posterior, as a fraction of the true value or of the median estimate."""
+"""Half the length of this axis if there is no posterior, as a fraction of the true value or of the median estimate."""
 ROW, ROW_PUBLISHED = 0.31, 0.40
-"""Height in inches for each method, without and with a mark of the published error."""
+"""Height in inches of the row of a method in `estimate_panels`: without and with a mark for the published error."""
 _MARKS = "osD^vP*Xph<>"
 LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
 """Limits in per cent to which `sweep` clips errors."""
@@ -191,9 +192,17 @@ def force(
 
 
 def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
-    """Draw the errors of the methods against one factor: left their own estimates, right the trajectory fits.
+    """Draw the root mean square errors of estimators against noise, sampling or length, with the Cramér–Rao bound.
 
-    Both axes are logarithmic. A factor of 0 (no noise) is drawn at the left edge.
+    The left panel has the errors of the initial estimates, the right panel those after a trajectory fit that starts
+    there. Both axes are logarithmic. A noise of 0 is drawn at the left edge.
+
+    Parameters
+    ----------
+    along
+        The errors against one factor.
+    methods
+        Names of the estimators to draw.
     """
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = np.atleast_1d(figure.subplots(1, 2, sharey=True))

@@ -24,7 +24,8 @@ TRUE_LINE_STYLE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
 """Parameters that cannot be negative, besides the damping coefficients."""
 SETTLING_FRACTION = 0.15
-"""Fraction of the record, from its beginning, that does not set the scale of the axis because the band is too wide."""
+"""Fraction of the record, from its beginning, that does not affect the range of the vertical axis in
+`draw_running_estimates`, because the band of a running estimate is still very wide there."""
 
 Draws = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter its draws, of any shape."""
@@ -218,7 +219,7 @@ def draw_running_estimates(
     units: Mapping[str, str],
     truth: Mapping[str, float],
 ) -> Figure:
-    """Draw a Kalman filter's estimates of the damping coefficients against time.
+    """Draw a Kalman filter's estimates of the damping coefficients, from the record up to each time, against time.
 
     Parameters
     ----------
@@ -227,7 +228,8 @@ def draw_running_estimates(
     t
         Times in s, (n,).
     last, first
-        Mean and sd of each coefficient at each time, (n,) each, in the last and in the first pass of the filter.
+        Mean and sd of each coefficient at each time, (n,) each. The filter goes over the record several times (passes)
+        until its result converges: `last` is the last pass, drawn with a ± 2 sd band, and `first` the first pass.
     units, truth
         As in `marginals`.
     """

@@ -33,13 +33,14 @@ USED, NOT_USED = "#0072B2", "#56B4E9"
 _POINTS = 2000
 """Default number of points to which a line is thinned."""
 _MOST_LAG_LINES = 200
-"""Largest number of lags that are drawn as separate lines."""
+"""Largest number of lags for which an autocorrelation is drawn as separate lines; with more it is drawn as an area."""
 HEIGHT = 2.7
 """Height of a panel of `draw_motions`, in inches."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 """Number of time derivatives of the displacement in each recorded quantity."""
 LEAST_AXIS_RATIO = 2.0
-"""Smallest ratio of the ends of an axis of amplitudes, so that a nearly constant amplitude looks constant."""
+"""Smallest ratio of the upper to the lower end of an axis of amplitudes, so that a nearly constant amplitude looks
+constant."""
 _AMPLITUDE_POINTS = 200
 """Number of times at which an amplitude is drawn."""
 

@@ -35,7 +35,8 @@ from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTH_HOLDS
 from bayesdamp.verdict.types import Verdict
 
 WINDOW_SPREAD = 3.0
-"""Standard deviations by which a coefficient seldom changes by chance between parts of a record."""
+"""Largest change of a coefficient between parts of a record that passes the check, in standard deviations that are
+expected by chance."""
 ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -54,7 +55,11 @@ class Check:
 
 
 def sampling_sentence(comparison: Agreement) -> str:
-    """Return the introduction to a verdict from sequential Monte Carlo, which compares it with the first verdict."""
+    """Return the text that is printed before a verdict from sequential Monte Carlo.
+
+    It says whether this verdict confirms, changes or corrects the first verdict, which is from linear approximations
+    and was printed earlier. `comparison` contains the agreement of the two.
+    """
     if comparison.confirms:
         return "Sampling (sequential Monte Carlo) confirms this result. The report shows the result from sampling:"
     if comparison.same:

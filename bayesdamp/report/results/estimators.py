@@ -241,22 +241,24 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
 
 @dataclass(frozen=True)
 class ErrorSeries:
-    """Errors of the estimators on signals of one damping that differ in one factor only.
+    """Absolute errors of the estimated damping coefficient on simulated signals that differ in one factor only.
 
     Attributes
     ----------
     model, factor
-        The damping, and the factor: a key of `FACTORS`.
+        The damping of the signals, and the factor in which they differ: a key of `FACTORS`.
     values
         Values of the factor, ascending.
     errors
-        By (method, stage): the root mean square error at each value, in per cent of the truth.
+        By (method, stage): the root mean square error over repeats at each value, in per cent of the true coefficient.
     answers
         By (method, stage): at each value, the number of repeats with an estimate and the number of all repeats.
     bounds
-        The Cramér–Rao bound at each value, in per cent of the truth; nan if there is none.
+        The Cramér–Rao bound on the sd of an unbiased estimate at each value, in per cent of the true coefficient; nan
+        if there is none.
     each
-        By (method, stage): at each value, the error in per cent of each repeat with an estimate, by its number.
+        By (method, stage): for each value, a dictionary from the number of a repeat with an estimate to its error, in
+        per cent of the true coefficient.
     """
 
     model: str
@@ -401,9 +403,9 @@ def _leave_out(squares: np.ndarray) -> np.ndarray:
 
 
 def _half_width(left: np.ndarray) -> float:
-    """Return the half width of a statistic's jackknife interval (with probability `CONFIDENCE`), in its own unit.
+    """Return the half width of a statistic's jackknife interval (with probability `CONFIDENCE`, Student's t).
 
-    left: the statistic with each of the n repeats left out in turn, (n,).
+    left: the statistic, recomputed with each of the n repeats left out in turn, (n,). The result is in its unit.
     """
     n = left.size
     sd = math.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))

@@ -36,7 +36,7 @@ Row = dict[str, Any]
 _METHODS_BY_TRUST = ("combined", "nested", "bridge", "importance", "laplace")
 """Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
-"""Coefficients of the three classical damping terms."""
+"""Name of the coefficient of each of the three classical damping terms."""
 ANCHOR = "answer-"
 """Prefix of the anchor of a record's answer in the page; the name of the record follows."""
 MOST_RESULTS = 100
@@ -49,9 +49,20 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class RecordAnswer:
-    """The answer on a record: verdict, compared models, and arrays of its figure, in the unit of the record.
+    """The answer on a record, in the unit of the record's file.
 
-    signal: name of the record. envelope: further values of the answer on an envelope; None for an oscillation.
+    Attributes
+    ----------
+    signal
+        Name of the record.
+    verdict
+        The verdict on the record.
+    candidates
+        The compared models, with their evidence.
+    arrays
+        Arrays of the figure of the answer, by name.
+    envelope
+        Further values of the answer on an envelope; None for an oscillation.
     """
 
     signal: str
@@ -447,7 +458,10 @@ def answer_of(
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
-    """Return the answers on the first repeats of all records, in the study's order; of their arrays only `CURVE`."""
+    """Return the answers on the first repeats of all records, in the study's order.
+
+    To save memory, their `arrays` contain only the damping curve (`CURVE`).
+    """
     every = (answer_of(run, signal) for signal in run.signals)
     return [
         replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every if a is not None
@@ -491,9 +505,9 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 
 
 def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
-    """Return the geometric middle of the range of amplitudes that all records have in common.
+    """Return the geometric mean of the ends of the range of amplitudes that all damping curves have in common.
 
-    None if there is no such range, or if the records have different units.
+    It is in the unit of the records. None if there is no such range, or if the records have different units.
     """
     curves = [curve for answer in records if (curve := curve_of(answer)) is not None]
     units = {a.verdict.damping_ratio[0].unit for a in records if a.verdict.damping_ratio}

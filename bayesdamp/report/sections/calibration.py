@@ -20,7 +20,8 @@ from bayesdamp.report.sections import Section, collapsible, heading, paragraph, 
 from bayesdamp.types import OK
 
 LISTED_P_VALUES = 15
-"""Number of the smallest p values that are listed."""
+"""Number of p values that the page lists, the smallest first. They are from the tests whether ranks are uniform and
+intervals have their nominal coverage; calibration.csv contains all."""
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
     "posterior is sampled from starting points that are computed from the record alone. If the posteriors are "
@@ -249,7 +250,11 @@ class RecoveredSection(Section):
 
 
 def _tables(result: Mapping[str, Any]) -> list[Table]:
-    """Return the confusion matrix of the models, and tables of the reliability by probability, model and design."""
+    """Return the confusion matrix of the models, and tables of how reliable their probabilities are.
+
+    The further tables compare expected with observed numbers of correct answers: by the probability of the best model,
+    by model, and by the noise and the number of cycles of the simulated records.
+    """
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
     caption = "Number of records, by true model (rows) and most probable model (columns)"

@@ -266,7 +266,11 @@ class SeedsSection(SignalSection):
 
 
 def _sentences(mode: ModeContent) -> list[str]:
-    """Return sentences on how many searches reached the mode, where the others ended, and what touches zero."""
+    """Return sentences on the searches for the posterior mode of a model.
+
+    They say how many starting points reached the mode, where the other searches ended, which estimates had no usable
+    values, and which coefficients have a posterior that touches zero.
+    """
     climbs, modes = mode.climbs, mode.modes
     ended = [c for c in climbs if c.mode == 0]
     reached = sum(1 + len(c.same) for c in ended)
@@ -297,7 +301,10 @@ def _sentences(mode: ModeContent) -> list[str]:
 
 
 def _listing(seeds: Iterable[Seed]) -> str:
-    """Return a list in words of starting points, by their source and stage."""
+    """Return a list of starting points in words, such as "least squares (trajectory fit) and draw from the prior".
+
+    Each is described by its source (for example an estimator), and by the stage of the estimator if it has one.
+    """
     names = []
     for seed in seeds:
         details = [words.stage(seed.stage)] if seed.stage else []

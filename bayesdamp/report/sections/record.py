@@ -113,7 +113,10 @@ class RecordSection(SignalSection):
 
 
 class NoiseSection(SignalSection):
-    """The section with the evidence of the noise models and of the widths of friction, and which are used."""
+    """The section with the evidence of the noise models and of the widths of friction, and the ones that are used.
+
+    The width of friction is the velocity within which Coulomb friction changes its sign.
+    """
 
     order = 45
     name = "noise"
@@ -135,7 +138,7 @@ class NoiseSection(SignalSection):
         return content is not None and (len(content.noises) > 1 or bool(content.frictions))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a table of the noise models and of the widths."""
+        """Return a table of the noise models with their evidence, and a table of the widths of friction."""
         content = answer_content(run, signal)
         assert content is not None
         noises = sorted(content.noises, key=lambda noise: -noise.log_evidence)

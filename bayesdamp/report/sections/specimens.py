@@ -132,7 +132,7 @@ def population_sentence(task_result: TaskResult) -> str:
 
 
 def _capped_text(probability: float) -> str:
-    """Return a probability as text, capped like the probabilities of the answers."""
+    """Return a probability as text; "> 0.99" if it is above 0.99 (`CAP`), the largest probability that is stated."""
     return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
 
 
