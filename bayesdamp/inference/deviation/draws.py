@@ -1,7 +1,8 @@
 """Compute the probabilities of candidates, draw from their posteriors, and summarise the draws.
 
-The quantities are damping ratios (from the work of the damping on undamped orbits), fractions of the dissipated energy,
-and the sizes of deviations and of residuals beyond the noise.
+A candidate is a sum of damping terms under a restoring law. The summarised quantities are equivalent damping ratios
+(from the work of the damping on undamped orbits), fractions of the dissipated energy by term, the sizes of deviations
+from the laws, and the residual beyond the noise.
 """
 
 from __future__ import annotations
@@ -25,26 +26,27 @@ from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
 
 POWER_TIMES = 4000
-"""Number of times in a motion at which the dissipated power is computed."""
+"""Number of equidistant times in a motion at which `shares_of` computes the dissipated power."""
 TOTAL_DRAWS = 4000
 """Number of draws from all candidates together."""
 COVERED_PROBABILITY = 0.99
-"""Draws are from the most probable candidates, as many as are needed for this total probability."""
+"""`draw_candidates` draws from the most probable candidates, as many of them as are needed for this total
+probability."""
 MOST_DISTINCT_DRAWS = 200
-"""Largest number of different draws of a candidate whose terms have own parameters, because each needs a quadrature of
-the work."""
+"""Largest number of different draws of a candidate whose terms have own parameters (such as an exponent), because each
+needs its own integral of the work; the draws are repeated to the wanted number."""
 DRIFT_SDS = 5.0
-"""A drift of this many standard deviations is significant: one false alarm in 400 records of `LEAST_CYCLE_MEANS`
-cycles, far fewer with more cycles."""
+"""A drift of the midline is significant if it exceeds this many of its standard deviations: one false alarm in 400
+records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
-"""Least number of cycles for which `midline_drift` fits a straight line to their mean residuals."""
+"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles."""
 UNNAMED_DRAWS = 400
 """Number of draws in `unnamed_share`, from all candidates together."""
 ORBIT_POINTS = 200
 """Number of quadrature points in half a cycle for the work of the damping."""
 CENTRE_BRACKETS = (1e-3, 0.03, 0.1, 0.25, 0.5)
-"""Half widths of the brackets about the equilibrium in which the centre of an orbit is searched, in amplitudes; tried
-in turn."""
+"""`orbit_at` searches the middle of an orbit in brackets about the equilibrium with these half widths, in amplitudes;
+they are tried in turn."""
 _ORBIT_PHASES = (np.arange(ORBIT_POINTS) + 0.5) / ORBIT_POINTS * np.pi - 0.5 * np.pi
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 _X, _W = np.polynomial.legendre.leggauss(48)
@@ -53,7 +55,11 @@ _X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True)
 class Quantity:
-    """Median and 95 % interval of a number, and the parts of its sd from noise and from deviations (nan if unknown)."""
+    """Median and 95 % interval (2.5 and 97.5 % quantiles) of a number, and two parts of its standard deviation.
+
+    sd_noise: the part that noise alone would cause if the laws were exact. sd_law: the rest, √(variance − sd_noise²),
+    from deviations from the laws. Both are nan if unknown.
+    """
 
     value: float
     low: float
@@ -63,9 +69,10 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Return median and 95 % interval of draws, (n,); `noise` is the part of their sd that noise alone causes.
+    """Return median and 95 % interval of draws, (n,), with the parts of their sd.
 
-    The part from deviations is √(variance − noise²), at least 0; nan if `noise` is nan.
+    noise: the part that noise alone causes. The part from deviations is √(variance − noise²), at least 0; it is nan if
+    `noise` is nan.
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
@@ -81,13 +88,13 @@ class CandidateDraws:
     result : CandidateResult
         The candidate's result.
     coefficients : ndarray, shape (n, m)
-        Coefficients of the solver's terms.
+        Coefficients of the solver's m terms; 0 for terms that the candidate does not have.
     further : ndarray, shape (n, e)
-        Own parameters of the terms.
+        Own parameters of the terms, such as exponents, and fixed reference values in their forces.
     law : ndarray, shape (n, r)
         Parameters of the restoring law.
     g, h : ndarray, shape (n, k)
-        Deviations of the damping and of the frequency at the knots.
+        Log deviation of the damping and relative deviation of the frequency, at the k knots.
     """
 
     result: CandidateResult
@@ -99,17 +106,17 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Return the draws u = (scores, g, h), (n, K), of a candidate, converted to parameters and deviations."""
+        """Convert draws u = (scores, g, h), (n, K), of a candidate's posterior to parameters and deviations."""
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
         return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Evaluate a function of the terms' own parameters for each draw, (n, m), only once for equal parameters.
+        """Evaluate a function of the terms' own parameters for each draw, but only once for draws with equal ones.
 
-        The function maps rows of own parameters, (d, e), to (d, m). The result is (1, m) if all draws have the same
-        own parameters.
+        The function maps r different rows of `further`, (r, e), to values (r, m). Return the values of the n draws, (n,
+        m), or (1, m) if all draws have the same own parameters.
         """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
         values = function(rows)
@@ -119,19 +126,20 @@ class CandidateDraws:
 def candidate_probabilities(
     comparison: ModelComparison, exact: bool, forms: bool = True
 ) -> dict[MotionCandidate, float]:
-    """Return the posterior probabilities under exact or approximate laws, from evidences and prior `odds`.
+    """Return the posterior probability of each candidate, from evidences and prior odds (`priors.odds`); the sum is 1.
 
-    For approximate laws, only candidates that could be linearised with deviations are included; if there are none, the
-    probabilities are those under exact laws.
+    With exact laws the evidences without deviations are used, else those with deviations g and h. In the second case
+    only candidates that could be linearised with deviations are included; if there are none, the probabilities are
+    those under exact laws.
 
     Parameters
     ----------
     comparison : ModelComparison
         The comparison.
     exact : bool
-        Whether laws are exact; if False, approximate.
+        Whether the laws are assumed to be exact; if False, deviations from them are allowed.
     forms : bool
-        Whether to include the rivals.
+        Whether to include the rivals, which are sums with a form of damping that is not compared.
     """
     logs: dict[MotionCandidate, float] = {}
     for r in (*comparison.results, *(comparison.forms if forms else ())):
@@ -149,10 +157,11 @@ def candidate_probabilities(
 def draw_candidates(
     comparison: ModelComparison, chosen: Mapping[MotionCandidate, float], rng: np.random.Generator
 ) -> list[CandidateDraws]:
-    """Draw from the posteriors of the most probable candidates, from each in proportion to its probability.
+    """Draw from the posteriors of the most probable candidates, with numbers in proportion to their probabilities.
 
-    chosen: probability of each candidate. There are about `TOTAL_DRAWS` draws in total. Candidates beyond
-    `COVERED_PROBABILITY`, or with less than half a draw, are left out.
+    chosen: probability of each candidate. About `TOTAL_DRAWS` draws are made in all. Candidates beyond
+    `COVERED_PROBABILITY`, or with less than half a draw, are left out. The result has an element for each of the
+    others.
     """
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
@@ -162,10 +171,10 @@ def draw_candidates(
 
 
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
-    """Draw from one candidate: from its sampled draws if they are trusted, else from its linear posterior.
+    """Return `count` draws of one candidate: of its sampled draws if they are trusted, else from its linear posterior.
 
-    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different. Without deviations, g
-    and h are 0.
+    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the
+    deviations g and h of the draws are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -181,9 +190,10 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 
 
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
-    """Return the fraction of the energy lost over the record that each term dissipates, (draws, m).
+    """Return the fraction of the energy lost over the record that each term dissipates, for each draw, (draws, m).
 
-    The motion is that at each candidate's mode for all of its draws. The m terms are those of the solver.
+    The m terms are those of the solver. For all draws of a candidate the work is computed along one motion, that at the
+    candidate's mode.
     """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
@@ -199,7 +209,10 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 
 
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
-    """Return the sd that noise alone causes in each inferred parameter under exact laws, in its unit, by name."""
+    """Return, by name, the sd of each inferred parameter (in its unit) that noise alone would cause under exact laws.
+
+    It is that of the linear posterior without deviations, scaled to the variance of the noise in the comparison.
+    """
     parameters = result.fit.parameters
     sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
     sds *= np.sqrt(comparison.variance / result.exact_variance)
@@ -213,9 +226,9 @@ class Orbit:
     Attributes
     ----------
     energy : float
-        Energy per unit of inertia, relative to rest at the equilibrium.
+        Energy per unit of inertia, in rad²/s² or m²/s²; it is 0 for a body at rest at the equilibrium.
     x, speed, width : ndarray, shape (n,)
-        Positions (rad or m) at quadrature points, speeds there, and quadrature weights dx.
+        Positions (rad or m) at quadrature points, speeds there (rad/s or m/s), and quadrature weights dx (rad or m).
     """
 
     energy: float
@@ -225,15 +238,16 @@ class Orbit:
 
     @property
     def frequency(self) -> float:
-        """Return the frequency of the oscillation, in rad/s."""
+        """Return the frequency of the undamped oscillation, in rad/s."""
         return float(np.pi / np.sum(self.width / self.speed))
 
 
 @lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it would escape.
+    """Return the undamped orbit with an amplitude about the equilibrium `rest` (both in rad or m).
 
-    law: parameters of the restoring law.
+    None if there is no such orbit, because the motion would escape over a potential barrier. law: parameters of the
+    restoring law.
     """
     force = on_arrays(LAWS.get(restoring).kernel)
 
@@ -267,19 +281,20 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
-    """Return the frequency of small oscillations about the equilibrium `rest`, √F′, in rad/s.
+    """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s.
 
-    scale: a typical displacement in rad or m, 1e-5 of which is the step of the difference quotient.
+    F′ is the derivative of the restoring force per unit of inertia. scale: a typical displacement in rad or m; the
+    difference quotient for F′ has the step 1e-5 `scale`.
     """
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
 
 
 def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
-    """Return the frequency at an amplitude, in rad/s, by harmonic balance: from the first harmonic of the force.
+    """Return the frequency at an amplitude (rad or m), in rad/s, by harmonic balance: from the force's first harmonic.
 
-    It is 0 if this harmonic does not pull back. It needs only a few forces, and is accurate enough for the change of
-    the frequency with the law's parameters (N. M. Krylov and N. N. Bogoliubov, 1943).
+    It is 0 if this harmonic does not pull back. It needs only 16 values of the force, and its change with the
+    parameters of the law is accurate enough for the spread between draws (N. M. Krylov and N. N. Bogoliubov, 1943).
     """
     force = by_kernel(LAWS.get(restoring).kernel, law)
     pull = float(force(rest + amplitude * _COSINES) @ _COSINES)
@@ -287,10 +302,10 @@ def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: 
 
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and amplitudes of a motion's half cycles, as two arrays.
+    """Return times in s and amplitudes (rad or m) of a motion's half cycles, as two arrays of the same length.
 
-    An amplitude is half the distance between two turning points, its time the middle between them. Amplitudes never
-    rise: a larger one is replaced by the one before it. Half cycles of zero amplitude are left out.
+    An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude that
+    is larger than the one before it is replaced by that one. Half cycles of zero amplitude are left out.
     """
     times, states = motion.refined
     v = states[:, 1]
@@ -308,9 +323,10 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def time_fraction(result: CandidateResult, amplitude: float) -> float:
-    """Return the time at which the motion reaches an amplitude (rad or m), as a fraction of the record, from 0 to 1.
+    """Return the time at which a candidate's motion reaches an amplitude (rad or m), as a fraction of the record.
 
-    Outside the motion's amplitudes it is that of the nearest one; with fewer than two half cycles it is 0.5.
+    An amplitude outside the range of the motion's amplitudes gets the time of the nearest one. With fewer than two half
+    cycles the result is 0.5.
     """
     at, sizes = turning_amplitudes(result.motion)
     if at.size < 2:
@@ -322,7 +338,7 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
 def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
     """Return the undamped orbit with an amplitude (rad or m) under the restoring law at the candidate's mode.
 
-    None without an equilibrium near the record's midline, or if the orbit would escape.
+    None if there is no equilibrium near the record's midline, or if the orbit would escape over a potential barrier.
     """
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
@@ -332,10 +348,11 @@ def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
 def unit_works(
     orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
 ) -> np.ndarray:
-    """Return the energy that each of m terms dissipates in a cycle, per unit of its coefficient and of inertia, (d, m).
+    """Return the energy that each term dissipates in a cycle of an orbit, per unit coefficient and inertia, (d, m).
 
-    further: rows of the terms' own parameters, (d, e). active: which terms act, (m,). epsilon: width of friction, by
-    default that of the solver.
+    further: d rows of the terms' own parameters, (d, e). active: mask of the terms that act; the others get 0, (m,).
+    epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s, by default that of the
+    solver.
     """
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
     weight = np.concatenate([orbit.width, -orbit.width])
@@ -343,10 +360,10 @@ def unit_works(
 
 
 def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
-    """Return the damping ratio at an amplitude per unit of each coefficient, (n, m), or (1, m) if equal for all draws.
+    """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
 
-    None where no orbit has the amplitude. With `every_term`, terms without own parameters that the candidate does not
-    have are included.
+    The result is (1, m) if all draws have the same own parameters; None if no orbit has the amplitude (rad or m). With
+    `every_term`, terms that the candidate does not have are included if they have no own parameters; else they get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -359,7 +376,7 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = Fals
 
 
 def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
-    """Interpolate values at equidistant knots, (n, k), at a fraction of the record: (n,)."""
+    """Interpolate values at equidistant knots, (n, k), at a fraction (0 to 1) of the record; return (n,)."""
     k = values.shape[1]
     at = fraction * (k - 1)
     i = min(int(at), k - 2)
@@ -367,11 +384,12 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
 
 
 def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the difference of a deviation from its linear interpolation between knots: (n,), for values (n, k) at knots.
+    """Draw how much a deviation differs from its linear interpolation at a random time between knots: (n,).
 
-    Between two knots the deviation is a Brownian bridge. Its variance is u (1 − u) of the variance of a step at a
-    fraction u of the way (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth
-    on average. The variance of a step is half that of the draw's second differences, which contain no linear trend.
+    values: the deviation at the k knots for n draws, (n, k). Between two knots the deviation is a Brownian bridge. Its
+    variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian
+    Motion and Stochastic Calculus, 1991, 5.6.B), a sixth on average. The variance of a step is half that of the draw's
+    second differences, which contain no linear trend.
     """
     sd = np.sqrt(np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 12)
     return sd * rng.standard_normal(len(values))
@@ -380,7 +398,11 @@ def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def deviations_at(
     d: CandidateDraws, amplitude: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return g and h of a candidate's draws at an amplitude, (n,) each; g includes the bridge of `between_knots`."""
+    """Return g (log damping) and h (relative frequency) of a candidate's draws at an amplitude (rad or m), (n,) each.
+
+    They are interpolated between knots at the time when the motion has this amplitude; g also includes the random
+    difference of `between_knots`.
+    """
     share = time_fraction(d.result, amplitude)
     return at_fraction(d.g, share) + between_knots(d.g, rng), at_fraction(d.h, share)
 
@@ -392,9 +414,9 @@ def ratio_at(
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Summarise the draws of the equivalent damping ratio at an amplitude. Parameters as of `draw_ratios`.
+    """Return median, 95 % interval and parts of the sd of the equivalent damping ratio at an amplitude.
 
-    All numbers but the amplitude are nan if no orbit has the amplitude.
+    Parameters as of `draw_ratios`. All numbers but the amplitude are nan if no orbit has this amplitude.
     """
     ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
     if not ratios.size:
@@ -410,9 +432,10 @@ def draw_ratios(
     sensor: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, float]:
-    """Draw the equivalent damping ratio at an amplitude, (n,); return also the sd that noise alone causes.
+    """Return draws of the equivalent damping ratio at an amplitude, (n,), and the sd that noise alone would cause.
 
-    Candidates without an orbit of this amplitude are left out; if all are, the draws are empty and the sd is nan.
+    The draws include the deviations from the laws. Candidates without an orbit of this amplitude are left out; if all
+    are, the draws are empty and the sd is nan.
 
     Parameters
     ----------
@@ -458,10 +481,10 @@ def _average_over_frictions(
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the damping ratio of each draw, (n,), with a width of friction drawn from the posterior of the widths.
+    """Return the damping ratio of each draw, (n,), with a width ε of dry friction drawn from the posterior of ε.
 
-    Without friction, or if only one width was used, they are those of the solver's width. per_unit: result of
-    `ratios_per_unit`.
+    ε is the width of the velocity in which friction changes its sign. Without friction in the candidate, or if ε is
+    known, the ratios are those at the ε of the solver. per_unit: result of `ratios_per_unit`.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
@@ -486,7 +509,10 @@ def _average_over_frictions(
 
 
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
-    """Return the energy-weighted mean of |deviation − its mean over the record|, (n,), for draws at knots, (n, k)."""
+    """Return the mean over the record of |deviation − its own mean|, for each draw, (n,).
+
+    Both means are weighted by the energy of the oscillation. values: g or h at the knots, (n, k).
+    """
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight
@@ -495,10 +521,10 @@ def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
 def ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[Quantity, ...]:
-    """Return, for each amplitude (rad or m), median and 95 % interval of the damping divided by that of its law.
+    """Return median and 95 % interval of the damping divided by that of its law, for each amplitude (rad or m).
 
-    The quotient is exp(g − mean of g), where the mean over the record is weighted by the energy. The draws of all
-    candidates are joined.
+    The quotient is exp(g − mean of g), where g is the log deviation of the damping and its mean over the record is
+    weighted by the energy. The draws of all candidates are joined.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -511,7 +537,7 @@ def ratio_over_law(
 def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Return, for each amplitude (rad or m), mean and sd of log(damping ratio / damping ratio without deviations)."""
+    """Return mean and sd of log(damping ratio / damping ratio without deviations), for each amplitude (rad or m)."""
     pairs = []
     for a in amplitudes:
         deviations = [deviations_at(d, a, rng) for d in drawn]
@@ -521,7 +547,7 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return weights of equidistant knots, (k,), in proportion to the squared amplitude there; their sum is 1.
+    """Return weights, (k,), of k equidistant knots in proportion to the squared amplitude there; their sum is 1.
 
     With fewer than two half cycles they are equal.
     """
@@ -534,9 +560,10 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
     """Return median and 95 % interval of the fraction of the energy loss that no sum of compared terms explains.
 
-    For each draw it is the mean relative distance of its damping curve, deviations included, from the nearest sum with
-    coefficients ≥ 0, weighted by the energy lost. Candidates without an orbit at one of the amplitudes, and draws that
-    lose no energy, are left out; None if nothing remains. `amplitudes` (rad or m) fall.
+    For each draw the damping ratio against amplitude, deviations included, is approximated by the nearest sum of terms
+    with coefficients ≥ 0. The fraction is the mean relative distance of the two curves, weighted by the energy lost.
+    Candidates without an orbit at one of the amplitudes, and draws that lose no energy, are left out; None if nothing
+    remains. amplitudes: falling, in rad or m.
     """
     total = sum(len(d.coefficients) for d in drawn)
     counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
@@ -546,10 +573,10 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 
 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return, for each of about `count` draws of a candidate, the fraction of its energy loss that no sum explains.
+    """Return the fraction of the energy loss that no sum of compared terms explains, for about `count` of the draws.
 
-    `amplitudes` are in rad or m. Draws that lose no energy are left out. The result is empty if there is no orbit at
-    one of the amplitudes.
+    See `unnamed_share`. amplitudes: in rad or m. Draws that lose no energy are left out. The result is empty if no
+    orbit has one of the amplitudes.
     """
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
@@ -578,11 +605,11 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 
 
 def midline_drift(result: CandidateResult) -> float:
-    """Return the drift of the midline over the record divided by the first amplitude.
+    """Return the drift of the midline over the record, as a fraction of the first amplitude; 0 if insignificant.
 
-    The mean residual of each cycle (or block) is fitted with a straight line; the scatter of these means about it
-    determines the sd of its slope. A drift of less than `DRIFT_SDS` sds, or with fewer than `LEAST_CYCLE_MEANS` means,
-    is returned as 0.
+    A straight line is fitted to the mean residual of each cycle (or block of an averaged record); the scatter of these
+    means about it gives the sd of its slope. The drift is significant if it exceeds `DRIFT_SDS` sds and there are at
+    least `LEAST_CYCLE_MEANS` means.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
@@ -601,10 +628,10 @@ def midline_drift(result: CandidateResult) -> float:
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of the residual beyond the noise under exact laws, and the sd of the noise of a sample.
+    """Return the rms of the part of the exact laws' residual that is not noise, and the sd of the noise of a sample.
 
-    Both are fractions of the first amplitude. The noise is the residual that remains with deviations; without a
-    linearisation, the residual under exact laws itself.
+    Both are fractions of the first amplitude. The noise is the residual that remains with deviations g and h; without a
+    linearisation with deviations, all of the residual counts as noise.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left

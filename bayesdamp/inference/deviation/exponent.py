@@ -1,8 +1,9 @@
-"""Infer the exponent p of a damping force c |v|^p.
+"""Infer the exponent p of a damping force c |v|^p against the velocity v.
 
-At each of several exponents the other parameters are fitted and the evidence is computed; the posterior is interpolated
-between them. A model that is linear in the exponent would fail: g can replace the dependence on the amplitude that an
-exponent causes, and along this degenerate direction the coefficient follows a curve.
+At each of several exponents the other parameters are fitted and the evidence is computed; the posterior of p is
+interpolated between them. A model that is linear in p would fail, because p and the log deviation of the damping, g,
+are nearly degenerate: a g that changes with the amplitude has the same effect as another p, and along this degeneracy
+the coefficient c follows a curve.
 """
 
 from __future__ import annotations
@@ -31,36 +32,41 @@ from bayesdamp.physics.kernel import Solver
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
 """Ends of the uniform prior of the exponent."""
 ROUNDED = 0.002
-"""Fraction of the peak velocity below which a power under 1 is smoothed. A larger one would change the power at small
-amplitudes."""
+"""Width of the smoothing of a power p < 1 near zero velocity, at most this fraction of the peak velocity. A larger
+width would change the power at small amplitudes."""
 ASIDE = (0.0, -0.4, 0.4)
-"""Exponents at which fits start, relative to the local exponent of the best candidate at the middle amplitude."""
+"""Exponents at which fits of a power law start, minus the local exponent of the best candidate (that of its damping
+against velocity) at the middle amplitude."""
 NEAR = 1.5
-"""Factor between the middle amplitude and each of the two amplitudes from which the local exponent is computed."""
+"""The local exponent at the middle amplitude is computed from the damping at this amplitude times and divided by this
+factor."""
 FIRST = 1.0
-"""Distance of the second and third exponent from the best one, in standard deviations of the linear posterior (with 2,
-sds of the exponent differ by up to 10 % from those of four times as many exponents, with 1 by 2 %)."""
+"""Distance of the second and third exponent that are tried from the best one, in sds of the exponent in the linear
+posterior. With 1, the resulting sd of the exponent differs by 2 % from that with four times as many exponents; with 2,
+by up to 10 % (measured)."""
 FEW = 1000
 """Number of draws from which the sd of the exponent in the linear posterior is computed."""
 NARROWEST, WIDEST = 0.003, 0.5
-"""Smallest and largest distance of the second and third exponent from the best one."""
+"""Smallest and largest distance of the second and third exponent from the best one; they limit the distance from
+`FIRST`."""
 FURTHER = 3.0
-"""Factor by which the distance from the best exponent grows from one exponent to the next one outwards."""
+"""Factor by which the distance from the best exponent grows from one exponent to the next, going outwards."""
 NEGLIGIBLE = 7.0
-"""Exponents are added outwards until the log evidence is this many nats below the largest."""
+"""Exponents are added outwards until the log evidence at the last of them is this many nats below the largest."""
 ALIKE = 0.25
-"""Posterior probability between two neighbouring exponents above which another is added between them."""
+"""Another exponent is added between two neighbouring ones if the posterior probability between them is larger than
+this."""
 ENOUGH = 20
-"""Number of exponents at which the search for further ones ends."""
+"""No more exponents are tried once this number is reached."""
 LEVELS = (np.arange(400) + 0.5) / 400
-"""Probabilities at which quantiles of the exponent are returned; the quantiles serve as draws."""
+"""Equidistant probabilities at which quantiles of the exponent are returned; the 400 quantiles serve as draws."""
 POINTS = 3001
 """Number of points of the interpolated posterior."""
 
 
 @dataclass(frozen=True)
 class _At:
-    """The fit at one exponent: log evidence in nats, the fit itself, and u = (scores, g, h) at the mode."""
+    """The fit at one exponent: log evidence in nats, the least-squares fit, and u = (scores, g, h) at the mode."""
 
     log_evidence: float
     fit: LeastSquaresFit
@@ -68,10 +74,11 @@ class _At:
 
 
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
-    """Return quantiles of the exponent at `LEVELS`; an empty tuple if no motion under a power law fits the record.
+    """Return quantiles of the exponent p of a damping force c |v|^p at the probabilities `LEVELS`.
 
-    The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the coefficient is
-    the default prior of a damping ratio, at the geometric mean of the record's first and last amplitude.
+    An empty tuple is returned if no motion under a power law fits the record. The restoring law is that of the best
+    candidate. The prior of the exponent is uniform; that of the coefficient is the default prior of a damping ratio, at
+    the geometric mean of the record's first and last amplitude.
     """
     if not comparison.results:
         return ()
@@ -103,7 +110,10 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     sd = float(np.std(draws[:, place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:
-        """Fit at exponent p, starting at the mode of another exponent (None: at that of `top`); None if this fails."""
+        """Fit at exponent p, starting at the mode `near` of another exponent; None if this fails.
+
+        Without `near`, start at the fit in which the exponent is free.
+        """
         priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
         fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
         solver = power_solver(comparison, p)
@@ -138,7 +148,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
-    For p < 1 the width in which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
+    For p < 1 the width of the velocity in which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
@@ -150,8 +160,8 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 def exponent_starts(comparison: ModelComparison) -> list[float]:
     """Return three exponents at which fits may start, within the prior.
 
-    They are the local exponent of the best candidate at the middle amplitude, a smaller and a larger one (`ASIDE`). The
-    list is empty if the best candidate has no orbit there or loses no energy.
+    They are the local exponent of the best candidate's damping against velocity at the middle amplitude, a smaller and
+    a larger one (`ASIDE`). The list is empty if the best candidate has no orbit there or loses no energy.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
@@ -171,10 +181,12 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
 def _explore(
     at: Callable[[float, _At | None], _At | None], best: float, sd: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the cumulative posterior probability and its exponents, (n,) each.
+    """Compute the posterior of the exponent; return cumulative probabilities and their exponents, (n,) each.
 
-    None if fewer than two exponents can be fitted. at: fits an exponent from the mode of another one. best, sd: where
-    to start. First extend the exponents outwards until both ends are negligible, then refine between neighbours.
+    None if fewer than two exponents can be fitted. at: function that fits at an exponent, starting from the fit at
+    another one. best, sd: the most probable exponent and its sd under the linear model, where the search starts.
+    Exponents are added outwards until both ends are negligible, and then between neighbours that contain much
+    probability.
     """
     best = float(np.clip(best, LEAST_EXPONENT, MOST_EXPONENT))
     middle = at(best, None)
@@ -225,9 +237,9 @@ def _explore(
 
 
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate the log evidences `log` (nats) at increasing exponents p, (m,) each.
+    """Interpolate log evidences `log` (nats) at increasing exponents p, (m,) each.
 
-    Return a grid of exponents and the cumulative probability there, (POINTS,) each.
+    Return a grid of exponents and the cumulative posterior probability there, (POINTS,) each.
     """
     grid = np.linspace(p[0], p[-1], POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)

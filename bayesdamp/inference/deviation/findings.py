@@ -1,4 +1,4 @@
-"""Compute from a comparison the numbers of a verdict, the summary of a posterior, and the arrays of a figure."""
+"""Compute from a model comparison the numbers of a verdict, the summary of a posterior, and arrays for figures."""
 
 from __future__ import annotations
 
@@ -48,20 +48,22 @@ include it."""
 CURVE_AMPLITUDES = 12
 """Number of amplitudes in a damping curve."""
 PROBABLE_RIVALS = 1e-3
-"""If the rivals together are more probable than this, damping ratios are averaged over them too."""
+"""Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
+together more probable than this."""
 FREQUENCY_DRAWS = 200
-"""Number of draws of each candidate from which a frequency is computed (at most twice as many are used)."""
+"""About this number of each candidate's draws is used to compute a frequency (at most twice as many)."""
 UNDETERMINED_WIDTH = 0.7
-"""A record does not determine a parameter whose 95 % interval is wider than this fraction of the prior's 95 % interval
-(conventional)."""
+"""A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
+interval of its prior (conventional)."""
 TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
-"""Only a combination of two parameters is determined if their correlation is larger than the first value, and half the
-95 % interval of each is larger than the second value times its mean (conventional)."""
+"""Only a combination of two parameters is determined if the absolute correlation of their draws is larger than the
+first value, and for each of them half the 95 % interval is larger than the second value times its mean
+(conventional)."""
 HDI_PROBABILITY = 0.95
-"""Probability of the shortest (highest-density) interval, which `posterior_of` returns."""
+"""Probability of the shortest (highest-density) interval of a parameter that `posterior_of` returns."""
 MOST_PLOTTED = 3000
-"""Largest number of samples in a figure. A longer record is cut into stretches, of which the minimum and the maximum
-are kept."""
+"""Largest number of samples in a figure. A longer record is cut into stretches, and only the minimum and the maximum of
+each are drawn."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
@@ -69,11 +71,15 @@ QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.
 class Findings:
     """The numbers from which a verdict is decided.
 
+    Compared sums are the sums of damping terms in the comparison; rivals are sums with another form of damping. g is
+    the log deviation of the damping from its law, h the relative deviation of the frequency.
+
     Attributes
     ----------
     damping, damping_if_exact : mapping of str to float
-        Probability of each damping sum (terms joined by +), the most probable one first: in the comparison, where
-        rivals have the rest of the probability, and if laws were exact, without rivals.
+        Probability of each compared sum (terms joined by +), the most probable one first. `damping` is from the
+        comparison, in which rivals have the rest of the probability; `damping_if_exact` is under exact laws and without
+        rivals, so that its sum is 1.
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
@@ -83,12 +89,12 @@ class Findings:
     term : mapping of str to float
         Probability that the damping contains each term.
     ratios, curve : tuple of Ratio
-        Damping ratios at the amplitudes that were asked for, and at `CURVE_AMPLITUDES` amplitudes from the first to the
-        last of the record.
+        Equivalent damping ratios at the amplitudes that were asked for, and at `CURVE_AMPLITUDES` amplitudes from the
+        first to the last of the record.
     frequency : Quantity
         Frequency of small oscillations, in Hz.
     energy : mapping of str to Quantity
-        Fraction of the dissipated energy by damping term.
+        Fraction of the dissipated energy that each damping term takes.
     bound : mapping of str to float
         95 % upper limit of the fraction of the dissipated energy, for each term and other form that is not in the most
         probable sum.
@@ -101,7 +107,8 @@ class Findings:
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
-        Rms of the unexplained residual, and of the noise of a sample, as fractions of the first amplitude.
+        Rms of the residual under exact laws that is not noise, and sd of the noise of a sample, as fractions of the
+        first amplitude.
     amplitudes : tuple of float
         First and last amplitude of the record, in rad or m.
     cycles : float
@@ -109,7 +116,8 @@ class Findings:
     free : FreeCurve, optional
         The damping curve without a law.
     unnamed : Quantity, optional
-        Fraction of the dissipated energy that no sum of the compared terms explains; None under exact laws.
+        Fraction of the dissipated energy that no sum of the compared terms with coefficients ≥ 0 explains; None under
+        exact laws.
     undetermined, inseparable : tuple
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
@@ -120,7 +128,7 @@ class Findings:
     frequency_at : Quantity, optional
         Frequency in Hz at the last amplitude of `ratios`.
     over_law : tuple of Quantity
-        Damping divided by that of its law, at the amplitudes of `ratios`; empty under exact laws.
+        Damping with deviations divided by that of its law, at the amplitudes of `ratios`; empty under exact laws.
     over_curve : tuple of (float, float)
         Mean and sd of log(damping ratio / damping ratio without deviations) at the amplitudes of `curve`; empty under
         exact laws.
@@ -158,7 +166,10 @@ class Findings:
 
 
 def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
-    """Return three amplitudes of the record, in rad or m: 10, 50 and 90 % of the way from first to last in the log."""
+    """Return three amplitudes of the record, in rad or m, at 10, 50 and 90 % of the way from its first to its last one.
+
+    The way is measured in the logarithm of the amplitude.
+    """
     data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
     span = np.log(first / last)
@@ -254,15 +265,18 @@ def compute_findings(
 
 
 def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
-    """Return the total probability of each damping sum, or with `part` = 1 of each restoring law, largest first."""
+    """Return the total probability of each damping sum, or with `part` = 1 of each restoring law, by name.
+
+    The largest is first. each: probability of each candidate.
+    """
     return sum_probabilities({c.name: p for c, p in each.items()}, part)
 
 
 def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return the frequency in Hz at an amplitude, with its deviation h.
+    """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m), with its relative deviation h.
 
-    If `amplitude` is None, return that of small oscillations, with h at the end of the record. Candidates without an
-    orbit of this amplitude are left out; None if all are.
+    If `amplitude` is None, return the frequency of small oscillations, with h at the end of the record. Candidates
+    without an orbit of this amplitude are left out; None if all are.
     """
     values = []
     for d in drawn:
@@ -285,9 +299,10 @@ def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quan
 
 
 def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
-    """Return the equilibrium of one draw of a restoring law's parameters.
+    """Return the equilibrium in rad or m for one draw of a restoring law's parameters, (r,).
 
-    A record of velocity or acceleration does not determine the rest angle, so each draw has its own.
+    It is the draw's rest angle if the law has one, because a record of velocity or acceleration does not determine it;
+    else the equilibrium near the record's midline.
     """
     names = LAWS.get(result.candidate.restoring).parameters
     if "rest_angle" in names:
@@ -298,10 +313,10 @@ def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
 def _limits_of_absent_terms(
     comparison: ModelComparison, best: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return 95 % upper limits of the energy fraction of each compared term that the best sum does not have, by name.
+    """Return, by name, 95 % upper limits of the energy fraction of each compared term that the best sum lacks.
 
-    The limit of a term is from the posterior of the candidate that has this term in addition; without such a result the
-    term is left out.
+    The limit of a term is from the posterior of the candidate that has the terms of the best sum and this one; without
+    such a result the term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -321,7 +336,10 @@ def _limits_of_absent_terms(
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return a candidate's parameters by name, and which are `undetermined` and `inseparable` (see `Findings`)."""
+    """Return a candidate's parameters by name (median, 95 % interval, parts of the sd), from its draws.
+
+    Return also the names of the undetermined parameters and the pairs of inseparable ones (see `Findings`).
+    """
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
     drawn = {name: own for name, own in zip(solver.names, values) if name in priors}
@@ -348,9 +366,10 @@ def _parameters(
 
 
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
-    """Return whether the 95 % interval from low to high is wide: more than `UNDETERMINED_WIDTH` of that of its prior.
+    """Return whether a posterior's 95 % interval, from low to high, is nearly as wide as that of the prior.
 
-    Widths are compared in scores.
+    This is so if it is wider than `UNDETERMINED_WIDTH` times that of the prior. Widths are compared in standard normal
+    scores.
     """
     whole = 2.24 - 0.03 if prior.reflected else 2 * NORMAL_95
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
@@ -359,14 +378,15 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: TemperedDraws
 ) -> tuple[dict[str, object], np.ndarray]:
-    """Summarise the sampled draws of a candidate.
+    """Summarise the draws of a candidate that `sampling` has made with exact motions.
 
     Returns
     -------
     dict
         `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
-        causes, sd_law = √(sd² − sd_noise²). `deviation`: energy-weighted mean of |g| (2.5 %, median, 97.5 %).
-        `unexplained`: rms of the unexplained residual as a fraction of the first amplitude. `log_evidence` and its
+        would cause under exact laws, sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 % quantiles of the
+        energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as a fraction of the
+        first amplitude. `log_evidence` and its
         `stderr` in nats. `acceptance` and `temperatures`: diagnostics of the sampler.
     ndarray, shape (n, p)
         The inferred parameters of each draw.
@@ -403,13 +423,13 @@ def posterior_of(
 
 
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
-    """Return the arrays of the answer's figures by name.
+    """Return the arrays of the figures of an answer by name.
 
-    t, record, fit, residual: thinned samples or amplitudes, (p,). amplitude, ratio, low, high: the damping curve, (a,).
-    exponent: quantiles of the exponent. free/*: without a law, the damping ratio and the energy lost in a cycle against
-    free/amplitude. law/SUM: damping ratio of each sum's fit under exact laws, at `amplitude`. work/TERM: the energy
-    lost in a cycle by each term of the best sum, per unit of inertia, at `amplitude`. Values are nan where no orbit has
-    the amplitude.
+    t, record, fit, residual: times in s and thinned samples, or amplitudes of blocks, (p,). amplitude, ratio, low,
+    high: the damping ratio against amplitude with its 95 % interval, (a,). exponent: quantiles of the exponent. free/*:
+    without a law, the damping ratio and the energy lost in a cycle, with their 95 % intervals, against free/amplitude.
+    law/SUM: damping ratio of each sum's fit under exact laws, at `amplitude`. work/TERM: energy lost in a cycle by each
+    term of the best sum, per unit of inertia, at `amplitude`. Values are nan where no orbit has the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)

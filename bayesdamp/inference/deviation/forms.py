@@ -2,7 +2,7 @@
 
 In a rival, another form replaces a term with which it may be confused: Stribeck friction replaces Coulomb friction,
 damping that grows with the displacement replaces quadratic damping, and a power of the velocity replaces a whole sum.
-Where a rival is more probable than every sum, the best sum is only the nearest law.
+Where a rival is more probable than every compared sum, the true damping is probably none of these sums.
 
 For an upper limit, one form is added to the best sum. The linear model about the mode of that sum gets one more column,
 the derivative of the motion by the form's coefficient at 0, so that nothing has to be fitted.
@@ -30,23 +30,27 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""Compared term that is replaced in rivals, by the name of the form that replaces it."""
+"""For each form of damping that is not compared: the compared term that it replaces in rivals."""
 ALONE = "power"
-"""The form that replaces a whole sum."""
+"""The form of damping that replaces a whole sum in a rival."""
 BEHIND = 7.0
-"""A sum whose log evidence is more than this many nats below the best gets no rival with own parameters (its posterior
-probability would be below 1 in 1,000)."""
+"""A compared sum whose log evidence is more than this many nats below the best one gets no rival in which a form with
+own parameters replaces one of its terms (its posterior probability would be below 1 in 1,000)."""
 FEW = 1000
 """Number of posterior draws from which an upper limit is computed."""
 SCORES = (-1.0, 1.0)
-"""Scores of a form's own parameters at which upper limits are computed; the largest limit counts."""
+"""Standard normal scores of a form's own parameters (such as an exponent) at which upper limits are computed; the
+largest of the limits is used."""
 LEAST_WORK = 1e-6
-"""A form dissipates no energy if its net work is at most this fraction of the sum of its absolute work on either side
-of rest."""
+"""A form of damping counts as dissipating no energy if the absolute value of its net work is at most this fraction of
+the summed absolute works for positions on either side of the equilibrium."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
-    """Return the sum that a rival becomes in a limit of its own parameters; empty if it has no such limit."""
+    """Return the compared sum that a rival becomes in a limit of its own parameters; empty if it has no such limit.
+
+    damping: names of the rival's terms.
+    """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
     like = {REPLACED.get(t, t) for t in damping}
@@ -54,7 +58,11 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 
 
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
-    """Return the comparison with the results of rivals under the best restoring law in `forms`."""
+    """Return a copy of the comparison whose field `forms` contains the results of the rivals.
+
+    A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the best restoring
+    law.
+    """
     if not comparison.results:
         return comparison
     best = comparison.best
@@ -97,8 +105,8 @@ def _evaluate_rivals(
 ) -> list[CandidateResult]:
     """Fit rivals and return their results; those whose fit fails are left out.
 
-    sums: for each rival's damping, the values near which its fit starts. starts: values of own parameters (see
-    `fit_rival`).
+    sums: for each rival (names of its damping terms), the parameters by name near which its fit starts. starts: values
+    of own parameters at which the fits may start (see `ModelComparison.fit_rival`).
     """
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
@@ -119,11 +127,12 @@ class _Form:
     name : str
         Name of the damping term.
     values : mapping of str to float
-        Values of the term's own parameters and references.
+        Values of the term's own parameters, and of the references in its force (equilibrium, velocity, amplitude).
     less : mapping of str to float, optional
-        Values at which the term reduces to a simpler one; this force is subtracted.
+        Values at which the term is equal to a simpler one. If given, the force is that at `values` minus that at
+        `less`.
     signed : bool
-        Whether the coefficient may have either sign.
+        Whether the coefficient may be negative.
     """
 
     name: str
@@ -135,10 +144,10 @@ class _Form:
 def bound_other_forms(
     comparison: ModelComparison, result: CandidateResult, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return 95 % upper limits of the fraction of the energy loss for each form that the result's sum lacks, by name.
+    """Return, by name, 95 % upper limits of the fraction of the energy loss for each form that a candidate's sum lacks.
 
-    For friction with own parameters the limit is on the part beyond Coulomb friction. It is 0 for a form without net
-    work. The result is empty if the motion escapes.
+    For friction with own parameters the limit is on the part beyond Coulomb friction. It is 0 for a form that
+    dissipates no energy. The result is empty if the motion escapes (is unbounded).
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -182,9 +191,10 @@ def bound_other_forms(
 
 
 def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
-    """Yield the forces of a term for which limits are computed, at low and high values of its own parameters.
+    """Yield the forces of a term for which upper limits are computed, at low and high values of its own parameters.
 
-    If the term reduces to a simpler one, each force is the difference from the simpler term's.
+    If the term can be equal to a simpler one (Stribeck to Coulomb friction), each force is the difference from the
+    simpler term's.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
@@ -206,7 +216,11 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
 
 
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the Jacobian (n, K) and the target (n,) of the linear model at the mode; None where the motion escapes."""
+    """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
+
+    The target is the record minus the constant part of the linearised motion: |Jacobian u − target|² is the sum of
+    squared residuals at u = (scores, g, h). None where the motion escapes.
+    """
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
@@ -215,10 +229,10 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, displacements and velocities, (2s − 1,) each, at a motion's s nodes and half way between them.
+    """Return times, displacements and velocities of a motion at its s nodes and half way between, (2s − 1,) each.
 
-    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it (or after, if that is 0 too), so
-    that friction acts.
+    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it (or after it, if that is 0 too),
+    so that friction is not zero there.
     """
     t, states = result.motion.refined
     step = np.diff(t)
@@ -236,10 +250,10 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
-    """Return the derivatives of the motion by the forms' coefficients at 0, (n, f); None if the motion escapes.
+    """Return the derivatives of the motion by the coefficients of f forms, at coefficients of 0, (n, f).
 
-    The motion is solved with all terms at once, as many times as the largest number of different own parameters of a
-    term.
+    None if the motion escapes. All terms are solved together; the motion is solved as many times as there are different
+    values of the own parameters of one term.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

@@ -1,7 +1,8 @@
 """Infer the damping ratio against amplitude without a damping law.
 
-The damping is viscous times exp g(t), where g has a wide prior. As the amplitude only falls, g against time gives the
-damping ratio against amplitude. The prior assumes only that the ratio is smooth over a tenth of the record.
+The damping is a viscous force times exp g(t), where the log factor g has a wide prior. As the amplitude only falls, g
+against time gives the damping ratio against amplitude. The prior assumes only that the ratio changes smoothly over a
+tenth of the record.
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
 KNOT_LIMITS, CYCLES_PER_KNOT = (6, 24), 1.5
-"""Smallest and largest number of knots of g, and number of cycles between two knots."""
+"""Smallest and largest number of knots between which g is interpolated, and number of cycles between two knots."""
 CURVE_POINTS = 40
 """Number of amplitudes in the damping curve."""
 CURVE_DRAWS = 1000
 """Number of draws from which the intervals of the curve are computed."""
 MOST_STEPS, SETTLED_CHANGE = 25, 0.1
-"""Largest number of Gauss–Newton steps. They end before if a step changes the motion by less than the second value:
-norm over all samples, in standard deviations of the noise."""
+"""Largest number of Gauss–Newton steps to the mode. They end earlier if a step changes the motion by less than the
+second value: norm of the change over all samples, in standard deviations of the noise."""
 LARGEST_G = 50.0
-"""There is no curve if any draw of |g| is larger: the linear model about the mode has failed (prior sds of g are at
-most 3)."""
+"""`free_curve` returns None if |g| (the log factor of the damping) is larger than this in any draw: then the linear
+model about the mode has failed, because prior sds of g are at most 3."""
 ALLOWED_GROWTH = 1.02
-"""A Gauss–Newton step is halved if it multiplies the sum of squares by more than this."""
+"""A Gauss–Newton step is halved if it multiplies the sum of squared residuals by more than this."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ class FreeCurve:
 def free_curve(
     comparison: ModelComparison, restoring: str, guess: tuple[Ratio, ...], rng: np.random.Generator
 ) -> FreeCurve | None:
-    """Infer the damping ratio against amplitude under a restoring law.
+    """Infer the damping ratio and the energy loss against amplitude under a restoring law, without a damping law.
 
-    The fit starts at the damping ratios of `guess`, whose amplitudes fall. Return None if no motion fits the record,
-    the linear model fails (`LARGEST_G`), or there are fewer than four half cycles.
+    The search starts at the damping ratios of `guess`, in order of falling amplitude. Return None if no motion fits the
+    record, the linear model fails (`LARGEST_G`), or the motion has fewer than four half cycles.
     """
     data = comparison.data
     count = int(np.clip(round(data.cycles / CYCLES_PER_KNOT) + 1, *KNOT_LIMITS))
@@ -108,9 +109,10 @@ def free_curve(
 def _mode(
     comparison: ModelComparison, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]
 ) -> Linearisation | None:
-    """Linearise viscous damping times exp g about the joint mode of parameters and g; None if the motion escapes.
+    """Linearise a viscous force times exp g about the joint mode of parameters and g; None if the motion escapes.
 
-    The search starts at the damping ratios of `guess`.
+    The search starts at the damping ratios of `guess`, in order of falling amplitude. The coefficient of the force is
+    fixed, because it has the same effect as a constant g.
     """
     data, law = comparison.data, solver.restoring
     near = next(r for r in comparison.results if r.candidate.restoring == law)

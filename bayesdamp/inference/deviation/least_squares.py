@@ -1,4 +1,7 @@
-"""Fit a motion under exact laws by Levenberg–Marquardt (Moré 1977), with coefficients ≥ 0, over growing windows."""
+"""Fit a motion under exact laws to a record by Levenberg–Marquardt (Moré 1977), with coefficients ≥ 0.
+
+The first cycles are fitted first, and then longer and longer parts of the record, so that no cycle is skipped.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +17,25 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""Marquardt's parameter: the factors by which it falls and grows, the least value that is multiplied when it grows, and
-the value from which on no step is tried (conventional)."""
+"""How Marquardt's parameter λ changes: factor after a successful step; factor after a failed one; least λ to which the
+second factor is applied; and λ from which on no further step is tried (conventional)."""
 MOST_STEPS = 40
 """Largest number of accepted steps (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-7
-"""Relative decrease of the sum of squares below which the search ends: ROUGH in a window or a rough search, CLOSE in
-the last search."""
+"""The search ends when a step decreases the sum of squares by less than this relative amount: the first value for parts
+of the record and for rough fits, the second for the last search over the whole record."""
 NOTHING = 0.1
-"""A step is tried only if the predicted decrease is at least this fraction of the one below which the search ends."""
+"""A step is tried only if the decrease of the sum of squares that the linear model predicts is at least this fraction
+of the decrease at which the search ends (`ROUGH`, `CLOSE`)."""
 LARGEST = 1e100
-"""Derivative of a motion by a score beyond which it depends chaotically on its start, and sums of squares overflow
-(conventional)."""
+"""A fit fails if a derivative of the motion by a score is larger than this: the motion depends chaotically on its
+start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
-"""Length of the first window in which a record is fitted, in cycles."""
+"""Length in cycles of the first part of the record that is fitted; each further part is twice as long."""
 SEARCHED = 1e-7
 """Error of an integration step, as a fraction of the amplitude, in rough searches and for Jacobians. Larger errors miss
-the corners of friction (measured: at 1e-6 an upper limit is a tenth too low)."""
+the corners of the motion where friction changes its sign (measured: at 1e-6 an upper limit of another form of damping
+is a tenth too low)."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +47,9 @@ class LeastSquaresFit:
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
-        Which of the solver's terms act.
+        Which of the solver's m terms exert a force.
     z : ndarray, shape (d,)
-        Scores of the fit.
+        Standard normal scores of the inferred parameters at the fit.
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)
@@ -72,7 +77,10 @@ class LeastSquaresFit:
 
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """Return the u, (d,), that minimises |root u − target|² with u ≥ 0 where `positive`; root: (n, d)."""
+    """Return the u, (d,), that minimises |root u − target|², where the elements marked by `positive` must be ≥ 0.
+
+    root: (n, d). target: (n,). positive: booleans, (d,).
+    """
     basis, triangle = np.linalg.qr(root[:, ~positive])
     part, u = root[:, positive], np.zeros(root.shape[1])
     if positive.any():
@@ -94,9 +102,10 @@ def fit(
     windows: bool = True,
     rough: bool = False,
 ) -> LeastSquaresFit | None:
-    """Fit the motion to a record by least squares, with the priors of the scores.
+    """Fit the motion to a record by least squares, with the standard normal priors of the scores.
 
-    Return None where the motion escapes at the start, or depends chaotically on its parameters.
+    Return None where the motion at the start of the search escapes (is unbounded), or depends chaotically on its
+    parameters.
 
     Parameters
     ----------
@@ -105,15 +114,15 @@ def fit(
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
-        Which of the solver's terms act.
+        Which of the solver's m terms exert a force.
     y : ndarray, shape (n,)
         The record.
     z : ndarray, shape (d,)
         Scores from which the search starts.
     noise : float
-        Lower bound of the noise's sd in the record's unit; it sets the weight of the priors.
+        Lower bound of the noise's sd in the record's unit. The sd, estimated from the residual, weights the priors.
     windows : bool
-        Whether to fit the first two cycles first, and then windows that grow, so that no cycle is skipped.
+        Whether to fit the first two cycles first, and then longer and longer parts, so that no cycle is skipped.
     rough : bool
         Whether to end early, for a fit that is only compared with those from other starts.
     """
@@ -143,7 +152,11 @@ def _search(
     noise: float,
     tolerance: float,
 ) -> LeastSquaresFit | None:
-    """Fit with motions that are solved to one tolerance. Parameters and None as of `fit`; y: values of one window."""
+    """Fit the motion to the first values y, (n,), of a record, with motions solved to one tolerance.
+
+    Parameters are those of `fit`. tolerance: error of an integration step, as a fraction of the amplitude. Return None
+    where `fit` does.
+    """
 
     def solve(z: np.ndarray) -> Motion | None:
         return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)
