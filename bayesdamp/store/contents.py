@@ -418,9 +418,10 @@ class JointCandidate(JointEvidence):
 class CoefficientPopulation:
     """Mean and spread of a coefficient over a population of specimens.
 
-    scale: scale of the half-normal prior of the population's mean. mean, spread: posterior summaries of the mean and
-    the standard deviation of the coefficient over the population. shrunk: posterior summary of each specimen's
-    coefficient, given the records of all specimens. effective: effective number of draws for this summary.
+    scale: scale of the half-normal prior of the location of the population, which is a normal distribution truncated at
+    0. mean, spread: posterior summaries of the mean and the standard deviation of the coefficient over the population.
+    shrunk: posterior summary of each specimen's coefficient, given the records of all specimens. effective: effective
+    number of each specimen's draws, given all specimens.
     """
 
     scale: float

@@ -33,10 +33,7 @@ def calibrate(
         typer.Option("--no-report", help="Do not write report.html; `bayesdamp report` writes it later."),
     ] = False,
 ) -> int:
-    """Check the intervals of a study: simulate records with parameters from its prior, and compare with the truth.
-
-    Returns the exit status.
-    """
+    """Check the intervals: simulate records with parameters from the study's prior, and compare with the truth."""
     loaded = read_study(file)
     folder = check_folder(out, loaded.name)
     status = run_calibration(
