@@ -1,4 +1,4 @@
-"""Manage resources of the computer: cache folder, signals, threads and processes."""
+"""Manage resources of the computer: cache folder, signals of the operating system, threads and processes."""
 
 from __future__ import annotations
 
@@ -82,7 +82,10 @@ each collection traverses the 100,000 objects of JAX (measured)."""
 
 
 def collect_garbage_rarely() -> None:
-    """Collect garbage after many new objects, and not when the process ends, which takes 0.3 s after drawing."""
+    """Let Python collect garbage only after `OBJECTS_PER_COLLECTION` new objects, and not when the process ends.
+
+    At the end it would take 0.3 s in a process that has drawn figures.
+    """
     gc.set_threshold(OBJECTS_PER_COLLECTION)
     atexit.register(gc.freeze)
 

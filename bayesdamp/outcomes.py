@@ -24,9 +24,9 @@ class Status(_Beginning):
     """The outcome of a task; the value is the beginning of its sentence.
 
     FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are computed again in the
-    next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED: a stored result that needs draws was
-    left out, because the model is not among the best by evidence. NOT_APPLICABLE: the record has no data for it.
-    REFUSED: a method cannot work on this record; the sentence is the reason.
+    next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED: the posterior of the model, and
+    results that need its draws, are left out, because the model is not among the best by evidence. NOT_APPLICABLE: the
+    record has no data for the task. REFUSED: a method cannot work on this record; the sentence is the reason alone.
     """
 
     OK = "ok"

@@ -40,10 +40,12 @@ GROUPS = {
     "bayesdamp.records.readers": "bayesdamp.readers",
     "bayesdamp.report.sections": "bayesdamp.sections",
 }
-"""Group of entry points for each package of plug-ins."""
+"""Group of entry points under which installed packages offer plug-ins, by the package of ours that contains the shipped
+plug-ins of this kind."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
-"""Prefixes of modules whose `lru_cache` functions may cache results under names of plug-ins."""
+"""Prefixes of the modules whose `lru_cache` functions may hold results under names of plug-ins. Their caches are
+cleared when a user's plug-ins change."""
 
 _EXTENDED: list[str] = []
 """Names of all plug-ins that were ever added in this process."""

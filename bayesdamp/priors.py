@@ -360,7 +360,7 @@ def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHAR
 
 
 class LogNormal(_Prior):
-    """Lognormal distribution: log x is normal with mean log median and standard deviation sigma."""
+    """Lognormal distribution: log x is normal with the mean log(median) and the standard deviation sigma."""
 
     prior: Literal["lognormal"] = "lognormal"
     median: PositiveFloat = Field(description="a number above 0")
@@ -490,9 +490,10 @@ Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUnifor
 
 
 FURTHER_TERM = 0.125
-"""Factor of a model's prior probability for each term beyond the first. Measured on 82 simulated records with a damping
-ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor nearly as many records are
-decided, and as many of these correctly, as with half-normal priors of fixed scale 0.1."""
+"""Factor of a model's prior probability for each damping term beyond the first. Measured on 82 simulated records with a
+damping ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor the damping is named
+without reservation on nearly as many records, and on as many of these correctly, as with half-normal priors of fixed
+scale 0.1."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
 """Prior odds of all rivals (sums with another form of damping) together, relative to a single term (conventional), and
 the number of rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are

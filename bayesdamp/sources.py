@@ -73,7 +73,7 @@ def import_closure(modules: Iterable[str]) -> set[str]:
 
 @cache
 def _is_outside(name: str) -> bool:
-    """Return whether a module is one of `UNRELATED_MODULES` or below one."""
+    """Return whether a module is one of `UNRELATED_MODULES`, or inside a package that is."""
     return any(name == module or name.startswith(f"{module}.") for module in UNRELATED_MODULES)
 
 

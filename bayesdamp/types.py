@@ -422,7 +422,8 @@ class Posterior:
     of each parameter. starts: starting points of the chains. divergences: number of divergent transitions, None for
     samplers without them. evaluations: number of likelihood evaluations. ensembles: number of groups of chains that
     share their moves. effective: effective number of posterior draws, if the draws come from an approximation. running:
-    parameters whose running estimates are in `arrays` as `running/...`. diagnostics: further diagnostics of the
+    names of parameters whose estimates from the samples up to a time are in `arrays`, as `running/...`; empty for
+    samplers that do not compute them. diagnostics: further diagnostics of the
     sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or missing.
     """
 
@@ -489,7 +490,11 @@ def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem that an estimator solves: the damping terms whose coefficients are estimated, and what is known."""
+    """The problem that an estimator solves.
+
+    damping: names of the damping terms whose coefficients are estimated. system: restoring law, known values and
+    priors.
+    """
 
     damping: tuple[str, ...]
     system: System

@@ -18,7 +18,7 @@ from validation.rows import complete_rows, read_rows, write_rows
 
 SEED, COUNT = 811, 200
 MEASURED = Path("../shared/data")
-"""The folder with ten_runs/."""
+"""The folder that contains `ten_runs/`, the measured records; without it these are omitted."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Run peers that need other packages: each has its own environment and a child process that answers records."""
+"""Run peers that need other packages: each has its own virtual environment and a child process that answers records."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Environment:
         return ROOT / self.name / "bin" / "python"
 
     def make(self) -> str:
-        """Make the environment if it is missing; return "" or the reason of the failure."""
+        """Make the environment if it is missing; return "" on success, else the reason of the failure."""
         ready = ROOT / self.name / ".ready"
         if ready.is_file():
             return ""
@@ -66,7 +66,11 @@ class Child:
     seconds: float = 0.0
 
     def __call__(self, t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-        """Answer a record; `seconds` is then the CPU time. Raises Refusal with the reason if there is no answer."""
+        """Return the reply of the program to a record: times in s, displacements and amplitudes in rad.
+
+        The attribute `seconds` is then the CPU time of this reply, NaN if the program reached its limit. Raises Refusal
+        with the reason if there is no answer.
+        """
         if self._process is None:
             command = [str(self.environment.python), str(APART / self.program), *self.arguments]
             hidden = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}

@@ -13,7 +13,7 @@ from validation.contest.records import Record
 
 FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
 PARTS = (5 / 6, 1 / 2, 1 / 6)
-"""Positions at which a run is judged, as fractions of its range of ln(amplitude)."""
+"""Amplitudes at which a run is judged, as fractions of its range of ln(amplitude) from its lowest amplitude."""
 FLOOR = 0.25
 """No run is judged below this share of its first amplitude, because there it begins to stick."""
 NEAR = 0.35
@@ -22,7 +22,7 @@ LEAST = 6
 
 
 def measured_records(folder: Path) -> list[Record]:
-    """Return a record for each run. Raises Refusal if the file is missing.
+    """Return a record for each of the ten runs, with the true damping ratios. Raises Refusal if the file is missing.
 
     The truth at an amplitude comes from the half cycles of all other runs near this amplitude. For each two successive
     half cycles, the logarithmic decrement is ln(D1/D2), where D1 and D2 are the distances between their turning points;
@@ -49,7 +49,10 @@ def measured_records(folder: Path) -> list[Record]:
 
 
 def half_cycles(signal: Signal) -> np.ndarray:
-    """Return the amplitude (rad) and damping ratio of each two successive half cycles, shape (m, 2)."""
+    """Return amplitude and damping ratio of each pair of successive half cycles, as columns of an array (m, 2).
+
+    The amplitude (rad) is the geometric mean of the two half cycles' amplitudes, the ratio that of their decrement.
+    """
     t, y = signal.t, signal.y
     f = spectral_peak(*even(t, y))
     turns = _turns(t, y, f)
@@ -59,7 +62,10 @@ def half_cycles(signal: Signal) -> np.ndarray:
 
 
 def _turns(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
-    """Return the displacement at each turning point, from a parabola through the nearby samples."""
+    """Return the displacement (rad) at each turning point, from a parabola through the nearby samples.
+
+    f: frequency in Hz.
+    """
     rest = np.median(y[t >= t[-1] - 2 / f])
     side = np.sign(y - rest)
     cuts = np.flatnonzero(np.diff(side) != 0) + 1
@@ -75,7 +81,10 @@ def _turns(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
 
 
 def _line_near(lost: np.ndarray, amplitude: float) -> float:
-    """Interpolate damping ratios at an amplitude. Raises Refusal if too few half cycles are near it."""
+    """Return the damping ratio at an amplitude (rad), by a straight line in logarithms through those near it.
+
+    lost: amplitudes and damping ratios, as `half_cycles` returns them. Raises Refusal if fewer than `LEAST` are near.
+    """
     away = np.log(lost[:, 0] / amplitude)
     near = np.abs(away) <= NEAR
     if near.sum() < LEAST:

@@ -88,7 +88,7 @@ Methods that need even sampling get straight lines across gaps.
 
 
 def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
-    """Return the page in Markdown.
+    """Return the page of the contest in Markdown.
 
     Parameters
     ----------
@@ -160,12 +160,12 @@ The numbers are the error of a peer over that of bayesdamp on the records that b
 
 
 def _lines(lines: list[str]) -> str:
-    """Join lines; an f-string of Python 3.11 cannot contain the backslash."""
+    """Join lines by line breaks. It is a function because an f-string of Python 3.11 cannot contain a backslash."""
     return "\n".join(lines)
 
 
 def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
-    """Write README.md and its plots."""
+    """Write README.md and its plots, errors.svg and cost.svg, into a folder. The arguments are those of `page`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "README.md").write_text(page(rows, missing), encoding="utf-8")
     plots.errors(rows, folder / "errors.svg")
@@ -190,7 +190,10 @@ def _given(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def _script(rows: pd.DataFrame) -> str:
-    """Return the section that compares the script with bayesdamp, on the records that both received."""
+    """Return the section that compares the peer `script` with bayesdamp, on the records that both received.
+
+    It is "" if there are no such records.
+    """
     theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
     rows = where(rows, [record in theirs & own for record in rows["record"]])
     if rows.empty:
@@ -236,7 +239,7 @@ bayesdamp's in {groups_where(lambda name: more[name].high < 0)}.
 
 
 def _scores(rows: pd.DataFrame) -> str:
-    """Return the table of scores of all peers on these records."""
+    """Return the Markdown table of the scores of all peers on the records of these rows, a line for each peer."""
     lines = []
     for name in peers_of(rows):
         part = where(rows, peer=name)
@@ -252,13 +255,16 @@ def _scores(rows: pd.DataFrame) -> str:
 
 
 def _seconds(rows: pd.DataFrame) -> str:
-    """Format the median CPU time; a record that reached the limit has none."""
+    """Return the median CPU time (s) as text, over the rows that have one; a record that reached the limit has none."""
     known = numbers(rows.dropna(subset=["seconds"]), "seconds")
     return f"{np.median(known):.2g}" if known.size else "–"
 
 
 def _where_better(factors: Mapping[str, Mapping[str, Interval]]) -> Iterator[str]:
-    """Yield a line for each peer that is nearer to the truth in a group, with the reason."""
+    """Yield a Markdown line for each peer that is nearer to the truth than bayesdamp in a group, with the reason.
+
+    factors: by peer and group, the error of the peer divided by that of bayesdamp (see `paired`).
+    """
     better = {name: [g for g, f in each.items() if f.high < 1] for name, each in factors.items()}
     if not any(better.values()):
         yield "- On records that both answered, no peer is nearer to the truth in any group by more than chance."
@@ -272,7 +278,7 @@ def _where_better(factors: Mapping[str, Mapping[str, Interval]]) -> Iterator[str
 
 
 def _faster(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield a line with the peers that need less time than bayesdamp, and the factors."""
+    """Yield at most one Markdown line: the peers that need less CPU time than bayesdamp, and by which factors."""
     medians = {
         name: float(np.nanmedian(numbers(where(rows, peer=name), "seconds"))) for name in peers_of(rows)
     }
@@ -283,7 +289,10 @@ def _faster(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def _where_refused(by_group: Mapping[str, pd.DataFrame]) -> Iterator[str]:
-    """Yield a line for each group with records that bayesdamp refused: the peers that answered, and their errors."""
+    """Yield a Markdown line for each group with records that bayesdamp refused.
+
+    It names the peers that answered these records, and their median errors. by_group: rows by name of the group.
+    """
     for group, part in by_group.items():
         own = where(part, peer=OURS)
         refused = set(where(own, own["outcome"] != OK)["record"])
@@ -299,7 +308,7 @@ def _where_refused(by_group: Mapping[str, pd.DataFrame]) -> Iterator[str]:
 
 
 def _percent(error: Interval) -> str:
-    """Format an error in per cent, with its interval if it has one."""
+    """Return an error, given as a fraction, as text in per cent, with its interval if it has one; a dash for NaN."""
     if math.isnan(error.value):
         return "–"
     ends = "" if math.isnan(error.low) else f" ({_digits(100 * error.low)}–{_digits(100 * error.high)})"
@@ -307,7 +316,10 @@ def _percent(error: Interval) -> str:
 
 
 def _factor(factor: Interval, count: int) -> str:
-    """Format a ratio of errors with its interval, in bold if the interval is below 1."""
+    """Return a ratio of errors with its interval as text, in bold if the interval is below 1; a dash if `count` is 0.
+
+    count: number of records of which the ratio is a mean.
+    """
     if not count:
         return "–"
     ends = "" if math.isnan(factor.low) else f" ({_digits(factor.low)}–{_digits(factor.high)})"
@@ -316,5 +328,5 @@ def _factor(factor: Interval, count: int) -> str:
 
 
 def _digits(value: float) -> str:
-    """Format a number with two significant digits and without an exponent."""
+    """Return a number as text with two significant digits (all digits from 100 on) and without an exponent."""
     return f"{value:.0f}" if value >= 100 else f"{float(f'{value:.2g}'):g}"

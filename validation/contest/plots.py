@@ -16,11 +16,14 @@ from validation.contest.scoring import coverage, groups_of, quantile_of_errors, 
 from validation.rows import numbers, where
 
 LOWEST, HIGHEST = 1e-4, 30.0
-"""Range of the plotted errors; errors outside are drawn at its ends."""
+"""Range of the plotted relative errors; errors outside are drawn at the ends of the range."""
 
 
 def errors(rows: pd.DataFrame, path: Path) -> None:
-    """Plot the median error of each peer with its interval, and the 90 % quantile; a panel for each group."""
+    """Plot the median and the 90 % quantile of each peer's relative error to a file, a panel for each group.
+
+    A thick band is the 95 % interval of the median.
+    """
     groups, peers = groups_of(rows), peers_of(rows)[::-1]
     figure = Figure(figsize=(11, 0.9 + 0.36 * len(peers) * (1 + (len(groups) > 3))), layout="constrained")
     across = min(len(groups), 3)
@@ -45,7 +48,10 @@ def errors(rows: pd.DataFrame, path: Path) -> None:
 
 
 def cost(rows: pd.DataFrame, path: Path) -> None:
-    """Plot the CPU time of each peer and the coverage of its intervals, for all simulated records."""
+    """Plot the CPU time of each peer and the coverage of its intervals to a file, for all simulated records.
+
+    The bands are the 10 to 90 % quantiles of the time, and the 95 % interval of the coverage.
+    """
     rows = simulated(rows)
     peers = peers_of(rows)[::-1]
     figure = Figure(figsize=(11, 0.9 + 0.3 * len(peers)), layout="constrained")
@@ -65,7 +71,7 @@ def cost(rows: pd.DataFrame, path: Path) -> None:
 
 
 def _draw(ax: Any, i: int, name: str, value: float, ends: list[float]) -> str:
-    """Draw a number of a peer with its interval in line i, nothing if it is NaN; return the colour of the peer."""
+    """Draw a number of the peer `name` with its interval at height i, nothing for NaN; return its colour."""
     colour = "#1f5a93" if name == OURS else "#8a8f98"
     ax.plot(ends, [i, i], color=colour, lw=5, alpha=0.35, solid_capstyle="butt")
     ax.plot(value, i, "o", color=colour, ms=5)
@@ -73,13 +79,13 @@ def _draw(ax: Any, i: int, name: str, value: float, ends: list[float]) -> str:
 
 
 def _finish(ax: Any, peers: list[str]) -> None:
-    """Label the lines with the peers, and draw a grid."""
+    """Label the heights 0, 1, … of an axis with the names of the peers, and draw a grid."""
     ax.set_yticks(range(len(peers)), [ROSTER[n].label for n in peers], fontsize=8)
     ax.grid(axis="x", color="#dddddd", lw=0.6)
     ax.spines[["top", "right"]].set_visible(False)
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """Save a figure so that the same rows give the same file."""
+    """Save a figure without a date or random ids, so that the same rows give the same file."""
     with mpl.rc_context({"svg.hashsalt": "contest", "svg.fonttype": "path"}):
         figure.savefig(path, metadata={"Date": None})

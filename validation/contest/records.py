@@ -13,13 +13,13 @@ from validation.truth.records import FAMILY, FROM_END, Case, case
 
 GROUPS = ("family", "discrepant", "noisy", "short", "gappy")
 NOISE = (0.05, 0.15)
-"""Range of the standard deviation of the noise in noisy records, as a share of the first amplitude."""
+"""Range of the standard deviation of the noise in records of the group "noisy", as a share of the first amplitude."""
 SHORT = (3.0, 6.0)
-"""Range of the number of cycles in short records."""
+"""Range of the number of cycles in records of the group "short"."""
 GAPS, LOST = 3, 0.4
-"""Number of gaps in a gappy record, and their share of its time."""
+"""Number of gaps in a record of the group "gappy", and their share of its duration."""
 APART = 1000
-"""Distance between the first record numbers of the groups, so that no two groups share an oscillator."""
+"""The groups number their oscillators from multiples of this, so that no two groups share an oscillator."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Record:
 
     @property
     def truth(self) -> dict[str, float]:
-        """The amplitudes and the true ratios, by the columns of the rows."""
+        """The amplitudes (rad) and the true damping ratios there, by column of the table: amplitude_1, ratio_1, …"""
         return in_columns(amplitude=self.amplitudes, ratio=self.ratios)
 
 
@@ -123,7 +123,10 @@ def _start(truth: Case) -> float:
 
 
 def _gaps(rng: np.random.Generator, duration: float) -> list[tuple[float, float]]:
-    """Return begin and end of each gap (s); each piece between them has a tenth or more of the remaining samples."""
+    """Draw begin and end of each gap in a record of this duration (s).
+
+    Each piece before, between and after the gaps has a tenth or more of the remaining samples.
+    """
     left = 1 - LOST
     pieces = 0.1 * left + 0.6 * left * rng.dirichlet(np.ones(GAPS + 1))
     begins = np.cumsum(pieces[:-1]) + LOST / GAPS * np.arange(GAPS)

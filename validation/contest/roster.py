@@ -24,7 +24,11 @@ EXACT = "It assumes that a law holds exactly, and does not estimate deviations o
 
 @dataclass(frozen=True)
 class Entry:
-    """A peer: its label on the page, the function that answers, and the reason if it is better than bayesdamp."""
+    """A peer that takes part.
+
+    label: its name on the page. peer: the function that answers. better: the sentence that the page gives as the reason
+    if it is nearer to the truth than bayesdamp; may be empty.
+    """
 
     label: str
     peer: Peer
@@ -32,7 +36,7 @@ class Entry:
 
     @property
     def environment(self) -> Environment | None:
-        """The environment of a peer that has its own."""
+        """The virtual environment of the peer; None if it runs in that of bayesdamp."""
         return self.peer.environment if isinstance(self.peer, Child) else None
 
 
@@ -50,9 +54,9 @@ ROSTER: dict[str, Entry] = {
     OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
     "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }
-"""The peers by their names in the rows, the slowest last."""
+"""All peers, by the name that the table has in its column `peer`; the slowest is last."""
 
 
 def peers_of(rows: pd.DataFrame) -> list[str]:
-    """Return the peers among rows, in the order of the roster."""
+    """Return the names of the peers that occur in the rows, in the order of the roster."""
     return [name for name in ROSTER if name in set(rows["peer"])]

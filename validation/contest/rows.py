@@ -1,4 +1,4 @@
-"""Compute and combine the rows of the contest, one for each record and peer."""
+"""Compute and combine the rows of the contest's table, one for each record and peer."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ COLUMNS = (
 
 
 def row_of(record: Record, name: str) -> dict[str, Any]:
-    """Let a peer answer a record, and return a row with its reply, the truth and the CPU seconds.
+    """Let the peer `name` answer a record, and return a row with its reply, the truth and the CPU seconds.
 
-    If the peer refuses the record or raises an exception, the outcome is the message.
+    The column `outcome` is `ok`, or the message if the peer refuses the record or raises an exception.
     """
     row: dict[str, Any] = {
         "record": record.name, "group": record.group, "kind": record.kind, "damping": record.damping,
@@ -54,9 +54,10 @@ def row_of(record: Record, name: str) -> dict[str, Any]:
 def with_others(
     rows: pd.DataFrame, kept: pd.DataFrame, records: Iterable[Record], peers: Sequence[str]
 ) -> pd.DataFrame:
-    """Add the rows of all peers but these from another table, for the records whose truth is unchanged there.
+    """Return rows of these peers together with the rows of all other peers from the table `kept`.
 
-    The rows of each record are in the order of the roster.
+    From `kept` only the rows are used whose record is among `records` and has the same truth there. The rows of each
+    record are in the order of the roster.
     """
     truth = pd.DataFrame([
         {"record": r.name, **{name: float(f"{value:.6g}") for name, value in r.truth.items()}} for r in records

@@ -1,4 +1,4 @@
-"""Score the rows of the contest: errors, coverage, names, and each peer relative to bayesdamp on the same records."""
+"""Score the rows of the contest: errors, coverage, named dampings, and each peer relative to bayesdamp."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MEASURED = "measured"
 TIMES = 2000
 """Number of bootstrap samples."""
 LEAST = 5
-"""Least number of records for an interval."""
+"""Least number of records for which a bootstrap interval is given."""
 
 
 def simulated(rows: pd.DataFrame) -> pd.DataFrame:
@@ -31,13 +31,13 @@ def groups_of(rows: pd.DataFrame) -> list[str]:
 
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
-    """Return |estimate/truth − 1| of the ratio at three amplitudes, shape (n, 3); NaN in rows without an answer."""
+    """Return |estimate/truth − 1| of the damping ratio at three amplitudes, shape (n, 3); NaN without an answer."""
     value, true = three(rows, "value"), three(rows, "ratio")
     return np.where((rows["outcome"] == OK).to_numpy()[:, None], np.abs(value / true - 1), np.nan)
 
 
 def quantile_of_errors(rows: pd.DataFrame, level: float) -> Interval:
-    """Return a quantile of all errors of the answered records.
+    """Return the quantile at `level` (0 to 1) of all errors of the answered records.
 
     Its interval is a bootstrap over records, each with its three errors.
     """
@@ -64,7 +64,8 @@ def names(rows: pd.DataFrame) -> tuple[int, int, int]:
 def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
     """Return the error of a peer over that of bayesdamp on the records that both answered, and their number.
 
-    It is the geometric mean of the ratios of the mean errors. Above 1, bayesdamp is nearer to the truth.
+    It is the geometric mean over records of the ratio of their mean errors at three amplitudes. Above 1, bayesdamp is
+    nearer to the truth.
 
     Parameters
     ----------
@@ -79,20 +80,20 @@ def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
 
 
 def holds_more(rows: pd.DataFrame, peer: str, ours: str) -> Interval:
-    """Return the coverage of a peer minus that of bayesdamp, on the records that both answered."""
+    """Return the coverage of a peer's intervals minus that of bayesdamp's, on records for which both gave any."""
     theirs, own = _of_both(rows, peer, ours, share_covered)
     return bootstrapped((theirs - own)[:, None], lambda chosen: np.mean(chosen, axis=-1))
 
 
 def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarray]) -> Interval:
-    """Return a statistic with its 95 % bootstrap interval over records, with a fixed seed.
+    """Return a statistic of all values with its 95 % bootstrap interval over records, with a fixed seed.
 
     Parameters
     ----------
     values : (records, m) array
         The values of each record.
     statistic : callable
-        The statistic over the last axis.
+        Function that reduces the last axis of an array, (..., n), to the statistic.
     """
     if not values.size:
         return Interval(np.nan, np.nan, np.nan)
@@ -107,7 +108,10 @@ def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarra
 def _of_both(
     rows: pd.DataFrame, peer: str, ours: str, score: Callable[[pd.DataFrame], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the scores of a peer and of bayesdamp, each of shape (n,), on the records for which both have a score."""
+    """Return the scores of a peer and of bayesdamp, each of shape (n,), on the records for which both have a score.
+
+    score: function that maps n rows to their scores, (n,), NaN without one.
+    """
     scores = []
     for name in (peer, ours):
         part = where(rows, peer=name, outcome=OK)

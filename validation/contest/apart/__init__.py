@@ -1,1 +1,4 @@
-"""Programs of the peers that need other packages. They run in their own environments, without bayesdamp."""
+"""Programs of the peers that need packages which bayesdamp does not use.
+
+Each runs in a virtual environment of its own, without bayesdamp.
+"""

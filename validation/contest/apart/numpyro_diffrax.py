@@ -1,4 +1,4 @@
-"""NumPyro's NUTS with a likelihood that diffrax solves, as an expert on the three dampings would write it.
+"""Sample the posterior with NumPyro's NUTS and trajectories by diffrax, as an expert on the three dampings would do it.
 
 The model has a spring with a cubic term, viscous, Coulomb (tanh) and quadratic damping together, and white noise. The
 spectral peak sets the unit of time, and the largest displacement is the unit of displacement. With these parameters
@@ -28,7 +28,7 @@ LIMIT = 180.0
 
 
 def field(_, state, p):
-    """Return the time derivatives of displacement and velocity."""
+    """Return the time derivatives of `state`, displacement and velocity, for parameters `p` by name."""
     x, v = state
     spring = p["stiffness"] * x + p["cubic"] * x**3
     loss = 2 * p["viscous"] * v + p["coulomb"] * jnp.tanh(v / WIDTH) + p["quadratic"] * v * jnp.abs(v)
@@ -36,7 +36,7 @@ def field(_, state, p):
 
 
 def motion(p, times):
-    """Return the displacements at times; the first time is 0."""
+    """Return the displacements from rest at `times`, the first of which is 0, for parameters `p` by name."""
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field), diffrax.Tsit5(), t0=0.0, t1=times[-1], dt0=0.05, y0=(p["x0"], p["v0"]), args=p,
         saveat=diffrax.SaveAt(ts=times), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
@@ -51,13 +51,16 @@ GUESS = (0.02, 0.0, 0.0, 1.0, 0.0)
 
 
 def curve(x, times):
-    """Return the displacements for parameters in the order of NAMES."""
+    """Return the displacements at `times` for a vector `x` of parameters in the order of NAMES."""
     p = dict(zip(NAMES, x, strict=True))
     return motion(p, times) + p["rest"]
 
 
 def model(times, values, middle, scale, left):
-    """Define wide normal priors in units of the least-squares covariance, and the likelihood."""
+    """Define the NumPyro model: wide normal priors about the least-squares solution, and the likelihood.
+
+    times, values: the record in normalised units. middle, scale, left: results of `fit_least_squares`.
+    """
     z = numpyro.sample("z", dist.Normal(0.0, WIDE).expand([len(NAMES)]))
     noise = left * jnp.exp(numpyro.sample("log_noise", dist.Normal(0.0, WIDE)) / jnp.sqrt(2.0 * values.size))
     x = numpyro.deterministic("x", middle + scale @ z)
@@ -65,7 +68,7 @@ def model(times, values, middle, scale, left):
 
 
 def fit_least_squares(times, values):
-    """Return the least-squares solution, the square root of its covariance, and the sd of the residuals."""
+    """Return the least-squares solution (k,), a matrix square root of its covariance (k, k), and the residuals' sd."""
     solve = jax.jit(lambda x: curve(x, times))
     slope = jax.jit(jax.jacfwd(lambda x: curve(x, times)))
     inside = np.asarray(times) <= 2 * np.pi
@@ -83,7 +86,10 @@ def fit_least_squares(times, values):
 
 
 def answer(t, y, amplitudes):
-    """Return the damping ratios at the amplitudes: medians and 95 % intervals of the draws."""
+    """Return the damping ratios at amplitudes (rad) for a record (t in s, y in rad), as `serve` requires.
+
+    They are a dictionary with lists: "values" are medians of the draws, "low" and "high" the ends of 95 % intervals.
+    """
     omega = 2 * np.pi * spectral_peak(*even(t, y))
     rest = float(np.mean(y))
     size = float(np.max(np.abs(y - rest)))

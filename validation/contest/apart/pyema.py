@@ -1,8 +1,8 @@
-"""pyEMA (sdypy-EMA), the least-squares complex frequency method (LSCF), with its defaults.
+"""Estimate the damping ratio by pyEMA (sdypy-EMA), the least-squares complex frequency method, with its defaults.
 
-It needs a frequency response; the spectrum of a free decay has the same poles. Its band of 50 Hz to 10 kHz is meant
-for hammer tests, so time is scaled to an oscillation at 500 Hz, which does not change the ratio. The record is
-decimated to ten or more samples in a cycle. The result is the stable pole nearest to the spectral peak.
+pyEMA needs a frequency response; the spectrum of a free decay has the same poles. Its frequency band of 50 Hz to 10 kHz
+is meant for hammer tests, so time is scaled to an oscillation at 500 Hz, which does not change the damping ratio. The
+record is decimated to ten or more samples in a cycle. The result is the stable pole nearest to the spectral peak.
 """
 
 import numpy as np
@@ -14,11 +14,14 @@ from shared import even, spectral_peak
 FREQUENCY = 500.0
 PER_CYCLE = 10
 LEAST = 512
-"""Samples that its model order of 100 needs; a shorter record is padded with zeros."""
+"""Number of samples that pyEMA's default model order of 100 needs; a shorter record is padded with zeros."""
 
 
 def answer(t, y, amplitudes):
-    """Return the same ratio for every amplitude."""
+    """Return {"values": [the damping ratio, repeated for each amplitude]} for a record (t in s, y in rad).
+
+    Raises ValueError if pyEMA finds no stable pole near the spectral peak.
+    """
     grid, values = even(t, y)
     rate = FREQUENCY / (spectral_peak(grid, values) * (grid[1] - grid[0]))
     values = values - values.mean()

@@ -1,9 +1,10 @@
-"""pyOMA2 with its defaults: stochastic subspace identification (SSI) or enhanced frequency domain decomposition (EFDD).
+"""Estimate the damping ratio by pyOMA2 with its defaults, on a single record of a free decay.
 
-The correlation of a decay is a decay with the same ratio. Its widths in Hz are meant for buildings, so time is scaled
-to an oscillation at 2 Hz, which does not change the ratio. The record is decimated to ten or more samples in a cycle.
-The checks of mode shapes are not defined for one channel, so SSI runs without them. EFDD does not accept a single
-channel; the velocity is its second channel.
+The methods are stochastic subspace identification (SSI) and enhanced frequency domain decomposition (EFDD). They use
+correlations of the record; the correlation of a decay is a decay with the same damping ratio. The default band widths
+of pyOMA2, in Hz, are meant for buildings, so time is scaled to an oscillation at 2 Hz, which does not change the ratio.
+The record is decimated to ten or more samples in a cycle. The checks of mode shapes are not defined for one channel, so
+SSI runs without them. EFDD does not accept a single channel; the velocity is its second channel.
 """
 
 import sys
@@ -17,14 +18,17 @@ from shared import even, spectral_peak
 FREQUENCY = 2.0
 PER_CYCLE = 10
 ORDER = 10
-"""Highest model order; pyOMA2 has no default."""
+"""Highest model order of SSI, for which pyOMA2 has no default."""
 NO_SHAPES = {"xi_max": 0.2, "mpc_lim": None, "mpd_lim": None, "CoV_max": None}
 SEGMENT = 1024
-"""The default length; a shorter record is a single segment."""
+"""Length in samples of the segments whose spectra EFDD averages (pyOMA2's default); a shorter record is one segment."""
 
 
 def answer(method, t, y, amplitudes):
-    """Return the same ratio for every amplitude."""
+    """Return {"values": [the damping ratio, repeated for each amplitude]} for a record (t in s, y in rad).
+
+    method: "ssi" or "efdd". Raises ValueError if it finds no stable mode near the spectral peak.
+    """
     grid, values = even(t, y)
     frequency = spectral_peak(grid, values)
     rate = FREQUENCY / (frequency * (grid[1] - grid[0]))

@@ -10,14 +10,15 @@ import numpy as np
 
 
 def serve(answer, limit):
-    """Answer each .npz (t in s, y and amplitudes in rad) with `answer(t, y, amplitudes)`.
+    """Answer each .npz file named on stdin (t in s, y and amplitudes in rad) with `answer(t, y, amplitudes)`.
 
     Parameters
     ----------
     answer : callable
-        Returns a dictionary with values, and optionally low, high and named. Raises ValueError without an answer.
+        Returns a dictionary with the fields of `Reply` in `validation.contest.peers.shared`: values, and optionally
+        low, high and named. Raises ValueError if it has no answer; the message becomes the outcome.
     limit : float
-        CPU seconds for a record, after which the process ends.
+        CPU seconds after which the process ends without an answer to the record.
     """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # so that the output of a package is not taken for an answer

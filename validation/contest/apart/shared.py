@@ -1,4 +1,4 @@
-"""Sample a record evenly, find the peak of its spectrum, fit a sinusoid, and compute the damping ratio of a sum."""
+"""Provide what the peers share: even sampling, the spectral peak, the fit of a sinusoid, the ratio of a damping sum."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ PADDING = 8
 
 
 def even(t, y):
-    """Sample a record at its median step, with straight lines across gaps."""
+    """Return times and values of a record resampled at its median step by linear interpolation, also across gaps."""
     step = float(np.median(np.diff(t)))
     grid = np.arange(t[0], t[-1] + 0.5 * step, step)
     return grid, np.interp(grid, t, y)
@@ -23,7 +23,10 @@ def spectral_peak(t, y):
 
 
 def fit_sinusoid(phase, y):
-    """Fit a cos(phase) + b sin(phase) + c to samples by least squares; return a, b and c."""
+    """Fit a cos(phase) + b sin(phase) + c to samples y (n,) by least squares; return the array (a, b, c).
+
+    phase: in rad, (n,).
+    """
     columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
     return np.linalg.lstsq(columns, y, rcond=None)[0]
 
@@ -31,9 +34,9 @@ def fit_sinusoid(phase, y):
 def ratio(
     amplitude: Any, frequency: Any, viscous: Any = 0.0, coulomb: Any = 0.0, quadratic: Any = 0.0
 ) -> Any:
-    """Return the equivalent damping ratio of the force 2 viscous v + coulomb sign(v) + quadratic v|v|.
+    """Return the equivalent damping ratio of the force 2 viscous v + coulomb sign(v) + quadratic v|v| at an amplitude.
 
-    The force is per unit of inertia, in SI units; `frequency` is in rad/s.
+    The force is per unit of inertia, in SI units; `amplitude` is in rad, and `frequency` in rad/s.
     """
     return (
         viscous / frequency

@@ -1,1 +1,1 @@
-"""Peers that need no further packages. Each is a function of times, displacements and amplitudes to a `Reply`."""
+"""Define the peers that run in the environment of bayesdamp: functions from a record and amplitudes to a `Reply`."""

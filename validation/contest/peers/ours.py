@@ -1,4 +1,4 @@
-"""The peer bayesdamp: `compare` without sampling, with its default options."""
+"""Define the peer bayesdamp: `compare` without sampling, with its default options."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from validation.contest.peers.shared import Reply
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Return the damping ratios of the verdict. Raises Refusal with its sentence if it has none."""
+    """Return the damping ratios of bayesdamp's verdict at the amplitudes, and the damping if it is named outright.
+
+    If the verdict has no damping ratios, raise a Refusal whose message is the sentence of the verdict.
+    """
     import bayesdamp as bd
 
     verdict = bd.compare(Signal(t - t[0], y, name="record"), amplitudes=amplitudes, sample=False).verdict

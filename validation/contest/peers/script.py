@@ -1,4 +1,4 @@
-"""A script that an engineer could write in an afternoon: solve the motion, fit seven sums, compare them by BIC.
+"""Do what a script of an afternoon could do: solve the motion, fit seven damping sums, and compare them by BIC.
 
 The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. The unit of time
 is the period of the spectral peak over 2π, and the unit of displacement is the largest displacement of the record.
@@ -21,21 +21,23 @@ from validation.contest.peers.shared import Reply, segments
 TERMS = ("viscous", "coulomb", "quadratic")
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
 K, B, REST, X0, V0 = range(3, 8)
-"""Positions in the vector of parameters, after z, c and q."""
+"""Positions in the vector of parameters p: k, b, rest position, initial displacement and velocity. z, c, q are
+before."""
 SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
 STEP = 2 * math.pi / 40
 FIRST_CYCLES, GROWTH = 3, 2
-"""Length of a fit's first window, and the ratio of each next window to the one before."""
+"""Length in cycles of the window in which a fit starts, and the factor by which each next window is longer."""
 NAMED = 0.95
 EXPLAINED = 0.5
 """Least share of the record's variance that the best fit must explain."""
 FAR = 10.0
-"""Largest residual, so that a motion that escapes has finite residuals."""
+"""Largest absolute residual, in largest displacements of the record, so that residuals of an unbounded motion are
+finite."""
 LEAST_RATIO = 1e-6
 TINY = 1e-200
-"""Least sum of squares, for a record without noise."""
+"""Smallest sum of squares that is used, so that its logarithm is finite for a record without noise."""
 POINTS = 24
-"""Points in a quarter cycle for the energy loss."""
+"""Number of points in a quarter cycle at which the power is evaluated for the energy loss."""
 
 
 @njit(cache=True)
@@ -50,7 +52,10 @@ def _acceleration(x: float, v: float, sign: float, p: np.ndarray, radians: float
 
 @njit(cache=True)
 def _step(x: float, v: float, sign: float, h: float, p: np.ndarray, radians: float) -> tuple[float, float]:
-    """Make one Runge-Kutta step of fourth order, with the sign of the velocity fixed."""
+    """Return displacement and velocity after one Runge-Kutta step of fourth order, of length h.
+
+    The sign of the velocity in the friction is fixed. p, radians: as in `solve`.
+    """
     a1 = _acceleration(x, v, sign, p, radians)
     v2 = v + 0.5 * h * a1
     a2 = _acceleration(x + 0.5 * h * v, v2, sign, p, radians)
@@ -129,7 +134,7 @@ class Fit:
     bic: float
 
     def ratio(self, amplitude: float) -> tuple[float, float]:
-        """Return the damping ratio at an amplitude and its standard deviation."""
+        """Return the damping ratio at an amplitude (in largest displacements), and its standard deviation."""
         value = ratio(self.p, amplitude, self.radians)
         moved = self.p + 1e-6 * np.eye(self.p.size)[self.free]
         slope = (np.array([ratio(p, amplitude, self.radians) for p in moved]) - value) / 1e-6
@@ -137,7 +142,12 @@ class Fit:
 
 
 def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, ...], radians: float) -> Fit:
-    """Fit by least squares over growing windows, so that the phase stays within a cycle."""
+    """Fit a damping sum on one spring to a record by least squares.
+
+    The window grows from `FIRST_CYCLES` to the whole record, so that the phase of the trajectory stays within a cycle
+    of the record's. times, x: the record in normalised units, (n,). guess: first parameters, (8,). terms, radians: as
+    in `Fit`.
+    """
     free = [*terms, K, *([] if radians else [B]), REST, X0, V0]
     p = np.where(np.isin(np.arange(guess.size), free), guess, 0.0)
     p[:K] /= len(terms)
@@ -163,7 +173,10 @@ def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, .
 
 
 def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
-    """Return the energy lost in a cycle over 4π times the amplitude's potential energy."""
+    """Return the equivalent damping ratio: energy lost in a cycle over 4π times the potential energy at the amplitude.
+
+    amplitude: in largest displacements of the record. p, radians: as in `solve`.
+    """
     z, c, q, k, b = p[:REST]
     angle = 0.5 * np.pi * (np.arange(POINTS) + 0.5) / POINTS
 
@@ -177,13 +190,16 @@ def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
 
 
 def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndarray) -> float:
-    """Return a quantile of a mixture of normal distributions."""
+    """Return the quantile at `level` (0 to 1) of a mixture of n normal distributions; the weights sum to 1."""
     ends = float(np.min(means - 10 * sds)), float(np.max(means + 10 * sds))
     return float(brentq(lambda x: weights @ ndtr((x - means) / sds) - level, *ends, xtol=1e-12))  # pyright: ignore[reportArgumentType]
 
 
 def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return first parameters, from a sine through the first cycle and the ratio of the last amplitude to the first."""
+    """Return the parameters (8,) from which fits start, for a record in normalised units, (n,) each.
+
+    They follow from a sinusoid fitted to the first cycle, and from the ratio of the last amplitude to the first.
+    """
     first = times <= 2 * np.pi
     cosine, sine, rest = fit_sinusoid(times[first], x[first])
     last = max(np.ptp(x[times >= times[-1] - 2 * np.pi]) / 2, 1e-3)
@@ -192,7 +208,10 @@ def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Return damping ratios that are averaged over seven sums on two springs. Raises Refusal if no sum fits."""
+    """Return damping ratios averaged over the fits of seven sums on two springs, weighted by exp(−BIC/2).
+
+    A sum is named if its weight is at least `NAMED`. Raises Refusal if no sum fits, or the record is too short.
+    """
     if t.size <= 2 * SCALE.size:
         raise Refusal("too few samples")
     if np.ptp(y) == 0:

@@ -45,7 +45,7 @@ def one_number(value: float, amplitudes: tuple[float, ...]) -> Reply:
 
 
 def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
-    """Return the displacement from rest, the mean of the last whole cycles, at most five.
+    """Return the displacement from the rest position, which is the mean of the last whole cycles, at most five.
 
     Raises Refusal if the record is shorter than a cycle.
 
@@ -63,7 +63,7 @@ def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
 
 
 def segments(t: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the pieces of a record between its gaps."""
+    """Return times and displacements of each piece of a record between its gaps."""
     cuts = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
     return list(zip(np.split(t, cuts), np.split(y, cuts), strict=True))
 

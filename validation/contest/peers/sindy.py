@@ -1,7 +1,8 @@
-"""PySINDy with its defaults (thresholded least squares, 0.1 in SI units) on a library of spring and damping terms.
+"""Estimate the damping by PySINDy with its defaults, on a library of spring and damping terms.
 
-The states are the displacement, and the velocity by PySINDy's smoothed differences. The terms that are not thresholded
-to zero are the named damping.
+The method is thresholded least squares with the threshold 0.1 in SI units. The states are the displacement, and the
+velocity by PySINDy's smoothed differences. The damping terms whose coefficients are not set to zero are the damping
+that this peer names.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ from validation.contest.apart.shared import even, ratio, spectral_peak
 from validation.contest.peers.shared import Reply, about_rest, segments
 
 LEAST = 15
-"""Least number of samples in a piece between gaps; the filter of PySINDy needs eleven."""
+"""Least number of samples in a piece between gaps that is used; the smoothing filter of PySINDy needs eleven."""
 TERMS = ("viscous", "coulomb", "quadratic")
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Fit the equation of motion. Raises Refusal if it has no spring or no damping."""
+    """Fit the equation of motion; return its damping ratios at the amplitudes (rad), and its damping terms.
+
+    Raises Refusal if the fitted equation has no spring or no damping.
+    """
     import pysindy as ps
 
     grid, values = even(t, y)

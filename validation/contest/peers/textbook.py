@@ -1,4 +1,4 @@
-"""The textbook methods: logarithmic decrement, Hilbert envelope, half-power bandwidth, and a fitted decaying cosine."""
+"""Define the textbook methods: logarithmic decrement, Hilbert envelope, half-power bandwidth, decaying cosine."""
 
 from __future__ import annotations
 
@@ -17,16 +17,20 @@ APART = 0.7
 """Least distance between peaks in periods, so that noise adds no peaks."""
 LEAST_PEAKS = 3
 NEAR = 0.25
-"""Half width of the envelope's line at an amplitude, as a share of the range of ln(envelope)."""
+"""A line at an amplitude is fitted to the samples of ln(envelope) that differ from ln(amplitude) by at most this
+fraction of the range of ln(envelope)."""
 LEAST_SAMPLES = 8
 PADDING = 16
-"""Factor by which zeros lengthen the record, so that the peak of its spectrum has several points."""
+"""Factor by which padding with zeros lengthens the record, so that the peak of its spectrum has several points."""
 GUESS = 0.02
 """Damping ratio from which the fit of a decaying cosine starts."""
 
 
 def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Fit a straight line to the logarithms of the peaks: δ/√(4π² + δ²). Raises Refusal for fewer than three peaks."""
+    """Return δ/√(4π² + δ²), where −δ is the slope of a straight line through the logarithms of the peaks by cycle.
+
+    Raises Refusal for fewer than three peaks.
+    """
     grid, values = even(t, y)
     f = spectral_peak(grid, values)
     x = about_rest(grid, values, f)
@@ -40,13 +44,13 @@ def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Re
 
 
 def envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Fit one line to the logarithm of the Hilbert envelope of the whole record."""
+    """Return the damping ratio from one line through the whole log Hilbert envelope, the same for all amplitudes."""
     times, size, omega = _envelope(t, y)
     return one_number(_ratio(times, size, omega), amplitudes)
 
 
 def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Fit a line to the logarithm of the envelope near each amplitude (Feldman's FREEVIB, MSSP 8, 1994).
+    """Return damping ratios from a line through the log envelope near each amplitude (Feldman's FREEVIB, MSSP 8, 1994).
 
     Raises Refusal if the envelope has too few samples near an amplitude.
     """
@@ -63,7 +67,10 @@ def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) 
 
 
 def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return times, log envelope and mean frequency (rad/s), without the first and the last cycle."""
+    """Return times, log Hilbert envelope and mean frequency (rad/s) of a record without its first and last cycle.
+
+    Raises Refusal if fewer than `LEAST_SAMPLES` samples are left.
+    """
     grid, values = even(t, y)
     f = spectral_peak(grid, values)
     analytic = np.asarray(hilbert(about_rest(grid, values, f)))
@@ -75,13 +82,15 @@ def _envelope(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, flo
 
 
 def _ratio(times: np.ndarray, size: np.ndarray, omega: float) -> float:
-    """Return the damping ratio from the slope of a line through the log envelope."""
+    """Return the damping ratio from the slope of a line through the log envelope `size`; omega: frequency in rad/s."""
     rate = -float(np.polyfit(times, size, 1)[0])
     return rate / float(np.hypot(rate, omega))
 
 
 def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Measure the bandwidth of the spectrum's peak, without a window.
+    """Return the damping ratio, for all amplitudes, as half the half-power bandwidth over the frequency of the peak.
+
+    The spectrum is that of the whole record without a window function.
 
     Raises Refusal if the peak does not fall to half power on both sides.
     """
@@ -100,15 +109,16 @@ def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> R
 
 
 def decay(t: np.ndarray, size: float, ratio: float, omega: float, phase: float, rest: float) -> np.ndarray:
-    """Return the textbook decay of a linear oscillator with viscous damping."""
+    """Return the displacement (n,) of a linear oscillator with viscous damping: a decaying cosine about `rest`."""
     ratio = float(np.clip(ratio, -1.0, 1.0))
     return size * np.exp(-ratio * omega * t) * np.cos(omega * np.sqrt(1 - ratio**2) * t + phase) + rest
 
 
 def decaying_cosine(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Fit by SciPy's `curve_fit`, with the interval from its covariance. Raises Refusal if the fit does not converge.
+    """Fit a decaying cosine by SciPy's `curve_fit`; return its damping ratio, with the interval from the covariance.
 
-    It starts at the spectral frequency and the phase of the first cycle.
+    Raises Refusal if the fit does not converge. The fit starts at the spectral frequency and the phase of the first
+    cycle.
     """
     omega = 2 * np.pi * spectral_peak(*even(t, y))
     first = omega * (t - t[0]) <= 2 * np.pi
