@@ -12,20 +12,22 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 GAUSS_POINTS = 12
-"""Number of Gauss–Legendre nodes for each coordinate: the log evidence of a record is then accurate to 0.002 nats
-(measured; most error is at grid points where two coordinates are almost collinear)."""
+"""Number of Gauss–Legendre nodes for each coordinate in the integral of `log_probability`. The log evidence of a
+record, which contains such integrals, is then accurate to 0.002 nats (measured; the error is largest where two
+coordinates are almost perfectly correlated)."""
 MIN_PROBABILITY = 1e-280
-"""If the probability of a value ≥ 0 is smaller than this, the quantiles of a normal that is truncated to ≥ 0 are
-computed from the logarithm of the probability (conventional)."""
+"""If a normal distribution has a smaller probability of values ≥ 0 than this, `truncated_quantiles` computes with the
+logarithm of this probability, to avoid underflow (conventional)."""
 MAX_NESTED, LATTICE_POINTS = 3, 256
-"""Up to this many coordinates nested Gauss rules are used; for more, a lattice of this many points (conventional)."""
+"""`log_probability` uses nested Gauss rules for at most `MAX_NESTED` coordinates, and a lattice of `LATTICE_POINTS`
+points for more (conventional)."""
 SURE_SDS = 7.0
-"""If every mean is this many standard deviations above zero, the probability is taken as 1 (error 1e-12 a
-coordinate)."""
+"""If every coordinate's mean is at least this many of its standard deviations above zero, the probability that all
+coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
 PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
-"""Primes whose square roots generate the lattice, one for each coordinate."""
+"""Primes whose square roots generate the lattice of `_log_probability_by_lattice`, one for each coordinate."""
 T_DEGREES = 7.0
-"""Degrees of freedom of the reflected Student t (conventional)."""
+"""Degrees of freedom of the Student t distribution in `ReflectedT` (conventional)."""
 _X, _W = np.polynomial.legendre.leggauss(GAUSS_POINTS)
 GAUSS_LEVELS, GAUSS_WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 """Gauss–Legendre nodes on [0, 1], used as quantile levels, and their weights."""
@@ -99,7 +101,11 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
 
 
 def truncated_quantiles(mean: np.ndarray, sd: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Return quantiles, (c, p), at `levels` in (0, 1) of normals with means and sds (c,) that are truncated to ≥ 0."""
+    """Return quantiles, (c, p), of c normal distributions that are truncated to values ≥ 0.
+
+    mean, sd: means and standard deviations before the truncation, (c,). levels: probabilities in (0, 1) at which the
+    quantiles are computed, (c, p), or (1, p) if they are the same for all distributions.
+    """
     above = scipy.special.ndtr(mean / sd)[:, None]
     if above.min(initial=1.0) > MIN_PROBABILITY:
         z = -scipy.special.ndtri(np.maximum((1 - levels) * above, 1e-300))
@@ -167,9 +173,10 @@ def draw(
 def _truncated_draws(
     rng: np.random.Generator, mean: np.ndarray, lower: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """Return draws, (sum of counts, k), from normals under the condition that all coordinates are ≥ 0.
+    """Return draws, (sum of counts, k), from c normal distributions under the condition that all coordinates are ≥ 0.
 
-    mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each, (c,).
+    mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each
+    distribution, (c,). The draws are ordered by distribution.
     """
     # Four proposals for each draw, then resampling by weight.
     tries = np.repeat(np.arange(counts.size), 4 * counts)
@@ -192,7 +199,9 @@ def _truncated_draws(
 
 
 class ReflectedT:
-    """A multivariate Student t distribution, some of whose coordinates are replaced by their absolute value.
+    """A multivariate Student t distribution in which some coordinates are replaced by their absolute values.
+
+    It has `T_DEGREES` degrees of freedom.
 
     Parameters
     ----------
@@ -237,9 +246,10 @@ class ReflectedT:
 
 
 def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
-    """Return the `ReflectedT` that has, before the reflection, the mean and covariance of draws y, (n, d).
+    """Fit a `ReflectedT` to draws y, (n, d), by their moments.
 
-    reflected: which coordinates are reflected, (d,).
+    Before the reflection, its t distribution has the mean and the covariance of the draws. reflected: which coordinates
+    are reflected, (d,) of bool.
     """
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (T_DEGREES - 2) / T_DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

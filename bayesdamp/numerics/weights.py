@@ -16,12 +16,14 @@ import scipy  # loads its modules when they are used
 SUMMARY_LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
 """Levels of the quantiles in summaries, by name."""
 NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
-"""A log weight this far below the largest counts as zero (e^−690 is close to the smallest float); smallest number of
-weights from which a shape is fitted (conventional)."""
+"""`NEGLIGIBLE_NATS`: a log weight this far below the largest counts as a weight of zero (e^−690 is close to the
+smallest float). `MIN_WEIGHTS`: smallest number of other weights from which a Pareto shape is fitted (conventional)."""
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
-"""Mean of a weak prior of the shape, and the number of draws to which it is equivalent (Vehtari et al., appendix C)."""
+"""Mean of a weak prior of the Pareto shape k, and the number of draws to which the prior is equivalent (Vehtari et al.,
+appendix C)."""
 QUARTILE_FACTOR = 3.0
-"""Factor of the first quartile in the grid of Zhang and Stephens."""
+"""The factor 3 before the first quartile of the data, in the formula of Zhang and Stephens for the grid of trial
+parameters over which `_fit_shape` averages."""
 
 
 def normalise(log_weights: np.ndarray) -> np.ndarray:
@@ -46,7 +48,10 @@ def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> n
 
 
 def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the interpolated quantiles, at `levels` in [0, 1], of draws x, (n,), with weights that sum to 1, (n,)."""
+    """Return the interpolated quantiles, (p,), of weighted draws x, (n,).
+
+    weights: weights of the draws, which sum to 1, (n,). levels: probabilities of the quantiles in [0, 1], (p,).
+    """
     order = np.argsort(x)
     cumulative = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(np.asarray(levels, float), cumulative, x[order])
@@ -85,8 +90,8 @@ def _fit_shape(above: np.ndarray) -> float:
 
     above: the values minus the threshold, in rising order, (n,).
 
-    The scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight; a weak prior
-    (`PRIOR_SHAPE`) is then added.
+    The ratio of shape and scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight,
+    and gives a shape. The result is the weighted mean of this shape and `PRIOR_SHAPE`.
     """
     n = above.size
     count = 30 + int(np.sqrt(n))

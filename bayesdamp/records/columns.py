@@ -29,13 +29,15 @@ from bayesdamp.units import UNITS
 MIN_SAMPLES = 10
 """Smallest number of samples of a record (conventional)."""
 MAX_STILL_LEVELS = 3
-"""A column with at most this many different values is a switch or a sensor at rest."""
+"""A column with at most this many different values does not count as changing: it is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative of the displacement, by quantity; "" is an unknown quantity."""
+"""Order of the time derivative of the displacement for each quantity; "" is an unknown quantity, which counts as a
+displacement."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 # The following limits are conventional.
 RATE_TOLERANCE = 0.01
-"""A sampling rate that the user gives is reported if it differs by more than this fraction from that of the file."""
+"""If a sampling rate that the user gives differs by more than this fraction from that of the file, the difference is
+reported to the user."""
 _MAX_BACKWARD = 0.02
 """In a column of times, at most this fraction of the steps goes back in time."""
 _MUCH_LARGER = 10.0
@@ -43,12 +45,15 @@ _MUCH_LARGER = 10.0
 _MAX_COMPARED = 40
 """At most this many columns are compared with each other by correlation."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""Largest relative difference between a mean acceleration and gravity (large amplitudes lower the mean), and between
-one coarse period and twice another."""
+"""A column may contain gravity if its mean differs from g by less than the first number, relatively (large amplitudes
+lower the mean). An axis oscillates at twice the frequency of another one if the ratio of their periods differs from 2
+by less than the second number, relatively."""
 _MIN_RELATIVE_SIZE = 1 / 3
-"""Of several sensors of one kind, those with less than this fraction of the largest oscillation are left out."""
+"""Among several columns with the same unit and quantity, those whose oscillation is smaller than this fraction of the
+largest one are not used as records."""
 MIN_POWER_FRACTION = 0.3
-"""Smallest fraction of a column's variance at one frequency, for a column that oscillates (as in `free_decay`)."""
+"""A column oscillates only if one frequency has at least this fraction of its variance (the same limit as
+`MIN_VARIANCE_SHARE` in `cleaning.window`)."""
 MIN_CYCLES = 2.5
 """Smallest number of periods of a column that oscillates; with fewer it may be a drift."""
 MAX_FINAL_SIZE = 0.8

@@ -19,10 +19,11 @@ _ASSUMED = {
     "deg": ("degrees", "--unit rad, mm, V ... if they are not"),
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if that is known"),
 }
-"""How values without a stated unit are read if they are too large for radians, and the option to change this."""
+"""For values without a stated unit that are too large for radians: by the unit that is assumed, its description, and
+the command-line option that changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
-"""Longest and shortest period in s that a sampling rate may give without a doubt about the rate."""
+"""Longest and shortest period of the oscillation in s; a sampling rate that gives a period outside these is doubted."""
 SLOW_PERIOD = 30.0
 """Times without a stated unit are doubted if they step by at least COARSE_STEP and the period is longer than this, in
 s."""
@@ -30,9 +31,10 @@ LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
 """The unit of the times is doubted if the velocity would be larger than this, in rad/s and m/s: the balance wheel of a
 watch reaches about 130 rad/s, sound 340 m/s."""
 COARSE_STEP = 0.5
-"""Smallest step of times (s) from which a long period raises a doubt about their unit."""
+"""Smallest step of the times, in s, from which a period longer than `SLOW_PERIOD` raises a doubt about their unit."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
-"""Day numbers of about 1970 to 2060: in spreadsheets and as modified Julian days, in MATLAB, as Julian days."""
+"""Ranges (lowest, highest) of numbers that may count days and stand for a date between about 1970 and 2060: in
+spreadsheets or as modified Julian days, in MATLAB, and as Julian days."""
 SHORT_DAYS = 5e-4
 """Times that begin at one of DAY_NUMBERS may be in days if the period, read as days, is shorter than this (43 s)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
@@ -45,7 +47,7 @@ TIME_UNIT_NAMES = "ms, us, ns, ps, min, h, d"
 
 
 class Kind(Enum):
-    """What a finding is about."""
+    """Kinds of findings: what the doubt about a record is about."""
 
     DEGREES = "a unit that was assumed"
     PERIOD = "a rate that makes the period absurd"
@@ -68,7 +70,7 @@ class Finding:
     Attributes
     ----------
     kind
-        What it is about.
+        Kind of the doubt.
     sentence
         The doubt in words, for the user.
     option

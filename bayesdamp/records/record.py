@@ -23,7 +23,7 @@ _ANGLE = re.compile(
 """Column names that may stand for an angle; a column without a name may be an angle too."""
 # An angle counts as wrapped (jumping by a whole turn) under these conditions; all values are conventional.
 MIN_JUMPS = 3
-"""Smallest number of jumps of a wrapped angle."""
+"""Values count as a wrapped angle only if they have at least this many jumps by a turn."""
 JUMP_TOLERANCE = 0.1
 """A step counts as a jump if it differs from a turn by less than this fraction of a turn."""
 MAX_SPAN = 1.001
@@ -34,7 +34,8 @@ MAX_EXCESS = 1.5
 """A jump differs from a turn by at most this multiple of the largest other step, because the angle also changes between
 the two samples."""
 MIN_SPAN = 3.0
-"""The unwrapped angle spans more than this multiple of the largest other step; noise about two levels spans less."""
+"""An unwrapped angle must span more than this multiple of its largest step other than the jumps. A signal that is noise
+about two levels spans less."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,11 @@ class RawRecord:
 
 
 def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
-    """Return the unit and the quantity: those given, else the file's (`stated`, `what`), else an angle in rad.
+    """Return unit and quantity of a record: those that the user gives, else those of the file, else an angle in rad.
 
-    If the given unit is that of only one quantity, this has priority over the file's. A file's unit that is not in
-    UNITS is not used.
+    unit, quantity: given by the user, None if not given. stated, what: unit and quantity that the file states, "" if it
+    states none. If the given unit belongs to only one quantity (as the unit g to acceleration), this quantity has
+    priority over the file's. A file's unit that is not in UNITS is not used.
     """
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")

@@ -71,7 +71,7 @@ def decide(
     notes
         Sentences on the record, for the remarks.
     averages
-        The averaging, if amplitude and phase were averaged.
+        How amplitudes and phases replaced the full motion, for a record of very many cycles; else None.
     law_free
         Damping ratios and frequency that are measured without a law, at the amplitudes of the findings' ratios.
 
@@ -165,7 +165,7 @@ def decide(
 
 
 def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
-    """Return the terms of a sum with a possible twin (a term with the same loss at every amplitude).
+    """Return the terms of the sum `damping` for which a twin is possible: a term with the same loss at every amplitude.
 
     A twin is possible if it was compared, is not in the sum, and its 95 % upper limit is at least `thresholds.TWIN`.
     Each is returned as (term, twin, upper limit of the twin's energy fraction).
@@ -179,21 +179,27 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
 
 
 def twin_pairs(terms: Iterable[str], others: Container[str]) -> list[tuple[str, str]]:
-    """Return each of these terms with each of its twins that is among the others."""
+    """Return all pairs (term, twin) of a term in `terms` and a twin of it in `others`.
+
+    A twin of a term is a term with the same energy loss at every amplitude.
+    """
     return [(term, twin) for term in terms for twin in twins_of(term) if twin in others]
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Return all sums but the first of `sums`, and all other forms in `others`, the most probable first."""
+    """Return all damping sums but the first, and all other forms of damping, as rivals, the most probable first.
+
+    sums: probabilities of the compared sums, by name. others: probabilities of other forms of damping, by name.
+    """
     rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
     return tuple(sorted(rivals, key=lambda r: -r.probability))
 
 
 def grade_of(findings: Findings) -> Grade:
-    """Return the grade of how well the laws hold, from the deviations and the unexplained residual.
+    """Return the grade of how well the laws of damping and restoring force hold.
 
-    `DEVIATES` if one of them exceeds its threshold; else `EXACT` if the deviation of the damping is at most
-    `thresholds.EXACT` (97.5 % quantile); else `APPROXIMATE`.
+    It is `DEVIATES` if a deviation from one of the laws or the unexplained residual exceeds its threshold; else `EXACT`
+    if the 97.5 % quantile of the deviation from the damping law is at most `thresholds.EXACT`; else `APPROXIMATE`.
     """
     if (
         findings.deviation.value > thresholds.DEVIATES
@@ -231,14 +237,14 @@ def _contradict(
 
 
 def interval_of(q: Quantity, unit: str = "") -> Interval:
-    """Return a quantity (median and 95 % interval) as an interval with a unit."""
+    """Convert a quantity (median and 95 % interval) to an `Interval` in `unit`; no number is changed."""
     return Interval(q.value, q.low, q.high, unit)
 
 
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
-    """Return the damping divided by its law at the amplitude where it surely deviates most; None if nowhere.
+    """Return the ratio of the damping to its law at the amplitude where it surely deviates most; None if nowhere.
 
-    It surely deviates where the 95 % interval of this ratio is above 1 + `DEVIATES` or below 1/(1 + `DEVIATES`).
+    It surely deviates where the 95 % interval of the ratio is above 1 + `DEVIATES` or below 1/(1 + `DEVIATES`).
     """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)

@@ -68,8 +68,9 @@ Kind = TypeVar("Kind", bound=AtAmplitude)
 class EnvelopeAnswer:
     """The answer on an envelope: verdict, curve and likelihoods.
 
-    curve: the decay with its fit; None where nothing decays. likelihoods: likelihood of the rates by damping sum, for a
-    joint fit of several records; only of sums whose terms have no parameters besides their coefficients.
+    curve: the decay with its fit; None where nothing decays. likelihoods: for a joint fit of several records, the
+    likelihood of the terms' decay rates, by name of the damping sum; only for sums whose terms have no parameters
+    besides their coefficients.
     """
 
     verdict: Verdict
@@ -101,9 +102,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Return draws of rates with deviations and the sensor's error, and draws with neither.
-
-        The second ones are under exact laws.
+        """Draw decay rates twice: with deviations from the laws and the sensor's error, and with neither.
         """
         whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
@@ -131,7 +130,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
-        """Return the function `of` of the decay rates at each amplitude, with its interval, as a `kind`."""
+        """Return a function of the decay rate, such as Q, with its interval at each of the `amplitudes`.
+
+        of: the function of draws of the rates. kind: class of the results.
+        """
         values = []
         for x, draws, exact in zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True):
             e = estimate_of(draws, exact)
@@ -174,7 +176,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> MeasuredNumber:
     """Return the median of draws (n,) of a number, its 95 % interval, and the parts of its standard deviation.
 
-    `plain` are draws (m,) that vary by the noise of the readings alone; their standard deviation is `sd_noise`.
+    plain: draws (m,) that vary by the noise of the readings alone; their standard deviation is `sd_noise`, and `sd_law`
+    is the rest. unit: unit of the number.
     """
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
@@ -183,10 +186,11 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
 def _coefficients_of(
     decay: Decay, ranking: Ranking, draws: RateDraws, plain: RateDraws
 ) -> tuple[Coefficient, ...]:
-    """Return the coefficients of the most probable sum's terms, averaged over all sums that have them.
+    """Return the coefficients of the terms in the most probable damping sum.
 
-    Where amplitudes have no scale (dB), they are relative to the amplitude at the start. `draws` are with deviations
-    and the sensor's error, `plain` under exact laws without it.
+    Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no scale, the
+    coefficients are in units of the amplitude at the start. draws: draws of the rates with deviations from the laws and
+    the sensor's error; plain: draws with neither.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
@@ -213,10 +217,12 @@ def _coefficients_with_own(
     omega: float | None,
     unit: str,
 ) -> list[Coefficient]:
-    """Return the coefficient and all further parameters of a term that is not a power of the amplitude.
+    """Return the coefficient and all further parameters of the term `name`, which is not a power of the amplitude.
 
-    omega: frequency in rad/s. Where it is None, return the term's rate at the start in place of the coefficient, and
-    only further parameters without a time in their unit.
+    omega: frequency in rad/s. If it is None, the result has the term's decay rate at the start of the record in place
+    of the coefficient, and only those further parameters whose unit contains no time. draws: draws of the rates with
+    deviations from the laws and the sensor's error, and draws with neither. amplitude: amplitude to which the
+    amplitudes in the fit are relative. unit: unit of the amplitudes.
     """
     best = ranking.best
     term = best.each[best.terms.index(name)]
@@ -257,12 +263,15 @@ def _coefficients_with_own(
 
 
 def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
-    """Return a coefficient from its draws (n,), and from draws (m,) under exact laws, as `estimate_of` does."""
+    """Return the coefficient `name` from draws of it: median, interval and parts of its sd, as from `estimate_of`."""
     return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
 
 
 def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Return the remarks on an envelope's verdict; `twins` are pairs of sums that its amplitudes cannot distinguish."""
+    """Return the remarks on an envelope's verdict.
+
+    twins: pairs of names of damping sums that the record cannot distinguish.
+    """
     record = decay.record
     texts = list(record.notes)
     if record.frequency is None:
@@ -324,11 +333,12 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return, by damping sum, the likelihoods of all records, of sums that every record with a decay has.
+    """Return, for each damping sum that all records with a decay have, one likelihood for each of these records.
 
-    The likelihood of each record is a function of scores: the damping ratios at a common reference amplitude (the
-    geometric mean of those of the records) divided by `SCORE_RATIO`. If the frequency of a record is not known, the
-    scores are decay rates times the geometric mean of the durations, up to a constant.
+    The likelihood of a record is a function of the scores of the sum's terms. The score of a term is its damping ratio
+    at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is common to the records: the geometric
+    mean of theirs. If the frequency of a record is not known, the score is the term's decay rate times the geometric
+    mean of the records' durations, times a constant.
 
     Raises
     ------
@@ -363,9 +373,10 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 
 
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
-    """Return the joint comparison of damping sums: one set of coefficients, times a factor for each record.
+    """Compare damping sums on all records of a specimen together; return None if fewer than two have a decay.
 
-    The hyperparameters of g are common to the records. Return None where fewer than two records have a decay.
+    All records have the same coefficients, times a factor for each record. The log deviation g of the damping from its
+    law is inferred for each record, but its size and correlation length are common to all.
 
     Raises
     ------
@@ -391,9 +402,10 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
 
 
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
-    """Return the verdict on a specimen; None where fewer than two records have a decay.
+    """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two of them have a decay.
 
-    The logarithm of Q, or of the decay rate, is pooled over the records.
+    ln Q is pooled over the records (see `pool_records`), or ln of the decay rate if the frequency of a record is
+    unknown. name: name of the specimen.
 
     Raises
     ------

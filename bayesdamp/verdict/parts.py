@@ -12,7 +12,8 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 
 NAN = math.nan
-"""The single NaN object for unknown values: verdicts with the same object compare as equal."""
+"""The NaN that all unknown values of verdicts share. Tuples and dataclasses with the same NaN object compare as equal,
+those with different ones do not."""
 
 
 class Grade(StrEnum):
@@ -58,7 +59,7 @@ class FrequencyAt(IntervalAt):
 
 
 class OverLaw(IntervalAt):
-    """The damping divided by that of its law without deviations, at an amplitude."""
+    """The inferred damping divided by the damping that its law alone gives, without the deviation, at an amplitude."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ class MeasuredNumber:
 class AtAmplitude:
     """A number at an amplitude of the record, with its total 95 % interval, from `low` to `high`.
 
-    unit: that of the amplitude, not of the number. sd_noise, sd_law: as in `MeasuredNumber`.
+    unit: unit of the amplitude, not of the number. sd_noise, sd_law: the parts of the number's standard deviation from
+    noise and from deviations of the law; NaN if unknown.
     """
 
     amplitude: float
@@ -98,9 +100,10 @@ class DampingRatio(AtAmplitude):
 
 @dataclass(frozen=True)
 class LawFreeAt:
-    """Damping ratios and frequency that are measured without any law.
+    """Damping ratios and a frequency that are estimated from the record without a law of damping or restoring force.
 
-    ratios: at the verdict's amplitudes, or the nearest ones of the measured curve. frequency: at the last of these.
+    ratios: at the verdict's amplitudes, or the nearest amplitudes of the law-free curve. frequency: at the last of
+    these.
     """
 
     ratios: tuple[DampingRatio, ...]
@@ -125,7 +128,10 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another damping sum, or another form of damping, and its probability."""
+    """A damping other than the one named first, with its probability.
+
+    It is another damping sum, or a form of damping outside the compared sums.
+    """
 
     damping: str
     probability: float
@@ -147,7 +153,10 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """The 95 % upper limit of the fraction of energy (0 to 1) that a form of damping outside the answer dissipates."""
+    """The 95 % upper limit `share_below` (0 to 1) of the energy fraction that an absent damping may dissipate.
+
+    form: a term that is not in the named damping sum, or "any other form".
+    """
 
     form: str
     share_below: float
@@ -209,15 +218,17 @@ class MotionKind(StrEnum):
 
 @dataclass(frozen=True)
 class Column:
-    """The columns of a verdict's field in verdicts.csv.
+    """How a field of `Verdict` is written to verdicts.csv and shown to the user.
+
+    An instance is in the metadata of each field that has columns in verdicts.csv.
 
     Attributes
     ----------
     label, unit
-        Label and unit of the value in terminal and report; without a label it is not shown there.
+        Label and unit of the field's value in terminal and report; without a label it is not shown there.
     names, cells
-        Names of the columns and a function that returns their cells, for values other than numbers, intervals and
-        texts.
+        Names of the field's columns, and the function that converts its value to cells by column. They are needed only
+        for values other than numbers, intervals and texts.
     """
 
     label: str = ""

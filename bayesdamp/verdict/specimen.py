@@ -21,14 +21,14 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence, twin_remark
 
 SPREAD_VALUES = 400
-"""Number of values of the spread between records in the quadrature of its posterior."""
+"""Number of grid values of the standard deviation between records over which `pool_records` integrates."""
 PRIOR_SCATTERS = 2.0
-"""Scale of the spread's half-Cauchy prior, relative to the scatter of the values, or to their median sd if that is
-larger (weakly informative; Gelman 2006)."""
+"""The standard deviation between records has a half-Cauchy prior. Its scale is this factor times the standard deviation
+of the records' values, or times their median standard error if that is larger (weakly informative; Gelman 2006)."""
 RATIO_DRAWS = 20_000
 """Number of draws of a damping ratio: an end of a 95 % interval is then accurate to 2 % of its width."""
 Curve = Mapping[str, np.ndarray]
-"""Arrays of a damping curve by name."""
+"""Type of a damping curve: arrays by name, such as `amplitude` and `ratio` (see `RecordAnswer`)."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,11 @@ def specimen(
 def common_verdict(
     name: str, own: Sequence[Verdict], damping: Mapping[str, float], others: Mapping[str, float]
 ) -> Verdict:
-    """Return a specimen's verdict with the fields that motions and envelopes have in common.
+    """Return a specimen's verdict with the fields that do not depend on the kind of its records (motions or envelopes).
 
-    It is decided by the probability, the grade and possible twins (see `decide`); a twin is possible if each record
-    allows it. The grade and the deviations are the worst of the records, the energy fractions and the noise medians
-    over them.
+    One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
+    in `decide`; a twin is possible if it is possible in each record. The grade, the deviation and the unexplained
+    residual are those of the worst record, the energy fractions and the noise are medians over the records.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def common_verdict(
     damping
         Probability of each sum for all records, the most probable first.
     others
-        Probability of each rival.
+        Probabilities of forms of damping outside the compared sums, by name.
     """
     first, probability = next(iter(damping.items()))
     grade = max((v.grade for v in own), key=list(Grade).index)
@@ -221,9 +221,10 @@ def common_verdict(
 def specimen_probabilities(
     comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Return probabilities by damping sum, by restoring law and by rival, for all records together.
+    """Return the probabilities of damping sums, of restoring laws and of other forms, for all records together.
 
-    Sums and laws are in order of their probability. The probabilities by law include the rivals.
+    Other forms are forms of damping outside the compared sums (the rivals). All are by name, the most probable first. The
+    probability of a law is summed over all dampings, the rivals included.
     """
     other_forms = {form.damping for r in comparison.records for form in r.others}
     by_damping: dict[str, float] = {}
@@ -259,9 +260,9 @@ def _ratios(
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
     """Return the specimen's damping ratios at three falling amplitudes, and those of one more record.
 
-    The amplitudes are in the range of all records, or if there is none, of the first record. The ratio by the law is
-    drawn from the joint posterior; its deviation is pooled over the records. Under exact laws the sensor's error is not
-    included.
+    The amplitudes are in the range that all records share, or that of the first record if they share none. The damping
+    ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the records. The
+    relative error `sensor` of the sensor is added only if laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")

@@ -27,7 +27,8 @@ may be due to the approximations of the law-free curve (measured: none of 55 sim
 SAME_AMPLITUDE = 0.05
 """Two amplitudes count as the same if their logarithms differ by less than this."""
 CONTRADICTS_FREQUENCY = 0.002
-"""As `CONTRADICTS`, for the frequency."""
+"""A restoring law is contradicted if its frequency differs by more than this fraction from the law-free one, and their
+intervals do not overlap even if the law-free interval is widened by `WIDER`."""
 LIKELY_EXACT = 0.5
 """The grade of an envelope is exact if the probability of an exact law is at least this."""
 POWER_LAW = log(20.0)
@@ -42,7 +43,8 @@ OTHER_MOTION = 0.05
 """Size of a second oscillation or of a growth, relative to the amplitude of the first oscillation, from which the
 record is not a free decay of one oscillator."""
 SMALL_OTHER_MOTION = 0.01
-"""As `OTHER_MOTION`, if no law fits the record but two oscillations explain it to its noise (conventional)."""
+"""Smaller limit in place of `OTHER_MOTION`, if no law of one oscillator fits the record but two oscillations explain it
+to its noise (conventional)."""
 REMARK = 0.01
 """There is a remark if the rms residual beyond the noise is at least this fraction of the amplitude."""
 EXTRAPOLATED = 0.005
@@ -71,7 +73,7 @@ FEW_READINGS = 20
 """With fewer readings than this, the noise of an envelope is hardly known: a remark says so, and no power law replaces
 the sums."""
 SHALLOW = 10.0
-"""If an envelope falls by less (dB), a remark says that damping models are hard to distinguish."""
+"""If an envelope falls by less than this, in dB, a remark says that damping models are hard to distinguish."""
 AGREEMENT_SDS = 0.5
 """Two computations agree if a damping ratio or coefficient changes by less than this many of the answer's standard
 deviations."""
@@ -80,6 +82,8 @@ WIDTHS_AGREE = 1.25
 width.
 """
 WIDTH_HOLDS = 0.8
-"""Probability that the named damping should keep if the widths of given priors are varied (conventional)."""
+"""If the widths of given priors are varied, the probability of the named damping should stay at least this
+(conventional)."""
 AVERAGED = 0.1
-"""There is no reservation if averaging shifts no parameter by more than this, in its posterior standard deviations."""
+"""The averaging over cycles causes no reservation if it shifts no parameter by more than this many posterior standard
+deviations."""

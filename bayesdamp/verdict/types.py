@@ -44,13 +44,15 @@ if TYPE_CHECKING:
 VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
 """Names of the files of a run that contain its verdicts."""
 COLUMN = {"column": Column()}
-"""Metadata of a field that is a single column of verdicts.csv."""
+"""Metadata of a field of `Verdict` that has columns in verdicts.csv named after the field, and is not shown on a line
+of its own."""
 _ENDS = {
     "Interval": ("", "_low", "_high"),
     "FrequencyAt": ("", "_low", "_high"),
     "MeasuredNumber": ("", "_low", "_high", "_sd_noise", "_sd_law"),
 }
-"""Suffixes of a field's columns in verdicts.csv by its type; fields of other types have one column."""
+"""Suffixes of the names of a field's columns in verdicts.csv, by the type of the field; fields of other types have one
+column."""
 _RATIOS = 3
 """Number of damping ratios in verdicts.csv."""
 _TERMS = ("viscous", "coulomb", "quadratic")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
 UNDETECTED_DEVIATION = 1e-3
-"""If the deviation from a law (a fraction) is smaller, only its upper limit is given."""
+"""If the deviation from a law (a fraction) is smaller than this, the sentence gives only its upper limit."""
 WHOLE_ENERGY = 0.995
 """A term with at least this fraction of the energy dissipates "all of it" in the sentence on the energy."""
 LEAST_BOUND = 0.1
@@ -148,9 +148,10 @@ def _frequency(v: Verdict) -> str:
 
 
 def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
-    """Return whether the natural frequency is extrapolated: too uncertain, or too far from that at an amplitude.
+    """Return whether the natural frequency is only an extrapolation to small oscillations.
 
-    The limit is the fraction `thresholds.EXTRAPOLATED` of it, for its half interval and for the difference.
+    It is if half its 95 % interval, or its difference from the frequency `at` an amplitude of the record, is more than
+    the fraction `thresholds.EXTRAPOLATED` of the natural frequency.
     """
     off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
     return off > thresholds.EXTRAPOLATED * natural.value
@@ -197,9 +198,10 @@ def _mode(m: Oscillation) -> str:
 
 
 def _frequency_of(m: Oscillation) -> str:
-    """Return the frequency of a sinusoid as text, rounded by an uncertainty in Hz.
+    """Return the frequency of a sinusoid as text, rounded to its uncertainty.
 
-    This is the width of the damping ratio's 95 % interval times the frequency, at least 1e-4 of the frequency.
+    The uncertainty is the frequency times the width of the damping ratio's 95 % interval, at least 1e-4 of the
+    frequency.
     """
     return digits(m.frequency, max((m.high - m.low) * m.frequency, 1e-4 * m.frequency))
 

@@ -25,17 +25,19 @@ from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
 OFFSET_SIGMAS = 3.0
-"""An offset is significant from this many standard errors on (conventional)."""
+"""The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
+(conventional)."""
 HARMONICS = 3
-"""Number of harmonics in the model from which the sensor's zero is estimated (conventional)."""
+"""Number of harmonics in the model of `sensor_offset`, from which the zero of a sensor is estimated (conventional)."""
 MOST_POWERS = 6
-"""Highest degree of the polynomials of time in the model of the sensor's zero; the degree is half the number of cycles,
-limited to this (conventional)."""
+"""In the model of `sensor_offset`, the coefficients of the harmonics are polynomials of time. Their degree is half the
+number of cycles, but at most this (conventional)."""
 OUTLIER_SIGMAS = 8.0
-"""A sample is an outlier if it differs from a local harmonic fit by more than this many standard deviations."""
+"""A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
+deviations of the noise."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
-"""A user is warned if an angle in rad exceeds this many turns to either side; the second number is for columns whose
-name states the unit (conventional)."""
+"""The user is warned that values which are read as angles may have another unit, if the largest angle exceeds this many
+turns to either side of the midline. `MAX_TURNS_NAMED` applies if the column's name states the unit (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 """Words for values of each quantity, in messages."""
 CLIPPED = (
@@ -51,18 +53,21 @@ TONE_BURST = (
     "from damping; give a record without excitation, or the start and stop of a free decay in this one"
 )
 MOST_SAMPLES = 100_000
-"""The number of samples of a record with more than this is reduced by decimation (conventional)."""
+"""Records with more samples than this are decimated (conventional)."""
 SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
-"""Number of samples a cycle after decimation, and the smallest number for records with very many cycles."""
+"""Decimation aims at the first number of samples a cycle. In records of so many cycles that this would give more than
+`MOST_SAMPLES` samples, it aims at fewer, but not below the second number of samples a cycle."""
 PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""
 ATTENUATION = 90.0
 """Attenuation of the filter in dB above the new Nyquist frequency. Its ripple in the pass band is as small: 3e-5."""
 PRESERVED_DENSITY = 1e-3
-"""Frequencies with more than this fraction of the largest spectral density (−30 dB) are preserved (conventional)."""
+"""Decimation preserves all frequencies at which the spectral density is more than this fraction of its maximum (−30 dB;
+conventional)."""
 MAX_STEPS_OFF = 2.0
-"""A record is decimated only if its stamps differ from a uniform clock by at most this many steps."""
+"""A record is decimated only if all of its time stamps differ from a uniform clock by at most this many sampling
+steps."""
 
 
 def recording_step(y: np.ndarray) -> float:

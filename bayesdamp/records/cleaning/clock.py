@@ -1,4 +1,8 @@
-"""Choose the times of the samples: as logged, or a uniform clock if time stamps are rounded or come in bursts."""
+"""Choose the times of the samples: as logged, or a uniform clock if time stamps are rounded or come in bursts.
+
+In a burst, several samples get nearly the same time stamp, because they are stamped when they arrive together and not
+when they are taken.
+"""
 
 from __future__ import annotations
 
@@ -10,33 +14,37 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 BURST_REPEATS = 0.05
-"""If at least this fraction of the stamps are equal to the one before, they count as bursts of a uniform sampling
+"""If at least this fraction of the time stamps repeat the one before, the clock "auto" assumes that the samples were
+taken at equal steps and only stamped in bursts. Fewer repeated stamps are refused as faults of the file
 (conventional)."""
 EVEN_STEPS_RATIO = 1.5
-"""Rows count as merely out of order if, for the sorted times, mean over median step and median over smallest step are
-below this (conventional)."""
+"""If the times of a file go back, the message advises to sort the rows if the sorted times have nearly even steps: mean
+step / median step and median step / smallest step are both below this (conventional)."""
 MIN_PAUSES, SHORT_STEP = 8, 0.3
-"""Stamps come in bursts if there are at least this many pauses, and the median step is below this fraction of the mean
-step (conventional)."""
+"""Time stamps come in bursts if at least `MIN_PAUSES` steps are longer than the mean step (the pauses between bursts),
+at least as many are not, and the median step is at most `SHORT_STEP` times the mean step (conventional).
+`_rows_are_missing` also needs `MIN_PAUSES` longer and as many other steps."""
 JUMP_RATIO = 2.0
-"""Rows are missing at longer steps of the times if the mean squared change of the values across these steps is more
-than this factor times that across the other steps (conventional)."""
+"""Where some steps of the times are multiples of the others, rows count as missing if the mean squared change of the
+recorded values across the longer steps is more than this factor times that across the other steps (conventional)."""
 MULTIPLE_TOLERANCE = 1e-3
-"""Where rows are missing, steps are multiples of the smallest one within this fraction of it (conventional)."""
+"""Rows count as missing only if every step of the times is a multiple of the smallest step, within this fraction of the
+smallest step (conventional)."""
 UNIFORM_TOLERANCE = 1e-6
-"""Stamps are used as they are if they differ from a uniform clock by less than this fraction of a step
-(conventional)."""
+"""Time stamps that differ from a uniform clock by at most this fraction of a step do not count as rounded and are used
+as they are (conventional)."""
 ROUNDING_TOLERANCE = 0.6
-"""Rounded or truncated stamps differ from a uniform clock by at most this fraction of the last digit: 0.5, and an
-allowance for the error of the fitted line."""
+"""Rounded or truncated time stamps differ from a uniform clock by at most this fraction of the unit of their last
+digit: 0.5, and an allowance for the error of the fitted line."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
 """Seconds in the units in which a file may write its times."""
 MOST_STEPS_OFF = 8
 """A uniform clock is not chosen automatically if a stamp is further from it than this many times the median of the
 steps above zero; then the record may contain a pause (conventional)."""
 MIN_ROUNDED_STEPS = 8
-"""Stamps count as rounded only if at least this many steps differ from the usual one, because a single missing or
-repeated row also changes the step. Eight such faults at random are as evenly spaced in 0.24 % of records (8!/8⁸)."""
+"""Time stamps count as rounded only if at least this many steps differ from the median step, because a single missing
+or repeated row also changes a step. Rounding does so at even distances; eight faults at random are as evenly
+distributed, one in each eighth of the record, with a probability of only 0.24 % (8!/8⁸)."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +54,11 @@ class Clock:
     Attributes
     ----------
     t
-        Times in s, (n,), with the zero of the file.
+        Times in s, (n,), on the clock of the file; from 0 if they follow from a sampling rate.
     used
         "rate" (from the sampling rate), "as_logged" or "uniform".
     repeated
-        Fraction of stamps that repeat the one before.
+        Fraction of time stamps that repeat the one before.
     notes
         Sentences on what was done.
     """
@@ -64,16 +72,20 @@ class Clock:
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     """Return the times of a record.
 
-    A uniform clock is first stamp + index × step. The clock "auto" is decided in this order:
+    A record without times has those of its sampling rate, whatever the clock. Otherwise the clock "as_logged" uses the
+    time stamps, and a uniform clock is first stamp + row index × step. The clock "auto" applies the first of these
+    rules that fits ("refused" means InputError):
 
-    1. without times: the sampling rate;
-    2. stamps that are the rounded times of a uniform sampling, and no missing rows: uniform, with its step (refused if
-       the last digit is longer than the step);
-    3. stamps that come in bursts: refused if none repeats, or if only a few (below BURST_REPEATS) do; 4. no stamp
-    repeats: as logged; 5. else uniform, with the slope of a robust line through stamps against index, unless stamps are
-    too far from it (refused).
+    1. The stamps are the rounded times of a uniform sampling, and no rows are missing: uniform, with the step of that
+       sampling. Refused if the unit of the last digit is longer than the step.
+    2. Some stamps repeat, but fewer than the fraction BURST_REPEATS: refused.
+    3. No stamp repeats, but the stamps come in bursts: refused.
+    4. No stamp repeats: as logged.
+    5. Uniform, with the slope of a robust line through the stamps against the row index as the step. Refused if a stamp
+       is too far from this line (MOST_STEPS_OFF).
 
-    The clock "uniform" uses the step of rule 2 if it applies, else that of rule 5.
+    The clock "uniform" uses the step of rule 1 if the stamps are rounded, else that of rule 5 (in bursts from the first
+    stamp of each).
 
     Parameters
     ----------
@@ -186,7 +198,7 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
-    """Fit a uniform sampling whose times, rounded to the last digit, are the stamps.
+    """Fit a uniform sampling to time stamps that may be its times, rounded to their last digit.
 
     Parameters
     ----------
@@ -196,8 +208,8 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
     Returns
     -------
     tuple of float
-        Last digit, step, and largest difference between a stamp and the uniform clock, in s; all zero if the stamps are
-        not rounded.
+        Unit of the last digit to which the stamps are written (such as 0.01), step of the uniform sampling, and largest
+        difference between a stamp and the uniform clock, all in s; all zero if the stamps are not rounded.
     """
     late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
     digits = [unit * 10.0**-decimals for unit in TIME_UNITS for decimals in range(-3, 13)]
@@ -217,7 +229,7 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
 def burst_begins(t: np.ndarray) -> np.ndarray:
     """Return the indices of the samples that begin a burst of stamps t (n,); all n if there are no bursts.
 
-    In bursts most steps are much shorter than the mean step.
+    In bursts most steps are much shorter than the mean step (see `MIN_PAUSES`).
     """
     gaps = np.diff(t)
     pauses = gaps > gaps.mean()
@@ -227,7 +239,7 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
 
 
 def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
-    """Return a message on times t (n,) that decrease after sample `at`, and the arguments of `read` that can help.
+    """Return a message on times t (n,) that decrease after sample `at`, and names of arguments of `read` that can help.
 
     The message does not advise to sort times that always decrease: if the clock counts down, sorting would turn the
     decay into growth.

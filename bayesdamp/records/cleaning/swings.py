@@ -31,30 +31,36 @@ JUMP_RATIO = 3.0
 """A rise above MAX_RISE or a fall above MAX_FALL counts only if it is more than this many times larger than the changes
 of the range in the cycles before."""
 SWINGS_PER_WINDOW = 4
-"""At a break of the decay rate, two windows of this many swings before it are compared with two after it."""
+"""To find a sudden change (break) of the decay rate, the rates in two windows before it and two windows after it are
+compared. This is the number of swings in each window."""
 MIN_RATE_CHANGE = 0.4
-"""At a break the decay rate must change by this fraction more than any power of the amplitude explains."""
+"""At a break, the part of the change of the decay rate that no power of the amplitude (see `LARGEST_POWER`) explains
+must exceed this fraction of the larger of the two rates."""
 LARGEST_POWER = 1.2
-"""The decay rate is assumed to be proportional to a power of the amplitude between minus this and this: −1 is dry
-friction, 0 viscous damping, 1 drag."""
+"""The decay rate of a free decay is assumed to change with the amplitude like a power between minus this and plus this:
+−1 is dry friction, 0 viscous damping, 1 drag."""
 LATER_SWINGS = 10
 """Number of later swings with which a swing is compared."""
 EXCEEDANCE = 1e-3
 """Probability that a swing of a free decay is outside the prediction interval from the later ones."""
 MAX_MISFIT = 5.0
-"""Largest misfit (see `Swings.misfit`) of a swing, relative to the median misfit of the later swings."""
+"""A swing has another shape than the later swings if its misfit (see `Swings.misfit`) is more than this many times
+their median misfit."""
 PERIOD_TOLERANCE, MIDLINE_TOLERANCE, SHAPE_TOLERANCE = 0.02, 0.03, 0.01
-"""Deviations that are always allowed: of the period (relative), of the midline (relative to the range), and of the
-shape (relative to the amplitude)."""
+"""Deviations of a swing from the later ones that are always allowed: of the duration (relative), of the midline (as a
+fraction of the range), and of the shape (rms misfit as a fraction of half the range)."""
 MAX_LOG_FALL = 0.9
 """The decay rate of the largest swing is predicted from swings whose ln range is at most this much smaller. Smaller
 swings are not used: with dry friction the rate increases without bound towards the end."""
 STILL_FRACTION = 0.02
-"""A part of the record counts as moving if it changes by more than this fraction of the first swing (and the noise)."""
+"""A part of the record counts as moving if its range exceeds the effects of noise and rounding by more than this
+fraction of the range of the first or last swing (see `Series.moves`)."""
 NOISE_ERRORS = 4.0
-"""A movement or a turning value below this many standard errors may be noise."""
+"""Noise may explain a movement whose range is below this many standard deviations of the noise, and a turning point
+that is closer to the midline than this many standard errors of its value."""
 TEMPLATE_TOLERANCE = 0.02
-"""A swing may differ by this fraction of its range from a later swing that is scaled to its size and period."""
+"""In `Series.reach`, the samples before the first turning point may differ from a later swing, scaled to their size and
+period, by this fraction of the range of a swing."""
 
 
 def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
@@ -94,10 +100,10 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return the marks (indices of swings) that are not near a gap in the samples.
+    """Return the marks (indices of swings) that are more than two windows of `SWINGS_PER_WINDOW` away from any gap.
 
-    across: indices of the swings that contain a gap. Over a gap the range falls as over several swings, which is not a
-    jump or break.
+    across: indices of the swings that contain a gap in the samples. Over a gap the range falls as much as over several
+    swings, which must not count as a jump or break.
     """
     return [m for m in marks if not np.any(np.abs(across - m) <= 2 * SWINGS_PER_WINDOW)]
 
@@ -132,7 +138,10 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     runs: list[tuple[int, int]] = []
 
     def continues(stop: int, a: int, b: int) -> bool:
-        """Return whether swings a to b - 1 continue the run up to `stop`, across a wrong turning point or a gap."""
+        """Return whether swings a to b - 1 continue a run of swings that ends before swing `stop`.
+
+        Swings `stop` to a - 1 are spoiled by wrong turning points or by a gap in the samples.
+        """
         before, after = float(ranges[stop - 1]), float(ranges[a])
         begin, end = float(turns.times[stop]), float(turns.times[a])
         swing = float(turns.times[stop] - turns.times[stop - 1])
@@ -153,9 +162,12 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices, from 0 to k, that divide k swings into a rising, a falling and again a rising part.
+    """Return the indices at which k swings are cut into a part that rises, a part that falls and one that rises again.
 
-    If the swings do not rise at the start (or the end) by more than `MAX_RISE` and the noise, that part is missing.
+    The first index is 0, the last is k. The index between two parts is left out if the ranges do not rise at the start
+    (or at the end) by more than the fraction `MAX_RISE` and by more than 4 `floor`.
+
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise.
 
     A free decay neither begins nor ends with growing swings; the ringing of a filter before and after a hit does.
     """
@@ -172,7 +184,11 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 
 
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices of the swings with which a new stretch begins, because their range jumps. ranges: (k,)."""
+    """Return the indices of the swings with which a new stretch begins, because the range jumps there.
+
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise;
+    changes of the range below 4 `floor` are not jumps.
+    """
     change = ranges[2:] - ranges[:-2]
     rises = change > np.maximum(MAX_RISE * ranges[:-2], 4 * floor)
     falls = -change > np.maximum(MAX_FALL * ranges[:-2], 4 * floor)
@@ -193,8 +209,10 @@ def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
 def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of swings at which the decay rate changes suddenly.
 
-    The change must be larger than any power of the amplitude explains. The decay rates in two windows before and two
-    after are compared; in a beat they change steadily.
+    The change must be larger than a dependence of the rate on a power of the amplitude explains. The decay rates in two
+    windows before the break and two after it are compared, because in a beat they change steadily.
+
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise.
     """
     if ranges.size < 4 * SWINGS_PER_WINDOW:
         return []
@@ -211,7 +229,10 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
-        """Return the part of the change of each rate from window i to j that no power of the amplitude explains."""
+        """Return the change of the decay rate from window i to j that no power of the amplitude explains.
+
+        The result has one value for each possible place of the break. The windows are numbered 0 to 3.
+        """
         factor = np.exp(LARGEST_POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)
         return np.maximum(np.maximum(low - rates[i], rates[i] - high), 0.0)
@@ -221,7 +242,10 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
         return float(np.sum((part - columns @ np.linalg.lstsq(columns, part, rcond=None)[0]) ** 2))
 
     def corner(a: int, b: int) -> int:
-        """Return the swing between a and b at which the break is: a line before and a parabola after fit best."""
+        """Return the swing between a and b at which the break is.
+
+        There a line through the log ranges before it and a parabola through those after it fit best.
+        """
         corners = range(a + SWINGS_PER_WINDOW + 1, b - SWINGS_PER_WINDOW)
         return min(corners, key=lambda m: misfit(logs[a:m], 1) + misfit(logs[m:b], 2))
 
@@ -241,7 +265,10 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
 
 @dataclass
 class Swings:
-    """The swings of a stretch of k turning points: ranges and durations (`gaps`) (k − 1,), midlines (k − 2,).
+    """The k − 1 swings of a stretch of k turning points.
+
+    Besides the fields below it has the ranges of the swings and their durations in s (`gaps`), each (k − 1,), and the
+    midline at each turning point except the first and the last (`midlines`, (k − 2,)).
 
     Attributes
     ----------
@@ -289,9 +316,9 @@ class Swings:
         return None if self._is_like_later(i, self.misfit(i)) else "shape"
 
     def opens_like_later(self, begin: float) -> bool:
-        """Return whether the samples from `begin` (s) to the first turning point fit as well as those of the swings.
+        """Return whether the samples from `begin` (s) to the first turning point have the shape of the swings after it.
 
-        Return True if there are too few samples to decide.
+        The misfits of fits to both are compared (see `misfit`). Return True if there are too few samples to decide.
         """
         end = float(self.turns.times[0])
         samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))
@@ -308,9 +335,9 @@ class Swings:
         return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
 
     def misfit(self, i: int) -> tuple[float, float]:
-        """Return rms and largest absolute residual of a slowly changing sinusoid with overtone, fitted to swing i.
+        """Fit a slowly changing sinusoid with an overtone to swing i, and return rms and largest absolute residual.
 
-        Both are 0 if the swing has fewer than three samples.
+        Both are in the unit of y, and 0 if the swing has fewer than three samples.
         """
         if i not in self._misfits:
             begin, end = self.turns.times[i : i + 2].tolist()
@@ -364,7 +391,7 @@ class Reach:
     share
         Time from there to the turning point, as a fraction of the duration of a swing.
     whole
-        Whether they agree throughout the swing, or throughout the part of it that was recorded.
+        Whether they agree over the full duration of a swing, or over all of it that was recorded.
     """
 
     at: float
@@ -451,10 +478,10 @@ class Series:
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
-    """Predict by how much the log range of a swing fell over the cycle before the first swing.
+    """Extrapolate by how much ln of the range fell from the swing before the given ones to the second given one.
 
-    logs: log ranges of successive swings, (k ≥ 2,). Return the predicted fall and its error. Raises InputError if k <
-    2.
+    logs: ln of the ranges of successive swings, (k ≥ 2,). Return this fall over a cycle, and an allowance for its
+    error. Raises InputError if k < 2.
     """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])

@@ -28,7 +28,8 @@ from bayesdamp.types import FreeDecay, InputError
 
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 MIN_STEPS = 2.0
-"""A turning point closer to the midline than this many recording steps is not used."""
+"""Turning points closer to the midline than this many recording steps (steps to which the values are rounded) are not
+used."""
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
 MIN_VARIANCE_SHARE = 0.3
@@ -36,23 +37,28 @@ MIN_VARIANCE_SHARE = 0.3
 FEWEST_A_CYCLE = 4.0
 """Smallest number of samples in a cycle with which an oscillation can be followed."""
 CLEAR_SHARE = 0.85
-"""If a period explains more than this fraction of the record's variance, no other period is tried."""
+"""If an oscillation with one of the possible periods explains more than this fraction of the record's variance, no
+weaker period is tried."""
 MOST_HEAD_SWINGS = 24
-"""Largest number of swings at the start of a stretch that are compared with later ones; at most half of its swings
-are."""
+"""Largest number of swings at the start of a stretch that are tested for a disturbance by comparison with later ones;
+at most half of the stretch's swings are tested."""
 START_MARGIN = 0.2
-"""If a hand releases the body within a swing, the start is later than the release by this fraction of a swing."""
+"""If the body is released by hand within a swing, the used part starts later than the release by this fraction of a
+swing."""
 HAND_REACH = 0.25
-"""A hand that moves within this fraction of a swing from a turning point may have shifted the turning point."""
+"""If a hand moves the body within this fraction of a swing from a turning point, it may have shifted the turning point,
+which is then not used."""
 LEAST_TURNS = 6
-"""Smallest number of turning points of a decay with which its first or last swing is compared with the others."""
+"""The first and the last swing of a decay are tested for the effect of a hand or a stop only if the decay has more than
+this many turning points. After a start that the user gives, a short decay counts only if it has more."""
 OTHER_INFORMATION = 0.1
 """Another stretch counts as a free decay if its `information` is at least this fraction of that of the used one;
 smaller ones may be a hum in the noise."""
 MIN_POWER_SHARE = 0.01
-"""A record is refused if its decay has less than this fraction of the power of all swings (conventional)."""
+"""A record is refused if the swings of its decay have less than this fraction of the power (sum of squared ranges) of
+all swings, except those of other free decays in the record (conventional)."""
 LISTED_DECAYS = 3
-"""Most other free decays whose times a note lists."""
+"""Largest number of other free decays in the record whose times a note lists."""
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
 """After a start that the user gives, a free decay must begin within this many periods; before the decay the body counts
 as at rest if its swings are below this fraction of the first swing of the decay."""
@@ -60,14 +66,16 @@ FEW_TURNS = 30
 """In a decay with at most this many turning points, the start may lie between two turning points, to use half a swing
 more."""
 AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
-"""Number of swings that are averaged to measure a rise, and largest rise that noise can cause, as a fraction of the
-largest swing."""
+"""In `_largest_rise`, the number of successive swings whose ranges are averaged, and the limit above which a rise of
+this average is not caused by noise, as a fraction of the largest average."""
 SECOND_SIZE = 0.05
-"""A record is used as a whole if it has a second oscillation of at least this amplitude, relative to the first one."""
+"""A motion that is not the free decay of one oscillator (`OtherMotion`) is used without a search for a free decay if
+its `size` is at least this; for two oscillations `size` is the ratio of their amplitudes."""
 BEGIN_ANYWHERE = ("steady", "excited")
-"""Kinds of motion that need not begin at the largest value of the record."""
+"""Values of `OtherMotion.kind` for which the used part need not begin at the largest value of the record."""
 LATE_PEAK = 0.5
-"""If the largest value comes after this fraction of the record, all of the record is searched for other motions."""
+"""Motions that are not the free decay of one oscillator are sought from the largest value of the record on; if it comes
+after this fraction of the samples, they are sought in the whole record."""
 
 
 @dataclass(frozen=True)
@@ -163,11 +171,13 @@ def free_decay(
     t, y
         Times in s and values, each (n,).
     periods
-        Result of `coarse_periods` for the record.
+        Possible periods in s, each with the fraction of the variance that an oscillation with this period explains, as
+        `coarse_periods` returns them.
     step
         Recording step in the unit of y.
     seek_start, seek_stop
-        Whether to search for the start and for the stop; otherwise the window has that of the record.
+        Whether to search for the start and for the stop of the decay; otherwise the window begins or ends with the
+        record.
     name
         Name of the record in messages.
 
@@ -261,7 +271,10 @@ def _find_decays(
 
 
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
-    """Return the stretches of free decay with about the given period in s; None if there are none."""
+    """Return the stretches of free decay with about the given period in s; None if there are none.
+
+    step: recording step in the unit of y.
+    """
     noise = roughness(t, y, period)
     turns = without_gap_edges(turning_points(t, y, period, noise), t, period)
     sigmas = max(MIN_SIGMAS, NOISE_ERRORS * float(np.median(turns.gain))) if turns.gain.size else MIN_SIGMAS
@@ -284,8 +297,9 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
 def _largest_rise(decays: _Decays) -> float:
     """Return the largest rise of the averaged ranges of swings after they have fallen, from the best stretch on.
 
-    It measures narrow-band noise, which a filter leaves and which raises some swings. Only swings in phase with the
-    stretch and before the next release are used. If the rise is much larger, as in beats, the result is 0.
+    It measures narrow-band noise, which a filter leaves and which raises some swings, in the unit of the values. Only
+    swings in phase with the stretch and before the next release are used. If the rise is more than `MAX_NOISE_RISE`
+    allows, as in beats, the result is 0.
     """
     turns, (first, end) = decays.turns, decays.best
     after = [a for a, b in decays.stretches if a >= end - 1 and decays.is_relevant((a, b))]
@@ -347,7 +361,8 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
 def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
     """Return how many turning points to leave out at the start of the best stretch, and the reason for the last one.
 
-    The result is (0, None) if nothing is to be left out, or if no swing from which the decay is undisturbed is found.
+    They are left out because swings there do not fit to the later ones. The result is (0, None) if all swings fit, or
+    if there is no swing from which on they do. step: recording step in the unit of y.
     """
     # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]

@@ -259,7 +259,7 @@ def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplit
     record
         The record.
     sums
-        Sums of damping terms, by name.
+        Damping sums, each a tuple of the names of its terms.
     log_amplitude
         ln of the amplitude at the start, in the unit of the record.
 

@@ -23,66 +23,85 @@ LEAST_DROP = 3.0
 LEAST_POINTS = 6
 """Smallest number of readings of a decay."""
 MISFIT_RATIO = 2.0
-"""A short line is not part of the decay if its rms misfit is more than this many times that of the lines after it; a
-power law, if its misfit is more than this many times the expected scatter."""
+"""Short straight lines are fitted to the level; the readings of a line do not belong to the decay if the rms misfit is
+more than this many times the usual misfit of the lines after it. A power law does not describe the levels if its rms
+misfit is more than this many times the expected scatter."""
 GUARD_FRACTION = 0.02
-"""Fraction of the decay's duration that is left out after the release, if a drive precedes it."""
+"""If readings of a drive precede the decay, this fraction of the decay's duration is left out at its start."""
 CHECKED_FRACTION = 0.05
-"""A power law must fit the whole decay, and also this fraction of it at the start by itself."""
+"""A power law describes a decay only if its misfit is small over all blocks of the decay and also over the first blocks
+alone, which are this fraction of all."""
 LEAST_LENGTHENING = 0.15
-"""The start of the decay that a power-law fit gives replaces that of the straight-line search if it lengthens the decay
-by at least this fraction of its time or of its fall (and by LEAST_DROP)."""
+"""The search with straight lines gives a start of the decay. An earlier start from a power-law fit replaces it if the
+decay becomes larger by LEAST_DROP in dB, and the added part is at least this fraction of the decay's duration or of its
+fall in dB."""
 LEAST_DEVIATION = 0.15
-"""Deviations of a level below this, in dB, are not significant, because detectors are not more linear."""
+"""Deviations of a level from a fit below this, in dB, are not significant, because the nonlinearity of detectors is as
+large."""
 ABOVE_FLOOR = 10.0
-"""A decay ends where its level is this many dB above the mean power of the noise floor. There the effect of the floor
-on the level is still Gaussian, and its mean is right to 1e-5 (for a circular complex Gaussian floor)."""
+"""A decay ends where its level is this many dB above the mean power of the noise floor. Above this, the scatter of the
+level caused by the floor is still nearly Gaussian, and the floor shifts the mean of ln amplitude by less than 1e-5 (for
+a circular complex Gaussian floor)."""
 LAG_IN_DECAY_TIMES = 0.1
-"""Readings of the floor at this distance, in decay times (1/rate), are compared. Thermal motion of the mode itself is
-correlated over its decay time and hardly changes in this time; detector noise does."""
+"""Time between two readings of the noise floor that are compared, as a fraction of the decay time 1/rate of the
+amplitude. Thermal motion of the mode itself is correlated over its decay time and hardly changes between the two
+readings; detector noise does."""
 FLOOR_PARTS = 8
-"""Number of parts of the floor from which a standard error is computed."""
+"""Number of parts into which the readings of the noise floor are divided; standard errors follow from the scatter of
+the parts' means."""
 LEAST_FLOOR_READINGS = 24
 """Smallest number of readings from which the fluctuation of the floor is measured."""
 CONSTANT_FLOOR_SD = 0.3
-"""Relative standard deviation of the constant part of the floor during the decay, because it is measured only after the
-decay."""
+"""Relative standard deviation that is assumed for the constant part of the noise floor's power. The floor is measured
+after the decay, and may have been different during it."""
 MOST_BLOCKS = 600
 """Largest number of blocks into which a record is averaged."""
 COARSE_BLOCKS = 72
-"""Largest number of blocks in which the straightest descent is searched."""
+"""Largest number of blocks among which `_straightest` searches the part of the record that falls most like a straight
+line in dB."""
 LEAST_REMAINING = 0.4
-"""The start of a decay is rejected if less than this fraction of the fall in dB of the straightest descent remains."""
+"""A start of the decay from the search with short lines is rejected if less than this fraction of the fall in dB of the
+straightest descent would remain after it."""
 SURE_DROP = 8.0
-"""A fall by more dB than this can only be a decay."""
+"""A fall of the level by more than this, in dB, is certainly a decay, and not a fluctuation or a drift."""
 SPARSE_READINGS = 60
-"""A record with fewer readings is a table, in which no release and no floor is searched."""
+"""A record with fewer readings is taken for a table of a decay: the decay begins at the highest reading and ends with
+the record, and neither a release nor a noise floor is searched."""
 MISFIT_WEIGHT = 20.0
-"""In the search of the straightest descent, 1 dB of rms misfit counts as much as this many dB of fall."""
+"""The straightest descent is the part of the record with the largest fall in dB minus this factor times the rms misfit
+of a straight line in dB."""
 SHORTEST_LINE = 10
-"""Smallest number of blocks in a short line."""
+"""Smallest number of blocks in each of the short straight lines with which the start of the decay is searched."""
 START_ROUNDS = 4
-"""Most rounds of the search for the start."""
+"""Largest number of rounds of the search for the start of the decay, each from the start that the last one found."""
 LINE_FRACTION = 0.12
-"""Length of the short lines with which the release is found, as a fraction of the straight descent's duration."""
+"""Length of the short straight lines with which the start of the decay is searched, as a fraction of the duration of
+the straightest descent."""
 LINES_AHEAD = 2
-"""The usual misfit is the median over this many lengths of short lines ahead, because it grows towards the floor."""
+"""The misfit of a short line is compared with the median misfit of the lines after it, but only of those within this
+many line lengths, because the misfit grows towards the noise floor."""
 SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
-"""A short line is not part of the decay if its rate is outside these multiples of the rate after it."""
+"""A short line that falls more slowly or faster than these multiples of the rate of the lines after it is not part of
+the decay, if it also exceeds the limit of `SLOPE_CHANGES`."""
 FLAT_RATE = 0.2
-"""A level that falls at less than this fraction of its earlier rate counts as constant."""
+"""The level in the last part of a record counts as a constant noise floor if it falls at less than this fraction of the
+rate in the first half of the decay."""
 NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
-"""A level that scatters by this many dB from block to block, over so many blocks, is noise (for random phases: 5.6)."""
+"""The decay ends where the level scatters from block to block by more than `NOISE_SCATTER` dB (standard deviation) over
+`SCATTER_BLOCKS` blocks, as noise does: by 5.6 dB if its phase is random."""
 LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
-"""Smallest number of readings at the end of a record that are tested for a steeper fall; a noise floor is rougher than
-the first eighth of the decay by at least the second number (for random phases it scatters by 5.6 dB)."""
+"""`_steepens` tests at least the first number of readings at the end of a record. They belong to a noise floor if their
+scatter from reading to reading is at least the second number times that in the first eighth of the decay (noise of
+random phase scatters by 5.6 dB)."""
 SMOOTHED_BLOCKS = 7
-"""Number of blocks over which the level is averaged for the comparison with the floor."""
+"""Number of blocks over which the level is averaged before it is compared with the noise floor, to find the end of the
+decay."""
 LEVEL_RATE = 0.15
-"""A short line that falls at less than this fraction of the rate after it is never part of the decay."""
+"""A short line that falls at less than this fraction of the rate of the lines after it is not part of the decay,
+whatever `SLOPE_CHANGES` says."""
 SLOPE_CHANGES = 3.0
-"""A short line whose slope is outside SLOWEST_RATE and FASTEST_RATE is not part of the decay if the slope also differs
-from the rate after it by more than this multiple of the usual change of the slope."""
+"""A short line whose rate is outside `SLOWEST_RATE` and `FASTEST_RATE` is not part of the decay if its rate also
+differs from that of the lines after it by more than this many times the median change of the rate between lines."""
 
 
 @dataclass(frozen=True)
@@ -106,19 +125,20 @@ class NoiseFloor:
     def parts(self, slow: float) -> tuple[float, float, float, float]:
         """Separate the floor into fluctuating and constant power.
 
-        For circular Gaussian noise of power F and autocorrelation R plus an amplitude of power D, half of the mean
-        squared difference of powers is F²(1 - R²) + 2FD(1 - R). The measured value gives F; the rest of the mean power
-        is constant. The weight corresponds to a uniform prior for the constant fraction.
+        The fluctuating part is circular Gaussian noise of power F with autocorrelation R. With the rest of the decay,
+        of power D = `decay`, half of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured
+        value, `semivariance`, gives F; the rest of `power` is constant. The weight is that of the given `slow`, for a
+        uniform prior of the constant fraction of the power.
 
         Parameters
         ----------
         slow
-            Fraction of the fluctuations that is slow (thermal motion of the mode).
+            Fraction of the fluctuating power that changes slowly, over a decay time (thermal motion of the mode).
 
         Returns
         -------
         tuple[float, float, float, float]
-            Fluctuating power, constant power, its standard deviation, log weight.
+            Fluctuating power, constant power, standard deviation of the constant power, and log weight of `slow`.
         """
         if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0
@@ -285,8 +305,8 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
 def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
     """Fit a power law and a floor to powers (n,) at times t (s).
 
-    Return ln of the first amplitude, ln of the first rate, exponent, and ln of the floor. begin: initial values of
-    these; None to start from three exponents.
+    Return, as an array (4,), ln of the amplitude and ln of the decay rate −d ln A/dt (1/s) at time 0, the exponent p of
+    dA/dt ∝ −A^p, and ln of the floor's power. begin: start values of these four; None to start from three exponents.
     """
     level = 5.0 * np.log(power)
     tail = float(np.median(power[-max(2, power.size // 8) :]))

@@ -57,7 +57,8 @@ _RUN_BEHIND = re.compile(
 )
 _RUN_BEFORE = re.compile(rf"^{_RUN}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
 _RUN_LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
-"""How Vernier's Logger Pro marks the run that has no number yet."""
+"""Pattern of column names such as `Latest: Angle`, with which Vernier's Logger Pro marks the run that has no number
+yet."""
 _RUN_ALONE = re.compile(rf"^{_RUN}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
 _SECONDS_ALONE = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECASE)
 _INDEX = re.compile(
@@ -72,7 +73,7 @@ _PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
 _AMBIGUOUS_COMMA = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
-"""A number whose comma may be a decimal mark or separate thousands."""
+"""Pattern of a number, such as `1,234`, whose comma may be a decimal mark or separate thousands."""
 _HERTZ = {
     **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6},
     **dict.fromkeys(
@@ -90,7 +91,7 @@ _STEPS = re.compile(
     r"|dt|deltat|deltax|tstep|tinc|xinc|abtast(intervall|zeit|periode)|zeitschritt"
 )
 _UNDERSCORED = re.compile(r"(..+)(?<!per)_([mun]?s(?:ec)?)", re.IGNORECASE)
-"""A unit of time at the end of a fact's name: `dt_ms`, but not `f_s`."""
+"""Pattern of a fact's name that ends in a unit of time, such as `dt_ms`, but not `f_s`."""
 _MATLAB_STEP = "Ts"
 """MATLAB's name of a sampling interval; `ts` is more often a time stamp."""
 
@@ -453,7 +454,11 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """Return the last part of a fact's name, in small letters only, and the unit after it ("" for none)."""
+    """Split a fact's name: `Horizontal.Sample interval (ms)` gives `sampleinterval`, `ms`.
+
+    Return the part after the last dot or slash, reduced to its letters in lower case, and the unit at its end, in lower
+    case; "" if there is no unit.
+    """
     last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)
     unit = at[1].strip().lower() if at else ""

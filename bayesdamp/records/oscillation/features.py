@@ -28,14 +28,17 @@ MAX_CHANGE_RATIO = 0.7
 period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, and 2/3
 for two equal modes whose frequencies differ by a fifth."""
 HOLE_IN_LAG = 0.25
-"""Changes over a time lag are not used if a gap longer than this fraction of the lag is at its end."""
+"""A change of the values from a time t to t + lag is not used if t + lag is in a gap of the samples that is longer than
+this fraction of the lag."""
 GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
 """A gap is longer than the first number of periods and than the second number of usual sampling intervals. Turning
 points within the third number of periods of a gap are not used (conventional)."""
 TESTED_MARGIN = 1.5
-"""Number of periods before the first and after the last turning point in which `reason_not_oscillating` looks."""
+"""`features` tests, with `reason_not_oscillating`, the samples between the first and the last turning point and up to
+this many periods before and after them."""
 LEAST_SHARE = 0.3
-"""Smallest fraction of the variance, within one or two periods, that an oscillation must explain."""
+"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain (as
+`coarse_period` returns it)."""
 
 
 MAX_CACHED = 16
@@ -86,7 +89,10 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
     usual = 2.5 * float(np.median(np.diff(t)))
 
     def variance_of_changes(lag: float) -> float:
-        """Return the variance of changes over `lag` seconds, except those that end in a gap; NaN if too few."""
+        """Return the variance of the changes y(t + lag) − y(t); lag in s.
+
+        Changes with t + lag in a gap are left out. The result is NaN if fewer than three changes remain.
+        """
         after = t + lag
         place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
         first = (after <= t[-1]) & (t[place] - t[place - 1] < max(HOLE_IN_LAG * lag, usual))
@@ -231,7 +237,7 @@ def _join_across_holes(
     pieces = [turns]
 
     def follows(a: TurningPoints, b: TurningPoints) -> bool:
-        """Return whether run b follows run a with a gap and less than two other periods between them."""
+        """Return whether run b follows run a and, except for gaps, less than two periods are between them."""
         inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
         gap = b.times[0] - a.times[-1]
         return bool(gap > 0 and np.sum(inside[:, 1] - inside[:, 0]) > gap - 2 * period)

@@ -73,9 +73,11 @@ DEGREE = 5
 AVERAGING_ROUNDS = 2
 """Number of rounds that correct the amplitudes for the averaging over windows."""
 CONSTANT_ERRORS = (0.0, 0.03, 0.1, 0.3, 1.0)
-"""Errors of equal size for all amplitudes that are tried, relative to the smallest amplitude."""
+"""Standard errors, as fractions of the smallest amplitude, of which one is added to the errors of all amplitudes,
+because noise in a narrow band is not visible within a window. The most likely of them is used."""
 MOST_POINTS = 12
-"""Largest number of points of the curves in reports."""
+"""Largest number of points of a record's curves of amplitude, damping ratio and frequency against time
+(`amplitude_curves`)."""
 ESTIMATES_PER_WINDOW = 1.5
 """Number of independent estimates within the length of one window (for overlapping raised cosines)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
@@ -271,7 +273,8 @@ class LawFree:
     backbone
         Frequency as a polynomial in the squared amplitude.
     line
-        Log amplitude as a polynomial in time, which is scaled to −1 to 1.
+        Log amplitude as a polynomial in time, where the time is scaled to −1 to 1 between the middles of the first and
+        last window.
     """
 
     windows: Sinusoids
@@ -377,11 +380,11 @@ def _smooth(
     powers: Sequence[float] = POWERS,
     with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth `values` (k,), log amplitudes or phases in the windows, averaged over powers and variances of the walk.
+    """Smooth `values` (k,) of the windows (log amplitudes or phases), averaged over powers and variances of the walk.
 
     Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
     slopes; slopes and variances are empty without `with_slopes`. powers: powers of the amplitude that may be a straight
-    line in time; (0.0,) takes the values themselves.
+    line in time; with (0.0,) the values themselves may be one, as is needed for phases.
     """
     fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
     logs = np.array([f.log_likelihood for f in fits])
@@ -456,9 +459,11 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
-    """Fit the phases by time integrals of powers of the squared amplitude (k,), for up to three coefficients.
+    """Fit the frequency as a polynomial in the squared amplitude to the phases in the windows.
 
-    Return the backbone, in which the numbers of coefficients are weighted by the Bayesian information criterion.
+    The phases are a constant plus the time integrals of the powers of the squared amplitude. Polynomials with one, two
+    and three coefficients are fitted, and weighted in the result by the Bayesian information criterion. amplitude:
+    amplitude of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest

@@ -21,13 +21,13 @@ remain in a period (conventional)."""
 PER_CYCLE = 12
 """Smallest number of samples in a period after averaging (conventional)."""
 MIN_SEPARATION = 0.6
-"""A new mode is searched only if its start frequency differs from those of the present modes by at least this, in units
-of 1 / (duration of the record)."""
+"""A search for a new mode starts only at frequencies that differ from those of the modes already in the fit by at least
+this, in units of 1 / (duration of the record)."""
 PADDING = 4
 """Before its spectrum is computed, a record is padded with zeros to this many times its length (conventional)."""
 MOST_SEARCHED = 6_000
-"""Most samples for a search. From a longer record so many are drawn at random (which avoids aliasing); the result is
-then judged on all samples (conventional)."""
+"""Largest number of samples in the search for a mode. From a longer record this many samples are drawn at random (which
+avoids aliasing); the fit that the search gives is then judged on all samples (conventional)."""
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 MIN_EXPLAINED = 0.95
 """Smallest fraction of the variance that two damped sinusoids must explain for a record of two oscillations, and one
@@ -45,15 +45,17 @@ MIN_RISE = 0.05
 """Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction of its value
 after the rise."""
 RISE_SIGMAS = 3.0
-"""A rise counts if it exceeds this many standard deviations of a sample's noise."""
+"""A rise of the range of the periods counts only as far as it exceeds this many standard deviations of a sample's
+noise."""
 LEAST_BEATS = 1.0
-"""Least number of beats of two close frequencies, before one oscillation has decayed by a factor e more than the other,
-where the amplitude does not rise. (Two sinusoids that decay at different rates imitate one oscillator whose frequency
-changes with its amplitude.)"""
+"""If the amplitude never rises, two close frequencies count as two oscillations only if more than this number of beats
+lies within the time in which one oscillation decays by a factor e more than the other. (With fewer beats, the two
+imitate one oscillator whose frequency changes with its amplitude.)"""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
-"""Number of successive periods whose ranges must all be larger, so that a rise counts."""
+"""A rise of the amplitude counts only if the ranges of this many successive periods are all larger than those of as
+many successive periods before."""
 GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
 """A second oscillation that falls below the first number, as a fraction of the first oscillation, within the second
 number of cycles is only a transient."""
@@ -72,7 +74,8 @@ MAX_SUSTAINED_FALL = 0.05
 """An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
 a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
 MIN_FALL = 2.0
-"""Smallest factor by which the amplitude falls before it stays constant."""
+"""A decay together with a sustained oscillation is found only if the amplitude falls by at least this factor before it
+stays constant."""
 RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
 """In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
 of times, and each time over at least the third number of periods."""
@@ -405,10 +408,11 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
 
 
 def transient_duration(two: Modes, longest: float) -> float:
-    """Return for how long, in s, the faster decaying of two modes is above `GONE_FRACTION` of the other; else 0.
+    """Return the duration in s of a transient mode beside a longer lasting one; 0 if neither mode is a transient.
 
-    The result is not 0 only if the mode is a transient, such as the ringing of a filter: it then lasts less than
-    `TRANSIENT_CYCLES` cycles and less than `longest` seconds.
+    After this time the faster decaying mode is below the fraction `GONE_FRACTION` of the other one. It is a transient,
+    such as the ringing of a filter, if this time is less than `TRANSIENT_CYCLES` cycles of the other mode and less than
+    `longest` seconds.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 ENOUGH_WINDOWS = 512
-"""Number of windows from which the median noise is computed; it is then known to 1 % or better."""
+"""Largest number of windows from which the median noise is computed; with so many it is known to 1 % or better."""
 TALL_WINDOW = 200
 """From this number of samples in a window, the least-squares problem is solved by its (faster) normal equations."""
 BLOCK_SAMPLES = 200_000
@@ -17,8 +17,8 @@ BLOCK_SAMPLES = 200_000
 class _Fits:
     """Least-squares fits in w windows of n samples each; phases x and values are (w, n).
 
-    The columns are sinusoids, harmonics, and both times powers of time (slow changes); at most half as many columns as
-    samples are used.
+    The columns of the linear fits are a constant, the time, sines and cosines of the phase and of its multiples, and
+    products of these with powers of the time (slow changes). At most half as many columns as samples are used.
     """
 
     def __init__(self, x: np.ndarray, values: np.ndarray) -> None:

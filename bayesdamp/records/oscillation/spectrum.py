@@ -9,12 +9,14 @@ MOST_SAMPLES = 16384
 SHORTEST_PERIOD = 4.0
 """Number of samples in the shortest period that is searched."""
 LEAST_VARIANCE = 0.5
-"""If less than this fraction of the variance remains after block averaging, the blocks may hide the oscillation."""
+"""If block averages have less than this fraction of the variance of the samples, averaging may have removed the
+oscillation, and the samples themselves are searched too."""
 SURE_FRACTION = 0.5
 """An oscillation in block averages is accepted if it has at least this fraction of their variance, and a spectral line
 if it has at least this fraction of the power."""
 ALIAS_BLOCKS = 4.5
-"""A period of fewer blocks than this may be an alias of a faster oscillation."""
+"""A period that was found in block averages may be an alias of a faster oscillation if it is shorter than this many
+blocks."""
 LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
 WEAK_POWER = 0.1
@@ -38,9 +40,10 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the number of samples in a cycle of the strongest spectral line; NaN if no line has most of the power.
+    """Return the number of values in a cycle of the strongest spectral line; NaN if no line has most of the power.
 
-    With fewer than 4, a record is sampled too coarsely to follow its oscillation.
+    Values are the samples, or block averages in records of more than `MOST_SAMPLES` samples (see `on_grid`). With fewer
+    than 4 a cycle, a record is too coarse to follow its oscillation.
 
     Parameters
     ----------

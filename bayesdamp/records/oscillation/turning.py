@@ -12,10 +12,11 @@ from bayesdamp.records.oscillation.noise import group_by_size
 PER_CYCLE = 48
 """Number of samples a cycle for the first search of turning points, which are then refined on all samples."""
 FEW_TURNS = 7
-"""If fewer turning points than this are found, the search is repeated for smaller ones (heavy damping)."""
+"""If fewer turning points than this are found, the search is repeated and requires only half the return after an
+extremum (see `zigzag`), because under heavy damping each half cycle may be less than half of the one before."""
 LEAST_SAMPLES = 9
-"""A window about a turning point is widened until it has this many samples, which determine a sinusoid with changing
-amplitude, phase and midline."""
+"""The window of samples around a turning point is widened until it has this many samples, which are enough to determine
+a sinusoid with changing amplitude, phase and midline."""
 GRID_POINTS = 81
 """Number of points on a fitted curve among which its extremum is searched (conventional)."""
 

@@ -32,7 +32,11 @@ class _Segment:
     rows: list[list[str]] = field(default_factory=list)
 
     def tag(self, name: str, channel: int) -> str:
-        """Return the value of a tag for a channel; "" if it has none. Empty cells (of columns of times) are skipped."""
+        """Return the value of the tag `name` for a channel, an index from 0; "" if it has none.
+
+        A tag's cells for columns of times are empty and are skipped, so that the remaining cells belong to the channels
+        in order.
+        """
         filled = [cell for cell in self.tags.get(name, ()) if cell]
         return filled[channel] if channel < len(filled) else ""
 

@@ -56,7 +56,7 @@ class ParquetReader:
 
 
 def _attributes(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
-    """Return metadata by name, as numbers where possible, else as texts."""
+    """Decode metadata of a Parquet file to values by name: finite numbers where possible, else texts; {} for None."""
     attributes: dict[str, str | float] = {}
     for key, value in (metadata or {}).items():
         text = value.decode("utf-8", "replace")

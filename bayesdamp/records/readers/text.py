@@ -51,7 +51,8 @@ _DATES = (
     re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})"),
 )
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
-"""A date whose order of day and month is ambiguous; only its time of day is used, and midnights are counted."""
+"""Pattern of a date such as `5/3/2024`, whose order of day and month is ambiguous. Only the time of day after it is
+used; a new day begins where the time of day falls back (see `join_stamps`)."""
 _TIME = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )
