@@ -102,8 +102,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Draw decay rates twice: with deviations from the laws and the sensor's error, and with neither.
-        """
+        """Draw decay rates twice: with deviations from the laws and the sensor's error, and with neither."""
         whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 

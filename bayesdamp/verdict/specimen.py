@@ -223,8 +223,8 @@ def specimen_probabilities(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probabilities of damping sums, of restoring laws and of other forms, for all records together.
 
-    Other forms are forms of damping outside the compared sums (the rivals). All are by name, the most probable first. The
-    probability of a law is summed over all dampings, the rivals included.
+    Other forms are forms of damping outside the compared sums (the rivals). Each dictionary is by name, the most
+    probable first. The probability of a law is summed over all dampings, the rivals included.
     """
     other_forms = {form.damping for r in comparison.records for form in r.others}
     by_damping: dict[str, float] = {}
