@@ -277,6 +277,11 @@ def choose_columns(
             raise InputError(
                 "has only one column, and it contains the times; export the recorded quantity too"
             )
+        if len({c.values.size for c in columns}) > 1:
+            sizes = ", ".join(f"{c.name!r}: {c.values.size}" for c in columns)
+            raise InputError(
+                f"columns have different numbers of values ({sizes}); give as many values as times"
+            )
         raise InputError(
             f"only the times change; give a file with a recorded quantity (columns are {list_names(columns)})"
         )

@@ -50,8 +50,8 @@ CURVE_AMPLITUDES = 12
 PROBABLE_RIVALS = 1e-3
 """Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
 together more probable than this."""
-FREQUENCY_DRAWS = 200
-"""About this number of each candidate's draws is used to compute a frequency (at most twice as many)."""
+FREQUENCY_DRAWS = 800
+"""About this number of draws, of all candidates together, is used to compute a frequency (at most twice as many)."""
 UNDETERMINED_WIDTH = 0.7
 """A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
 interval of its prior (conventional)."""
@@ -229,7 +229,7 @@ def compute_findings(
     ):
         undetermined = (*undetermined, "exponent")
     unexplained, noise = unexplained_and_noise(leading)
-    frequency = _frequency(every, None)
+    frequency = frequency_of_draws(every, None)
     assert frequency is not None
     return Findings(
         damping={n: p * (1 - sum(other_forms.values())) for n, p in _probability_by_name(chosen).items()},
@@ -258,7 +258,7 @@ def compute_findings(
         inseparable=inseparable,
         exponents=comparison.exponents,
         midline=midline_drift(leading),
-        frequency_at=_frequency(every, wanted[-1]) if wanted else None,
+        frequency_at=frequency_of_draws(every, wanted[-1]) if wanted else None,
         over_law=ratio_over_law(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
         over_curve=log_ratio_over_law(every, along, np.random.default_rng([seed, 4])) if approximate else (),
     )
@@ -272,13 +272,20 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
     return sum_probabilities({c.name: p for c, p in each.items()}, part)
 
 
+<<<<<<< HEAD
 def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
     """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m), with its relative deviation h.
+=======
+def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
+    """Return the frequency in Hz at an amplitude, with its deviation h.
+>>>>>>> 3b013f75 (Weigh candidates in a frequency by their probability)
 
     If `amplitude` is None, return the frequency of small oscillations, with h at the end of the record. Candidates
     without an orbit of this amplitude are left out; None if all are.
     """
     values = []
+    # Draws are ordered by grid point: take every `step`-th. One step for all candidates preserves their probabilities.
+    step = max(1, sum(len(d.h) for d in drawn) // FREQUENCY_DRAWS)
     for d in drawn:
         name, h, scale = d.result.candidate.restoring, d.h[:, -1], 1.0
         frequency, size = natural_frequency, d.result.data.amplitude
@@ -290,8 +297,6 @@ def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quan
             # Correct the error of harmonic balance by that at the mode.
             scale = orbit.frequency / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
-        # Draws are ordered by grid point: take every `step`-th.
-        step = max(1, len(h) // FREQUENCY_DRAWS)
         for law, shift in zip(d.law[::step], h[::step], strict=True):
             rest = _rest_of_draw(d.result, law)
             values.append(scale * frequency(name, law, rest, size) * (1 + shift) / (2 * np.pi))
