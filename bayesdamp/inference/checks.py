@@ -33,34 +33,42 @@ from bayesdamp.outcomes import P_LIMIT, FitStatus
 from bayesdamp.types import NORMAL_95, FitCheck, Forecast, PartialFit, Refusal
 
 PREDICTIVE_DRAWS = 200
-"""Number of posterior draws for the predictive check, and number of series of noise that they are compared with."""
+"""Number of posterior draws in the predictive check. Their statistics are compared with those of the same number of
+series of simulated white noise."""
 FORECAST_DRAWS = 50
-"""Number of draws of Laplace's approximation for a forecast, and number of draws whose motions are computed at a time.
-With 50, the part of the predictive standard deviation that comes from the parameters is accurate to a tenth."""
+"""A forecast uses this number of draws from Laplace's approximation. A prediction from more draws computes their
+motions in batches of about this number (fewer if the record is long). With 50 draws, the part of the predictive
+standard deviation that comes from the parameters is accurate to about 10 %."""
 MOST_RESIDUALS = 2_000_000
-"""Greatest number of residuals in memory at a time."""
+"""Approximate greatest number of residuals (draws times samples) that the predictive check and a forecast hold in
+memory at a time; 16 MB for each array."""
 DIFFERENCE_STEP = 0.1
-"""Step of finite differences of the residuals by a parameter, in posterior sds."""
+"""Step of the finite differences of the residuals with respect to a parameter, in posterior standard deviations."""
 ZERO_SCORE = 1e-6
-"""A coefficient counts as zero if the absolute value of its score is at most this."""
+"""A damping coefficient counts as zero if the absolute value of its score is at most this. (A score is a transformed
+parameter with a standard normal prior; a score of 0 is a coefficient of 0.)"""
 LINE_LIMIT = 0.005
-"""p value below which a peak of the residuals' spectrum is a misfit. Together with `P_LIMIT` and `WINDOW_LIMIT`, 2 % of
-true models are rejected (conventional)."""
+"""The residuals have a misfit if the largest peak of their spectrum has a p value below this. Together with `P_LIMIT`
+and `WINDOW_LIMIT`, 2 % of true models are rejected (conventional)."""
 FORM_LIMIT = 0.005
-"""p value below which the residuals show a force that the model lacks (conventional)."""
+"""The model has a misfit if a score test for an additional force (`find_missing_form`) has a p value below this
+(conventional)."""
 NAMED_PEAK_LIMIT = 0.1
 """If the largest peak of the whitened residuals' spectrum has a p value of at most this, the verdict names it as the
 remaining structure; otherwise the verdict names the largest peak of the residuals themselves."""
 OUTLIER_KURTOSIS = 1.0
-"""Outliers are reported only if the excess kurtosis of the whitened residuals is larger than this: that of a Student t
-with ten degrees of freedom."""
+"""Outliers are reported only if the excess kurtosis of the whitened residuals is larger than this. A Student t
+distribution with ten degrees of freedom has the excess kurtosis 1."""
 WINDOW_LIMIT = 0.005
-"""p value, for all shifts together, below which the largest shift of a coefficient between a window and the whole
-record is a misfit (conventional)."""
+"""A model has a misfit if the largest shift of a damping coefficient between a half of the record and the whole record
+has a p value below this, after correction for the number of shifts (conventional)."""
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the autocorrelation of x, (..., n), about its mean at lags 0 to `lags`, (..., lags + 1); 1 at lag 0."""
+    """Return the autocorrelation of series x, (..., n), at lags 0 to `lags`, (..., lags + 1); it is 1 at lag 0.
+
+    The mean of each series is subtracted first. The lags are in samples.
+    """
     x = x - x.mean(axis=-1, keepdims=True)
     size = scipy.fft.next_fast_len(x.shape[-1] + lags, real=True)
     power = np.abs(np.fft.rfft(x, size, axis=-1)) ** 2
@@ -69,12 +77,18 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 
 
 def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the portmanteau statistic n Σ ρ_l², (...), of whitened residuals, (..., n), over lags 1 to `lags`."""
+    """Return the Box–Pierce statistic n Σ ρ_l², (...), of series of whitened residuals, (..., n).
+
+    ρ_l is the autocorrelation at a lag of l samples; the sum is over the lags 1 to `lags`.
+    """
     return scores.shape[-1] * np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
 
 
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
-    """Draw scores, (count, d), from the normal distribution at the mode, restricted to reflected scores ≥ 0."""
+    """Draw parameters from Laplace's approximation of the posterior, as standard normal scores, (count, d).
+
+    Scores of coefficients that cannot be negative (reflected scores) are truncated at zero.
+    """
     normal = truncated_near(mode.near, mode.z, mode.factor)
     return normal.draw(np.random.default_rng(seed), count)
 
@@ -87,7 +101,10 @@ def kurtosis(x: np.ndarray) -> np.ndarray:
 
 
 def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the statistics of the predictive check, (2, ...): portmanteau and excess kurtosis of scores, (..., n)."""
+    """Return two statistics of series of whitened residuals `scores`, (..., n), for the predictive check: (2, ...).
+
+    The first is the Box–Pierce statistic over lags 1 to `lags` (`portmanteau`), the second the excess kurtosis.
+    """
     return np.stack([portmanteau(scores, lags), kurtosis(scores)])
 
 
@@ -102,10 +119,12 @@ def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
 
 
 def tangents(target: Target, mode: Mode) -> np.ndarray:
-    """Return the changes of the whitened residuals with parameters of the motion, per posterior sd of each, (k, n).
+    """Return the derivatives of the whitened residuals by the parameters of the motion, one row for each, (k, n).
 
-    Coefficients at zero are left out, because they are not free to follow the residuals; so are parameters for which
-    the change is not finite.
+    They are finite differences, multiplied by the posterior standard deviation of the parameter's score. Two kinds of
+    parameters have no row: coefficients that are zero at the mode, because they are at their bound and do not adapt to
+    the residuals, and parameters whose derivative is not finite. Under heavy-tailed noise the residuals are not
+    whitened.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
@@ -117,33 +136,38 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
 
 def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
-    """Return residuals r, (n,), whitened, or unchanged under heavy-tailed noise, so that the result is linear in r."""
+    """Return the whitened residuals, (n,), for residuals r, (n,); under heavy-tailed noise return r itself.
+
+    Whitening of heavy-tailed noise is not linear in r, and would distort the directions of derivatives of the
+    residuals.
+    """
     # For heavy-tailed noise whitening is nonlinear, and directions in the residuals would be distorted.
     return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
-    """Check a fit at its mode: its residuals, fits to parts of the record, and a forecast.
+    """Check how well a model fits: test its residuals, fit halves of the record, and forecast the second half.
 
     Parameters
     ----------
     target : Target
-        The model on its record.
+        The model with its record and priors.
     mode : Mode
         Mode of its posterior.
     period : float
-        Period of the oscillation in s: the largest lag of the predictive check, limited to 4 to n/5 samples.
+        Period of the oscillation in s. The predictive check uses autocorrelations at lags up to one period, but at
+        least up to 4 samples and at most up to n/5.
     seed : int
-        Seed of the draws.
+        Seed of the random draws.
 
     Returns
     -------
     check : FitCheck
-        The checks.
+        The p values of the tests, the fits of the halves, the forecast and the verdict.
     arrays : dict of str to ndarray
         `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
-        independent and standard normal; `autocorrelation`: that of the whitened residuals, from lag 0 to three times
-        the lag of the predictive check, (l,).
+        independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three
+        times the largest lag of the predictive check, but at most n/2.
     """
     t, n, r = target.signal.t, target.signal.t.size, mode.likelihood.residual(mode.z)
     white = mode.likelihood.whitened(r, mode.z)
@@ -202,10 +226,14 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
 def _verdict(
     noise: NoiseModel, p: float, line: SpectralLine, form: StrongestForm, window_p: float, outliers: bool
 ) -> str:
-    """Return the verdict as text: that the model fits, or that it does not and the first reason found.
+    """Return the verdict as text: that the model fits, or that it does not and the first reason that applies.
 
-    noise: the fitted noise model. p, window_p: p values of the predictive check and of the shifts between windows.
-    outliers: whether there are significant ones.
+    The reasons are tried in this order: structure in the residuals, a missing force, coefficients that change during
+    the record, outliers.
+
+    noise: the noise model of the fit. p: p value of the predictive check of the autocorrelation. line: largest peak of
+    the residuals' spectrum. form: missing force that would reduce the residuals most. window_p: p value of the shifts
+    of coefficients between parts of the record. outliers: whether the residuals have significant outliers.
     """
     correlated, no = noise.name == "correlated", FitStatus.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
@@ -223,12 +251,21 @@ def _verdict(
 def _fit_windows(
     target: Target, mode: Mode, seed: int
 ) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
-    """Fit the first, the middle and the last half of the record. All motions start at the record's first sample.
+    """Fit the first, the middle and the last half of the record separately; forecast the second half from the first.
 
-    Returns the fits, that of the whole record first; the largest difference of a coefficient from the whole record, in
-    standard deviations of the difference; the number of differences; and the forecast of the second half from the
-    first. A half without a finite posterior is left out; if it is the first half, or no forecast is possible, the
-    forecast is None.
+    The motion of every fit starts at the record's first sample.
+
+    Returns
+    -------
+    fits : tuple of PartialFit
+        The fit of the whole record, then those of the halves. A half without a finite posterior is left out.
+    largest : float
+        Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
+        difference.
+    count : int
+        Number of differences of which this is the largest.
+    forecast : Forecast or None
+        None if the fit of the first half is left out, or if `forecast` returns None.
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
@@ -258,11 +295,12 @@ def _fit_windows(
 def _fit_window(
     likelihood: Likelihood, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
 ) -> tuple[PartialFit, np.ndarray]:
-    """Return the fit of a window (start to stop), and the Cholesky factor of the covariance of its scores, (d, d).
+    """Return the fit of a part of the record, and the Cholesky factor of the covariance of its scores, (d, d).
 
-    z, information: the scores at the best fit, (d,), and the information matrix there, (d, d).
+    likelihood: that of the part. label: name of the part. z, information: the scores at the best fit, (d,), and the
+    information matrix there, (d, d). start, stop: first and last time of the part in s.
 
-    Without a positive definite information matrix the factor, the sds and the evidence are nan.
+    If the information matrix is not positive definite, the factor, the standard deviations and the evidence are nan.
     """
     try:
         factor = covariance_factor(information)
@@ -306,29 +344,29 @@ class Prediction:
 
 
 def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) -> Prediction:
-    """Predict the samples after the first `half` ones, from draws of the scores given those first samples.
+    """Predict the samples after the first `half` ones from draws of the posterior given the first `half` samples.
 
-    The variance of the noise is the mean square residual of the first half, for any noise model. Draws whose motion is
-    not finite are left out.
+    The variance of the noise is the mean square residual in the first half, whatever the noise model is. Draws whose
+    motion is not finite are left out.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Likelihood of the whole record.
-    draws : ndarray, shape (m, d)
-        Draws of the scores given the first half.
+        Likelihood of the whole record of n samples.
+    draws : ndarray, shape (k, d)
+        Posterior draws given the first half, as scores.
     half : int
         Number of samples in the first half.
 
     Returns
     -------
     Prediction
-        The prediction.
+        The prediction of the n − half later samples.
 
     Raises
     ------
     Refusal
-        If no draw has a finite motion in the second half.
+        If no draw has a finite motion.
     """
     n = likelihood.y.size
     count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
@@ -350,18 +388,21 @@ def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) ->
 def forecast(
     whole: Likelihood, first: Likelihood, z: np.ndarray, factor: np.ndarray, log_predictive: float, seed: int
 ) -> Forecast | None:
-    """Forecast the second half of a record from the first by Laplace's approximation.
+    """Forecast the second half of a record from the first by Laplace's approximation, and compare it with the samples.
 
     Parameters
     ----------
-    whole, first : Likelihood
-        Likelihoods of the whole record, and of its first half with the common prior scale fixed at 1.
+    whole : Likelihood
+        Likelihood of the whole record.
+    first : Likelihood
+        Likelihood of the first half, with the common prior scale of the damping coefficients (the standard deviation of
+        their scores) fixed at 1.
     z : ndarray, shape (d,)
-        Mode of the posterior for the first half.
+        Mode of the posterior given the first half, as scores.
     factor : ndarray, shape (d, d)
-        Cholesky factor of the covariance there.
+        Cholesky factor of the covariance of the scores at this mode.
     log_predictive : float
-        Log density of the second half given the first, in nats.
+        Log density of the second half given the first, in nats; it is stored in the result.
     seed : int
         Seed of the draws.
 

@@ -33,26 +33,29 @@ from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
 SLOW_VELOCITY = 1e-170
-"""A velocity in rad/s whose square is zero in double precision, so that only linear terms have a derivative there."""
+"""Step in rad/s of the difference quotient of the damping force at zero velocity. Its square is zero in double
+precision, so that only terms that are linear in the velocity have a derivative there."""
 CURVE_DRAWS = 1000
-"""Number of draws for a curve against amplitude; the ends of its intervals are then accurate to a tenth of an sd."""
+"""Thinning for a curve against amplitude keeps at least this number of draws. The ends of its intervals are then
+accurate to a tenth of the posterior standard deviation."""
 _HALVING = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
 class Motions:
-    """The motions of an oscillator for posterior draws of its parameters.
+    """Posterior draws of an oscillator's parameters, and the properties of its motion for each draw.
 
     Attributes
     ----------
     osc : Oscillator
         The oscillator: damping terms and restoring law.
     values : mapping of str to float or ndarray
-        All parameters of the oscillator, as scalars or arrays of the same shape.
+        Values of all parameters of the oscillator by name (theta0 and omega0 are not used): each a scalar, or an array
+        of draws; all arrays have the same shape.
     near : float
-        Start of the search for the equilibrium, in rad or m.
+        Position at which the search for the equilibrium starts, in rad or m.
     amplitude : float
-        The reference amplitude, in rad or m.
+        The reference amplitude, in rad or m, at which properties that depend on the amplitude are computed.
     inertia : float or None
         Moment of inertia in kg m² (mass in kg for a displacement); None if it is not known.
     """
@@ -72,7 +75,7 @@ class Motions:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the draws."""
+        """Shape of the arrays of draws in `values`; () if all values are scalars."""
         return next(iter(self._numbers.values())).shape
 
     @cached_property
@@ -102,7 +105,7 @@ class Motions:
         return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
-        """Return the undamped cycle at an amplitude in rad or m, which may differ between draws."""
+        """Return the undamped cycle of each draw at an amplitude in rad or m, which may be different for each draw."""
         amplitudes = np.broadcast_to(np.asarray(amplitude, float), self.shape)
         return cycle(self.osc, self._numbers, amplitudes, self.near)
 
@@ -126,7 +129,11 @@ class Motions:
         return time
 
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
-        """Return factor · coefficient `name` · inertia; None if the inertia is not known or the model lacks `name`."""
+        """Return a damping coefficient in SI units for each draw: factor · inertia · the coefficient `name`.
+
+        factor: a number from the definition, such as 2 for 2ζ. Return None if the inertia is not known or the model
+        does not have this coefficient.
+        """
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return factor * (self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape))
@@ -175,10 +182,10 @@ QUANTITIES = (
 
 
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
-    """Compute all derived quantities that apply to the model: an array of the values for all draws, by name.
+    """Compute the derived quantities that apply to the model; return by name an array with the values of all draws.
 
-    A value is nan or infinite if the quantity is not defined for a draw. The natural frequency is left out if all
-    parameters of the restoring law are the same for all draws.
+    A value is nan or infinite if the quantity is not defined for that draw. The natural frequency is left out if the
+    parameters of the restoring law are scalars, which are the same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
@@ -198,16 +205,16 @@ def curves_against_amplitude(
     Parameters
     ----------
     motions : Motions
-        The draws; of 2,000 or more, only every so many-th is used, so that 1,000 to 2,000 remain.
+        The draws. If there are n ≥ 2,000 of them, only every (n // 1,000)-th is used.
     amplitudes : ndarray, shape (m,)
         Amplitudes in rad or m.
-    levels : sequence of float
-        Levels of the quantiles; by default of the median and the central 95 % interval.
+    levels : sequence of float, length q
+        Probabilities of the quantiles; by default the median and the ends of the central 95 % interval.
 
     Returns
     -------
-    dict of str to ndarray, shape (levels, m)
-        Quantiles by name of the quantity.
+    dict of str to ndarray, shape (q, m)
+        The quantiles, under the keys `log_decrement` and `equivalent_ratio`.
     """
     every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
     few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
@@ -221,10 +228,14 @@ def curves_against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
-    """Return the equivalent damping ratio ΔE/(4πE) of the cycle of each draw."""
+    """Return the equivalent damping ratio ΔE/(4πE) for the cycle of each draw; ΔE: energy lost, E: energy."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 
 def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
-    """Return the logarithmic decrement ΔE/(A dE/dA) of the cycle of each draw at amplitude A (rad or m)."""
+    """Return the logarithmic decrement ΔE/(A dE/dA) for the cycle of each draw.
+
+    amplitude: the amplitude A of the cycle in rad or m. E is the energy at this amplitude, ΔE the energy lost in the
+    cycle.
+    """
     return np.asarray(at.energy_lost / (amplitude * at.energy_slope))

@@ -1,10 +1,10 @@
 """Summaries, convergence diagnostics and ArviZ files of posterior draws.
 
-The diagnostics are the rank-normalised split R̂ and effective sample sizes of bulk, tails and mean (Vehtari, Gelman,
-Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing convergence of
-MCMC", Bayesian Analysis 16 (2021); numbers in brackets are those of its formulas). ArviZ computes the same numbers, but
-its import takes half a second in each process. Draws have the shape (chain, draw). A result is nan if a chain has fewer
-than four draws or a draw is not finite.
+The diagnostics are the rank-normalised split R̂ and the effective sample sizes of bulk, tails and mean, from Vehtari,
+Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing
+convergence of MCMC", Bayesian Analysis 16 (2021). Sections and formulas that are cited in this module are those of this
+paper. ArviZ computes the same numbers, but its import takes half a second in each process. Draws have the shape (chain,
+draw). A result is nan if a chain has fewer than four draws or a draw is not finite.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ LEAST_DRAWS = 4
 """Least number of draws in a chain for which diagnostics are computed; with fewer they are nan (conventional)."""
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
-"""RHAT_LIMIT is the largest R̂, and ESS_LIMIT the smallest effective sample size, of reliable draws (recommended by
-Vehtari et al.)."""
+"""RHAT_LIMIT is the largest R̂, and ESS_LIMIT the smallest effective sample size, at which draws count as reliable
+(recommended by Vehtari et al. 2021)."""
 
 
 def rhat(draws: np.ndarray) -> float:
-    """Return the rank-normalised split R̂ of draws, (chain, draw) (section 4.1); nan for a single chain.
+    """Return the rank-normalised split R̂ of draws, (chain, draw); nan for a single chain.
 
-    It is the larger of two values: that of the draws (bulk) and that of their distances from the median (tails).
+    It is the larger of two values: that of the draws (bulk), and that of their absolute distances from the median
+    (tails); see section 4.1 of Vehtari et al. 2021.
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -39,42 +40,54 @@ def rhat(draws: np.ndarray) -> float:
 
 
 def ess_bulk(draws: np.ndarray) -> float:
-    """Return the effective sample size of the rank-normalised draws, (chain, draw) (section 4.2)."""
+    """Return the bulk effective sample size of draws, (chain, draw): that of their normalised ranks.
+
+    See section 4.2 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    """
     return _ess(_normalised(_split(draws))) if _usable(draws) else float("nan")
 
 
 def ess_tail(draws: np.ndarray) -> float:
-    """Return the smaller effective sample size of two quantiles of draws, (chain, draw): 5 % and 95 % (section 4.3)."""
+    """Return the tail effective sample size of draws, (chain, draw): the smaller one of their 5 % and 95 % quantiles.
+
+    See section 4.3 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    """
     if not _usable(draws):
         return float("nan")
     return min(_ess(_split(draws <= np.quantile(draws, level)).astype(float)) for level in (0.05, 0.95))
 
 
 def effective_mean(draws: np.ndarray) -> float:
-    """Return the effective sample size for the mean of draws, (chain, draw) (section 3.2)."""
+    """Return the effective sample size for the mean of draws, (chain, draw).
+
+    See section 3.2 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    """
     return _ess(_split(draws)) if _usable(draws) else float("nan")
 
 
 def monte_carlo_error(draws: np.ndarray) -> float:
-    """Return the Monte Carlo standard error of the mean of draws, (chain, draw), in their unit."""
+    """Return the Monte Carlo standard error of the mean of draws, (chain, draw), in the unit of the draws."""
     return float(np.std(draws, ddof=1) / np.sqrt(effective_mean(draws)))
 
 
 def _usable(draws: np.ndarray) -> bool:
-    """Return whether draws, (chain, draw), are at least `LEAST_DRAWS` a chain and all finite."""
+    """Return whether draws, (chain, draw), are all finite and each chain has at least `LEAST_DRAWS` of them."""
     return draws.shape[1] >= LEAST_DRAWS and bool(np.all(np.isfinite(draws)))
 
 
 def _split(draws: np.ndarray) -> np.ndarray:
-    """Return the first and last halves of all chains as chains of their own, (2 · chain, draw / 2)."""
+    """Return the first and the last half of each chain as two separate chains, (2 · chain, draw // 2).
+
+    draws: shape (chain, draw). The middle draw of an odd number is left out.
+    """
     half = draws.shape[1] // 2
     return np.vstack((draws[:, :half], draws[:, -half:]))
 
 
 def _normalised(draws: np.ndarray) -> np.ndarray:
-    """Return the normal quantiles of the ranks among all draws, (chain, draw), by formula (14).
+    """Return the standard normal quantiles of the ranks of draws among all draws, (chain, draw) each.
 
-    Ties get their mean rank.
+    Equal draws get their mean rank (formula 14 of Vehtari et al. 2021).
     """
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
@@ -82,7 +95,10 @@ def _normalised(draws: np.ndarray) -> np.ndarray:
 
 
 def _rhat(chains: np.ndarray) -> float:
-    """Return the potential scale reduction factor of chains, (chain, draw), by formulas (1) to (4)."""
+    """Return the potential scale reduction factor R̂ of chains, (chain, draw), without splitting or rank normalisation.
+
+    See formulas (1) to (4) of Vehtari et al. 2021. It is infinite if the chains are constant but differ.
+    """
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
     within = np.mean(np.var(chains, axis=1, ddof=1))
@@ -91,10 +107,10 @@ def _rhat(chains: np.ndarray) -> float:
 
 
 def _ess(chains: np.ndarray) -> float:
-    """Return the effective sample size of chains, (chain, draw), by formulas (10) to (13).
+    """Return the effective sample size of chains, (chain, draw), without splitting or rank normalisation.
 
-    The sum of autocorrelations ends as in Geyer's initial monotone positive sequence. The result is the number of draws
-    of all chains if all draws are equal.
+    See formulas (10) to (13) of Vehtari et al. 2021. The sum of autocorrelations is truncated by Geyer's initial
+    monotone positive sequence. If all draws are equal, the result is their number.
     """
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
@@ -118,24 +134,24 @@ def _ess(chains: np.ndarray) -> float:
 def summarise(
     draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
 ) -> dict[str, float]:
-    """Summarise one parameter's draws.
+    """Summarise the posterior draws of one parameter by moments, quantiles and convergence diagnostics.
 
     Parameters
     ----------
     draws : ndarray, shape (chain, draw)
-        Draws in natural units.
+        Values of the parameter, in its unit.
     ensembles : int, optional
-        Number of independent groups of chains, if the chains of a group are not independent (emcee's walkers). R̂ then
-        compares the groups.
+        Number of independent groups of consecutive chains, if the chains of a group are not independent (emcee's
+        walkers). R̂ then compares the groups instead of the chains.
     effective : float, optional
-        Effective number of independent draws of an approximation, by their importance weights. It is used for both
-        effective sample sizes; R̂ is then nan.
+        Effective number of draws from importance weights, if the draws are independent ones of an approximation. It is
+        then used for both effective sample sizes, and R̂ is nan.
 
     Returns
     -------
     dict of str to float
-        mean, sd, median, quantiles (q2.5 to q97.5), ends of the shortest 95 % interval (hdi_low, hdi_high), ess_bulk,
-        ess_tail and rhat.
+        mean, sd, median, other quantiles (q2.5, q25, q75, q97.5), ends of the shortest 95 % interval (hdi_low,
+        hdi_high), ess_bulk, ess_tail and rhat.
     """
     chains = draws
     if ensembles is not None:  # (walker, step) to (ensemble, step · walker)
@@ -165,7 +181,7 @@ def summarise(
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
     """Return "ok", or a sentence on the first parameter whose draws are not reliable (`RHAT_LIMIT`, `ESS_LIMIT`).
 
-    summaries: those of `summarise`, by parameter. A nan counts as not reliable.
+    summaries: the result of `summarise` for each parameter, by name. A diagnostic that is nan counts as not reliable.
     """
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:
@@ -183,9 +199,9 @@ def effective(draws: np.ndarray) -> float:
 
 
 def to_netcdf(posterior: Posterior) -> bytes:
-    """Return draws, log likelihood and sample statistics as the content of a netCDF file for ArviZ.
+    """Return the content of a netCDF file for ArviZ: draws by parameter, log likelihood and sample statistics.
 
-    The content is created in memory, because HDF5 crashes the process if a disk is full.
+    The content is built in memory and not in a file, because HDF5 crashes the process if the disk is full.
     """
     from arviz_base import from_dict
 
