@@ -1,1 +1,1 @@
-"""Inference from an envelope: its noise, the evidence of damping sums, and their posterior."""
+"""Inference from an envelope (amplitude against time): noise, evidence of sums of damping terms, their posterior."""

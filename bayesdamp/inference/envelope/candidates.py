@@ -1,4 +1,8 @@
-"""Fit a damping sum or a power law to an envelope, and compute its evidence with the deviation integrated out."""
+"""Fit a sum of damping terms or a power law to an envelope, and compute its evidence.
+
+The damping law may hold only approximately: the decay rate is multiplied by 1 + g(t). This deviation g has a Gaussian
+process prior and is integrated out.
+"""
 
 from __future__ import annotations
 
@@ -33,53 +37,57 @@ from bayesdamp.priors import (
 from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14
-"""Number of knots in time between which the deviation of the law is linear."""
+"""Number of equidistant times (knots) between which the deviation g(t) of the decay rate from its law is linear."""
 FIT_SCALE = 30.0
-"""Scale of a half-normal prior of the rates during a fit, in mean rates of the record. It keeps the fit
-well-conditioned if two terms have nearly the same effect, and is not part of the evidence."""
+"""Scale of a half-normal prior of the rates during a fit, as a multiple of the mean decay rate of the record. The prior
+keeps the fit well-conditioned if two terms have nearly the same effect; it is not part of the evidence."""
 WIDE_SD = 100.0
-"""Standard deviation of wide normal priors: that of ln A at the start, which is the same in all sums, and those in the
-fit of a power law."""
+"""Standard deviation of wide normal priors: of ln(A/A_ref) at the start, which is the same for all sums, and of both
+parameters in the fit of a power law, which are replaced by their actual priors afterwards."""
 NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
-"""Factors of the sd of the inferred noise over which the evidence is averaged if there are few readings."""
+"""Factors by which the standard deviation of the inferred noise is multiplied; the evidence is averaged over them. They
+are used for fewer than `MANY_READINGS` blocks."""
 NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
-"""Factors in place of `NOISE_SCALES` for at least `MANY_READINGS` readings, which determine the noise better."""
+"""Factors that are used instead of `NOISE_SCALES` for at least `MANY_READINGS` blocks, which determine the noise
+better."""
 MANY_READINGS = 40
-"""Number of readings from which `NOISE_SCALES_MANY` are used (conventional)."""
+"""Number of blocks of readings from which `NOISE_SCALES_MANY` is used (conventional)."""
 MOST_POWER = 3.0
-"""Largest exponent of a power law."""
+"""Largest exponent p of the power law dA/dt = -c A^p (the smallest is 0)."""
 NEGLIGIBLE_WEIGHT = 1e-3
-"""A combination of hyperparameters with at most this weight, relative to the largest, is left out of
-`EnvelopeCandidate.curve`."""
+"""`EnvelopeCandidate.curve` leaves out the components of the posterior mixture (combinations of hyperparameters) whose
+probability is at most this fraction of the largest one."""
 IMPROBABLE_EXACT = 0.1
-"""If the exact law has less than this probability, its posterior is computed separately, because the posterior of the
-whole mixture leaves out improbable combinations."""
+"""If the exact law (deviation g = 0) has at most this posterior probability, its posterior is computed again without
+the other components of the mixture, because the posterior of the whole mixture leaves out improbable components."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A free decay: means over short runs of readings, with their noise.
+    """The readings of a free decay, averaged in n blocks, with their possible noises.
+
+    A is the amplitude, and A_ref the reference amplitude in the middle of the decrease in dB.
 
     Attributes
     ----------
     t
-        Times in s from the start, (n,).
+        Mean times of the blocks in s from the first one, (n,).
     x
-        ln(A/A_ref), (n,).
+        Means of ln(A/A_ref) over the blocks, (n,).
     duration
-        Duration of the decay in s.
+        Time from the first to the last block in s.
     mean_rate
-        Mean decay rate of the amplitude in 1/s.
+        Mean decay rate of the amplitude, -d ln A/dt, in 1/s.
     floor
-        The noise floor after the decay, in units of A_ref²; None without one.
+        The noise floor measured after the decay, with powers in units of A_ref²; None if it was not measured.
     each
-        Number of readings in a mean.
+        Number of readings in a block.
     frequency
-        Frequency of the oscillation in rad/s; None if it is not known.
+        Angular frequency of the oscillation in rad/s; None if it is not known.
     noises
-        Possible noises, each with the covariance of x that it causes, (n, n).
+        Possible noises, each with its covariance of x, (n, n).
     inverse
-        Inverse Cholesky factor of the covariance that is used in fits, (n, n).
+        Inverse of the Cholesky factor of the covariance of x in fits, (n, n); it whitens residuals.
     """
 
     t: np.ndarray
@@ -94,9 +102,10 @@ class Blocks:
 
     @property
     def unit(self) -> float:
-        """The rate in 1/s whose score is 1.
+        """The decay rate in 1/s that corresponds to a score of 1 (a score is a rate in this unit).
 
-        If the frequency is not known, the geometric middle of the prior scales is at one over the duration.
+        It is 0.1 times the angular frequency (a damping ratio of 0.1). If the frequency is not known, it is such that
+        the geometric middle of the possible prior scales of a rate is 1/duration.
         """
         if self.frequency is not None:
             return SCORE_RATIO * self.frequency
@@ -116,7 +125,10 @@ class Blocks:
 
 @dataclass(frozen=True)
 class EnvelopeCandidate:
-    """A damping sum fitted to an envelope, with its posterior.
+    """A sum of damping terms fitted to an envelope, with its evidence and posterior.
+
+    A sum whose terms have parameters besides their coefficients (such as an exponent) has several candidates, each with
+    other values of these parameters.
 
     Attributes
     ----------
@@ -126,15 +138,16 @@ class EnvelopeCandidate:
         The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); fitted ln(A/A_ref) at the
         blocks, (n,).
     about
-        Normal posteriors of the model linearised about the fit.
+        Normal posteriors of the model linearised about the fit, one for each combination of hyperparameters.
     posterior
-        The posterior with half-normal priors of the rates.
+        The mixture of these posteriors, with half-normal priors of the rates (no rate is negative).
     unit
-        The rate in 1/s whose score is 1.
+        The rate in 1/s that corresponds to a score of 1.
     scores
-        Scores of the terms' own parameters, at one point of their posterior.
+        Standard normal scores of the terms' parameters besides their coefficients; () if there are none.
     log_share
-        Log fraction of the evidence of the sum that this point represents, in nats.
+        Number of nats to add to the log evidence `total` of this candidate: the log prior odds of the sum and, if it
+        has several candidates, the log of the factor that makes the candidates add up to the evidence of the sum.
     """
 
     law: DecayLaw
@@ -149,24 +162,25 @@ class EnvelopeCandidate:
 
     @cached_property
     def exact(self) -> LinearPosterior:
-        """The posterior under the exact law; its evidence includes the prior probability of the exact law."""
+        """The posterior under the exact law (deviation g = 0); its evidence contains this law's prior probability."""
         exact = self.about.size[self.posterior.combos] == 0.0
         if self.posterior.weights[exact].sum() > IMPROBABLE_EXACT:
             return self.posterior.only(exact)
         return self.about.apply_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw rates in 1/s, (count, d), and the deviation at the knots, (count, KNOTS).
+        """Draw rates in 1/s, (count, d), and the deviation g at the knots, (count, KNOTS), from the posterior.
 
-        exact: whether to draw from the posterior under the exact law.
+        exact: whether to draw from the posterior under the exact law, where g = 0.
         """
         u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-        """Return the posterior mean and sd of ln(A/A_ref) at the blocks, with the deviation, (n,) each.
+        """Return the posterior mean and standard deviation of ln(A/A_ref) at the blocks, (n,) each.
 
-        They are computed to first order about the fit, like the evidence, and without the truncation of rates at zero.
+        Both include the deviation from the law. They are computed to first order about the fit, like the evidence, but
+        without the condition that no rate is negative.
         """
         d, at = self.rates.size, np.append(self.rates, self.x0)
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
@@ -197,12 +211,12 @@ class EnvelopeCandidate:
 
     @property
     def total(self) -> float:
-        """Log evidence of the mixture over all hyperparameters, in nats."""
+        """Log evidence in nats, averaged over noises, their scales, and sizes and lengths of the deviation."""
         return self.posterior.log_evidence
 
     @property
     def total_exact(self) -> float:
-        """Log evidence under the exact law plus the log of its prior probability, in nats."""
+        """Log of (evidence under the exact law, where the deviation g is 0, times its prior probability), in nats."""
         return self.exact.log_evidence
 
 
@@ -214,23 +228,23 @@ def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) ->
 def fit_rates(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, begin: np.ndarray | None = None
 ) -> LeastSquaresFit:
-    """Fit the rates of a sum, which are not negative, and ln(A/A_ref) at the start.
+    """Fit the rates of a sum of damping terms (none is negative), and ln(A/A_ref) at the start, by least squares.
 
     Parameters
     ----------
     blocks : Blocks
         The readings.
     law : DecayLaw
-        The decay law.
+        The decay law of the sum, with d terms.
     white : ndarray, shape (n, n)
         Matrix that whitens the noise.
-    begin : ndarray, optional
-        Rates at which the fit starts; by default equal parts of the mean rate.
+    begin : ndarray, shape (d,), optional
+        Rates in 1/s at which the fit starts; by default the mean rate of the record, divided equally among the terms.
 
     Returns
     -------
     LeastSquaresFit
-        The fit; its values are the rates in 1/s and x at the start.
+        The fit; its values are the d rates in 1/s at the reference amplitude, then ln(A/A_ref) at the start.
     """
     rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms)) if begin is None else begin
     for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
@@ -249,9 +263,10 @@ def _guess_start(blocks: Blocks) -> float:
 def _fit_with_priors(
     blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
 ) -> LeastSquaresFit:
-    """Fit the parameters of a law with these priors, and x at the start, by least squares.
+    """Fit the parameters of a decay law, and ln(A/A_ref) at the start, by least squares with priors.
 
-    begin: values of the law's parameters at which the fit starts.
+    white: matrix that whitens the noise, (n, n). priors: of the law's parameters, by name. begin: values of these
+    parameters at which the fit starts. The prior of the start is wide.
     """
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
@@ -270,26 +285,26 @@ def fit_candidate(
     log_share: float = 0.0,
     begin: np.ndarray | None = None,
 ) -> EnvelopeCandidate:
-    """Fit a damping sum, and compute its evidence and posterior over the grid of hyperparameters.
+    """Fit a sum of damping terms, and compute its evidence and posterior over the grid of hyperparameters.
 
     Parameters
     ----------
     blocks : Blocks
-        The readings with their noises.
+        The readings with their possible noises.
     law : DecayLaw
         The decay law of the sum.
     fitted : EnvelopeCandidate, optional
-        The same sum with other noises, whose fit is used instead of a new one.
+        A candidate with the same law, computed with other noises. Its rates and start are then used instead of a new
+        fit.
     scores, log_share
-        Scores of the terms' own parameters at which the sum is fitted, and the log fraction of the sum's evidence that
-        this point represents; stored in the result.
+        Stored in the result, see `EnvelopeCandidate`.
     begin : ndarray, optional
-        Rates at which a new fit starts.
+        Rates in 1/s at which a new fit starts, see `fit_rates`.
 
     Returns
     -------
     EnvelopeCandidate
-        The sum with its evidence.
+        The candidate with its evidence.
     """
     p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse, begin).values
     motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), blocks.unit), True)
@@ -302,19 +317,19 @@ def fit_candidate(
 def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute the evidence of the power law dA/dt = -c A^p and the posterior of its exponent.
 
-    p has a uniform prior from 0 to `MOST_POWER`; c, the rate at the reference amplitude, has the prior of a single
-    term.
+    p has a uniform prior from 0 to `MOST_POWER`. The decay rate at the reference amplitude has the prior that the rate
+    of a damping term has in a sum of one term.
 
     Parameters
     ----------
     blocks : Blocks
-        The readings with their noises.
+        The readings with their possible noises.
 
     Returns
     -------
     log_evidence, mean, variance : ndarray, shape (b,)
-        Log of the evidence times the prior probability, and mean and variance of p, for each combination of
-        hyperparameters.
+        For each of the b combinations of hyperparameters: log of its evidence times its prior probability, in nats;
+        mean and variance of p before its restriction to the range of the prior.
     """
     begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=WIDE_SD)
     p = _fit_with_priors(
@@ -333,21 +348,22 @@ def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 @dataclass(frozen=True)
 class FitPosteriors:
-    """Normal posteriors of the linear model about a fit, for each of c combinations of hyperparameters.
+    """Normal posteriors of a decay linearised about a fit, one for each of c combinations of hyperparameters.
 
-    The hyperparameters are the noise, its scale, and size and length of the deviation (the length varies fastest). The
-    unknowns are the scores of law, start and floor with priors N(0, 1), and the deviation at the knots.
+    A combination consists of the noise, its scale, and the size and the correlation length of the deviation g from the
+    law (in the order of the posteriors the length varies fastest, the noise slowest). The unknowns are d + 2 scores
+    with the prior N(0, 1), of the law's d parameters, the start and the floor, and g at the knots.
 
     Attributes
     ----------
     normals
-        The posteriors; their log evidences include the prior probabilities of the combinations.
+        The posteriors; their log evidences include the log prior probabilities of the combinations.
     size
-        Size of the deviation, (c,).
+        Size (prior standard deviation) of g in each combination, (c,); 0 for the exact law.
     log_sizes
-        Log prior probability of its size and length, (c,).
+        Log prior probability of the size and the length in each combination, (c,).
     positive
-        Which scores are damping rates, (d,).
+        Which of the scores are damping rates, (d + 2,).
     """
 
     normals: Normals
@@ -356,9 +372,9 @@ class FitPosteriors:
     positive: np.ndarray
 
     def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
-        """Return the posterior with half-normal priors on the rates, which have one common, unknown scale.
+        """Return the posterior with half-normal priors of the rates; their scale is unknown and the same for all rates.
 
-        which: mask of the combinations that are used, (c,); by default all.
+        which: mask of the combinations to use, (c,); by default all.
         """
         normals = self.normals
         if which is not None:
@@ -369,10 +385,10 @@ class FitPosteriors:
 def _posteriors_about(
     blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
-    """Return the decay at p, (d + 1,), and the posteriors linearised about it.
+    """Return the decay at parameters p, (d + 1,), and the normal posteriors of the decay linearised about p.
 
-    p: the d parameters of the law, and x at the start. units: values of the parameters that have a score of 1, (d,).
-    rates: whether the parameters are damping rates.
+    p: the d parameters of the law, then ln(A/A_ref) at the start. units: values of the parameters that correspond to a
+    score of 1, (d,). rates: whether the parameters are damping rates, which cannot be negative.
     """
     motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
     columns = motion.tangents * np.concatenate([units, [WIDE_SD], np.ones(KNOTS)])

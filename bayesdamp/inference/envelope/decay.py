@@ -1,4 +1,4 @@
-"""Find the free decay of an envelope, average its readings in blocks, and infer the noise of these means."""
+"""Find the free decay of an envelope, average its readings in blocks, and infer the noise of the blocks."""
 
 from __future__ import annotations
 
@@ -26,42 +26,45 @@ from bayesdamp.records.envelope.window import (
 from bayesdamp.types import Refusal
 
 MOST_BLOCKS = 100
-"""Greatest number of blocks, which is enough for a decay of 40 dB and its noise."""
+"""Greatest number of blocks in which the readings are averaged; enough for a decay of 40 dB and its noise."""
 MOST_WINDOW_CHANGES = 3
-"""Greatest number of times that the window of the decay is changed."""
+"""Greatest number of times that the start or the end of the window of the decay is changed, for each reason."""
 LEAST_SHORTENING = 0.05
-"""If the scatter shows a noise floor, the decay is cut there if this shortens it by at least this fraction."""
+"""If the scatter of the readings shows a noise floor, the decay ends where it comes close to the floor, but only if
+this shortens it by at least this fraction of its readings."""
 FEW_READINGS = 40
-"""With fewer readings than this the window of the decay is not shortened."""
+"""With fewer readings than this, the window of the decay is not changed."""
 LEAST_BLOCKS_HELD = 30
-"""A constant level at the start (a drive) is searched only in at least this number of blocks."""
+"""A constant level at the start (the oscillation is still driven) is searched only if there are at least this many
+blocks."""
 FIRST_END, END_STEP = 2, 3
-"""Ends of a constant level that are tried: from block FIRST_END to half of all blocks, in steps of END_STEP."""
+"""Blocks that are tried as the end of a constant level: from block `FIRST_END` to the middle of the record, in steps of
+`END_STEP`."""
 HELD_MISFIT = 0.75
-"""A constant level at the start is accepted only if the sum of squares with it is less than this fraction of that
-without it (conventional)."""
+"""A constant level at the start is accepted only if the sum of squared residuals of a fit with it is less than this
+fraction of the sum without it (conventional)."""
 LEAST_SCATTER = 0.02
-"""Smallest scatter of ln A in the search for a constant level; it allows for errors of laws and detectors
-(conventional)."""
+"""Smallest standard deviation of ln A that the search for a constant level at the start assumes for a block. It allows
+for errors of the damping laws and of the detector (conventional)."""
 EARLY_FRACTION = 0.1
-"""Fraction of the decay at its start that is tested against the later part."""
+"""Fraction of the blocks, at the start of the decay, that are tested for whether the later blocks predict them."""
 SURPRISE_SDS = 4.5
-"""An early reading that is this many sds from its prediction does not belong to the decay; by chance once in 30,000
-records."""
+"""An early block, or the sum of a few, that differs from its prediction by more than this many standard deviations does
+not belong to the decay. By chance this occurs once in 30,000 records."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A decay for figures, in arrays of shape (n,).
+    """A decay and its fit in dB for figures, as arrays of shape (n,) for n blocks of readings.
 
     Attributes
     ----------
     t
-        Times in s of the record's clock.
+        Times of the blocks in s, as in the record.
     level, fit
-        Levels in dB of the recorded power: means of the readings, and the best damping sum with its deviation.
+        Level in dB, as in the record: mean of the readings in a block, and fit with the deviation from its law.
     fit_sd, scatter
-        Posterior sd of the fit, and sd of the noise of a mean of readings, in dB.
+        Posterior standard deviation of the fit, and standard deviation of the noise of a block, in dB.
     """
 
     t: np.ndarray
@@ -73,16 +76,16 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """The free decay of an envelope, averaged in blocks, with their noise.
+    """The free decay of an envelope, with its readings averaged in blocks.
 
     Attributes
     ----------
     record
         The record.
     window
-        The window of the free decay.
+        The window of the free decay in the record.
     blocks
-        Means of its readings over blocks, with their possible noises.
+        The readings in the window, averaged in blocks, with their possible noises.
     reference
         ln of the reference amplitude A_ref in the record's unit.
     """
@@ -94,22 +97,22 @@ class Decay:
 
     @property
     def readings(self) -> int:
-        """Number of readings in the decay."""
+        """Number of readings of the record in the window of the decay."""
         return self.window.stop - self.window.start
 
     @property
     def fall(self) -> float:
-        """Decrease of the level from the start to the end of the decay, in dB."""
+        """Decrease of the level in dB from the first to the last thirtieth of the blocks."""
         top, bottom = self.blocks.ends
         return (top - bottom) * NEPER
 
     def amplitude(self, x: float) -> tuple[float, str]:
-        """Return the amplitude for x = ln(A/A_ref), and its unit: that of the record."""
+        """Return the amplitude for x = ln(A/A_ref), and its unit, which is that of the record."""
         value, unit = self.record.amplitude((x + self.reference) * NEPER)
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return the curve of a fit in dB, for figures; fit, sd: ln(A/A_ref) at the blocks and its sd, (n,) each."""
+        """Return this decay and a fit of it in dB; fit, sd: ln(A/A_ref) at the blocks and its sd, (n,) each."""
         b, t = self.blocks, self.record.t[self.window.start : self.window.stop]
         # The times of the blocks start at the middle of the first block.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)
@@ -117,10 +120,11 @@ class Decay:
         return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
-        """Return the root mean square residual of a fit, ln(A/A_ref) (n,), beyond the noise, and that of the noise.
+        """Return the root mean square residual of a fit in excess of the noise, and that of the noise alone.
 
-        Both are relative to the amplitude, and averaged with the squared amplitude as weight. A constant offset is not
-        counted.
+        fit: fitted ln(A/A_ref) at the blocks, (n,). Both results are relative to the amplitude (differences of ln A);
+        in their means each block has its squared amplitude as weight. The weighted mean of the residuals is subtracted
+        first.
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
@@ -133,7 +137,7 @@ class Decay:
 def free_decay(
     record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
-    """Find the free decay of an envelope, down to its noise floor, and scale the damping sums to it.
+    """Find the free decay of an envelope, down to its noise floor, and prepare the sums of damping terms for it.
 
     A window that is given is used unchanged.
 
@@ -142,19 +146,21 @@ def free_decay(
     record : EnvelopeRecord
         The envelope.
     window : EnvelopeWindow or None
-        The window to use; None to find one.
+        The window of the decay; None to find it.
     sums : sequence of tuple of str
-        Terms of each damping sum.
+        Names of the terms of each sum.
 
     Returns
     -------
-    Decay, tuple of Sum
-        The decay, and the sums with the scales of their parameters.
+    Decay
+        The decay.
+    tuple of Sum
+        The sums, with the amplitude and frequency of this decay by which priors of their parameters scale.
 
     Raises
     ------
     Refusal
-        If the level does not decrease enough.
+        If the level decreases by less than `LEAST_DROP` dB.
     """
     chosen = window or find_window(record.t, record.level)
     first, stop, why = chosen.start, chosen.stop, list(chosen.why)
@@ -192,9 +198,10 @@ def free_decay(
 
 
 def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, float]:
-    """Return the decay in blocks, and ln of its reference amplitude, which is in the middle of the decrease in dB.
+    """Return the readings of a window averaged in blocks, and ln of the reference amplitude A_ref in the record's unit.
 
-    Raises Refusal if the decrease is too small to determine a rate.
+    A_ref is in the middle, in dB, between the levels at the start and at the end. Raises Refusal if the level decreases
+    by less than `LEAST_DROP` dB.
     """
     whole = slice(window.start, window.stop)
     t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST_BLOCKS)
@@ -216,10 +223,10 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, flo
 
 
 def held_blocks(b: Blocks) -> int:
-    """Return the number of blocks at the start in which a drive keeps the level constant; 0 if there is none.
+    """Return the number of blocks at the start with a constant level (a drive is still on); 0 if there are none.
 
-    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better than a decay
-    from the start, either with these terms or with friction that increases towards small amplitudes.
+    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better than two
+    decays from the first block on: one with these terms, and one with friction that increases towards small amplitudes.
     """
     n = b.t.size
     if n < LEAST_BLOCKS_HELD:
@@ -244,10 +251,11 @@ def held_blocks(b: Blocks) -> int:
 
 
 def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
-    """Return the sum of squared residuals of a decay dA/dt ∝ −A^p, p ≤ 0, that starts at the first block.
+    """Fit a decay dA/dt ∝ −A^p with p ≤ 0 to all blocks; return its sum of squared whitened residuals.
 
-    Such friction, which increases towards small amplitudes, reduces the amplitude slowly at first and then fast. This
-    resembles a constant level, but no sum of the three terms describes it.
+    inverse: matrix that whitens the noise, (n, n). Such friction increases towards small amplitudes: the amplitude
+    falls slowly at first and then fast. This resembles a constant level at the start, but no sum of viscous, Coulomb
+    and quadratic damping describes it.
     """
 
     def off(p: np.ndarray) -> np.ndarray:
@@ -266,23 +274,25 @@ def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
 
 
 def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]:
-    """Infer the noise of a decay without assuming a damping law, and find readings that do not belong to the decay.
+    """Infer the noise of a decay without assuming one damping law, and find blocks that do not belong to the decay.
 
     Parameters
     ----------
     b : Blocks
         The readings.
     sums : sequence of Sum
-        Damping sums that may describe the decay, besides viscous, Coulomb and quadratic damping.
+        Sums of damping terms that may describe the decay, besides viscous, Coulomb and quadratic damping.
 
     Returns
     -------
     blocks : Blocks
-        The blocks with their noises, inferred without and with a deviation. Their means are corrected for the curvature
-        of the decay within a block.
-    later, end : int
-        Number of blocks at the start that do not belong to the decay, and number of blocks before it comes too close to
-        the floor.
+        The blocks with their possible noises: one for each fraction of the floor that is slow, one inferred together
+        with a deviation from the law, and one with slower scatter. Their x is corrected for the curvature of the decay
+        within a block.
+    later : int
+        Number of blocks at the start that do not belong to the decay; 0 if all do.
+    end : int
+        Number of blocks before the first one that is less than `ABOVE_FLOOR` dB above the inferred noise floor.
     """
     n = b.t.size
     visible = np.sqrt(b.floor.power) if b.floor is not None else 1e-3

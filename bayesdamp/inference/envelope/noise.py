@@ -1,11 +1,11 @@
 """The noise model of the readings of an envelope.
 
-A reading of x = ln A has three errors: u, a multiplicative scatter (such as of laser power or gain), which is an
-Ornstein-Uhlenbeck process; v/A, the part of the noise floor that is in phase with the oscillation, with half of the
-floor's power; and white noise. The floor is the sum of two Ornstein-Uhlenbeck processes: fast noise of the detector,
-and slow thermal motion of the mode, whose correlation time is that of the decay. A decay contains only a few
-independent values of the slow part, so the result is averaged over its fraction of the floor. The other parameters are
-inferred.
+A reading of x = ln A has three errors: a multiplicative scatter u (such as of laser power or gain), which is an
+Ornstein–Uhlenbeck process; v/A, where v is the part of the noise floor that is in phase with the oscillation and has
+half of the floor's power; and white noise. The floor is the sum of two Ornstein–Uhlenbeck processes: fast noise of the
+detector, and slow thermal motion of the mode, whose correlation time is that of the decay. A decay contains only a few
+independent values of the slow part, so its fraction of the floor cannot be inferred; results are averaged over several
+values of this fraction. The other parameters are inferred.
 """
 
 from __future__ import annotations
@@ -21,50 +21,52 @@ from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
 from bayesdamp.records.envelope.window import NoiseFloor
 
 LONGEST_SCATTER = 0.04
-"""Largest correlation time of the multiplicative scatter, as a fraction of the duration; slower changes are deviations
-of the law."""
+"""Largest correlation time of the multiplicative scatter, as a fraction of the duration of the decay. Slower changes
+count as deviations of the decay from its law."""
 LONGEST_FLOOR = 1.0
-"""Largest correlation time of the floor, as a fraction of the duration."""
+"""Largest correlation time of the fast part of the noise floor, as a fraction of the duration of the decay."""
 FLOOR_KNOWN = 0.7
-"""Prior standard deviation of the logarithm of the floor's power if the floor is visible after the decay; a record
-contains only a few independent values of a slow floor."""
+"""Prior standard deviation of ln of the floor's power if the floor was measured after the decay. It is not small,
+because a record contains only a few independent values of a slow floor."""
 FLOOR_UNKNOWN = 2.5
-"""Prior standard deviation of the logarithm of the floor's power if no floor is visible after the decay."""
+"""Prior standard deviation of ln of the floor's power if the floor was not measured after the decay."""
 LOG_SCATTER_SD = 3.0
-"""Prior standard deviation of the logarithm of a scatter; the prior is centred on an estimate from the differences of
-neighbouring readings."""
+"""Prior standard deviation of ln of the standard deviations of the multiplicative scatter and of the white noise. The
+priors are centred on estimates from the residuals of the blocks and from differences of neighbouring ones."""
 LEAST_SCATTER = 1e-4
-"""Smallest white scatter of ln A (1e-3 dB)."""
+"""Smallest standard deviation of the scatter and of the white noise of ln A (1e-4, about 1e-3 dB)."""
 SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
 """Fractions of the floor's fluctuating power that may be slow, equally probable a priori."""
 SLOWER_FACTOR = 4.0
-"""Factor of the correlation time of the multiplicative scatter in `Noise.slower`."""
+"""Factor by which `Noise.slower` lengthens the correlation time of the multiplicative scatter."""
 DEVIATION_LENGTH = 0.3
-"""Correlation length of a deviation that is inferred together with the noise, as a fraction of the duration."""
+"""Correlation length of the deviation from the law that is inferred together with the noise, as a fraction of the
+duration."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of ln A.
+    """The noise of ln A in blocks of readings.
 
     Attributes
     ----------
     scatter, scatter_time
-        Standard deviation and correlation time (s) of the multiplicative part.
+        Standard deviation and correlation time (s) of the multiplicative scatter.
     floor, floor_time
-        Power of the fluctuating part of the floor in units of A_ref², and correlation time (s) of its fast part.
+        Power of the fluctuating part of the noise floor in units of A_ref², and correlation time (s) of its fast part.
     white
-        Standard deviation of the white part.
+        Standard deviation of the white noise of a block.
     deviation
-        Size τ_g of the deviation with which the noise was inferred.
+        Standard deviation of the relative deviation of the decay rate from its law that was inferred together with the
+        noise; 0 if none was.
     slow, slow_time
-        Slow fraction of the floor's fluctuating power, and its correlation time (s).
+        Fraction of the floor's fluctuating power that is slow, and the correlation time (s) of this slow part.
     constant, constant_sd
-        Power of the constant part of the floor, and its standard deviation.
+        Power of the constant part of the floor in units of A_ref², and its standard deviation.
     each, apart
-        Number of readings in a mean, and the time between two readings in s.
+        Number of readings in a block, and time between two readings in s.
     log_weight, log_density
-        Log prior probability among all noises, and log posterior density, up to constants.
+        Log prior probability relative to other possible noises, and log posterior density, up to constants.
     """
 
     scatter: float
@@ -83,7 +85,10 @@ class Noise:
     log_density: float = 0.0
 
     def covariance(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return the covariance, (n, n), at times t (s) and x = ln(A/A_ref), without the constant part of the floor."""
+        """Return the covariance of ln A, (n, n), in blocks at times t (s) with x = ln(A/A_ref), (n,) each.
+
+        The error of the constant part of the floor is not included.
+        """
         lag, inverse = np.abs(t[:, None] - t), np.exp(-x)
         return _covariance(
             lag, inverse, np.exp(lag / -self.slow_time), self.slow, self.each, self.apart,
@@ -91,11 +96,11 @@ class Noise:
         )  # fmt: skip
 
     def slower(self, span: float) -> Noise:
-        """Return a noise whose multiplicative scatter has a correlation time `SLOWER_FACTOR` times as long.
+        """Return a copy of this noise whose multiplicative scatter is up to `SLOWER_FACTOR` times slower.
 
-        Its variance is increased so that differences of neighbouring readings stay the same. A record hardly
-        distinguishes the two noises, but the uncertainty of rates depends on the choice. span: duration of the record
-        in s.
+        Its correlation time is longer by this factor, but at most twice `span`, the duration of the record in s. The
+        variance of the scatter is increased so that differences of neighbouring readings stay the same. A record hardly
+        distinguishes the two noises, but the uncertainty of rates depends on the choice.
         """
         times = float(min(SLOWER_FACTOR, 2.0 * span / self.scatter_time))
         stronger = self.scatter * float(np.sqrt(times))
@@ -106,11 +111,11 @@ def _covariance(
     lag: np.ndarray, inverse: np.ndarray, thermal: np.ndarray, slow: float, each: float, apart: float,
     numbers: Sequence[float] | np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Return the covariance, (n, n), of the noise of ln A for means of `each` readings.
+    """Return the covariance, (n, n), of the noise of ln A in blocks that are means of `each` readings.
 
-    lag: time differences in s, (n, n). inverse: 1/A, (n,). thermal: correlations of the slow part of the floor, whose
-    fraction is `slow`, (n, n). apart: time between two readings in s. numbers: scatter, scatter_time, floor,
-    floor_time, white, as in `Noise`.
+    lag: time differences of the blocks in s, (n, n). inverse: A_ref/A, (n,). thermal: correlations of the slow part of
+    the floor at these lags, (n, n). slow: fraction of the floor's fluctuating power in this part. apart: time between
+    two readings in s. numbers: scatter, scatter_time, floor, floor_time and white of `Noise`, in this order.
     """
     su, lu, floor, lv, white = numbers
     covariance = su * su * np.exp(lag / -lu)
@@ -150,21 +155,21 @@ def infer_noise(
     Parameters
     ----------
     t, residual, x : ndarray, shape (n,)
-        Times in s, ln A minus the fit, and the fit.
+        Times of the blocks in s, ln A minus its fit, and the fit of ln(A/A_ref).
     columns : ndarray, shape (n, k)
         Derivatives of x by the parameters of the law.
     warp : ndarray, shape (n, knots)
-        Derivatives of x by the deviation at its knots.
+        Derivatives of x by the relative deviation of the decay rate from the law, at its knots.
     floor : NoiseFloor or None
-        The noise floor after the decay, in units of A_ref².
+        The noise floor measured after the decay, in units of A_ref².
     slow, slow_time, each
-        Attributes of `Noise` that are not inferred.
+        Attributes of the result that are not inferred, see `Noise`.
     with_deviation : bool
-        Whether to infer the size of a deviation too.
+        Whether to infer the size of a deviation together with the noise.
     begin : Noise, optional
-        Start of the search.
+        Noise at which the search starts.
     only_floor : bool
-        Whether to vary only the power of the floor, from `begin`.
+        Whether only the power of the floor is inferred; the other values are those of `begin`.
 
     Returns
     -------
@@ -239,7 +244,7 @@ def infer_noise(
 
 
 def whiten_columns(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Whiten columns by the Cholesky factor of the covariance of the noise.
+    """Multiply columns by the inverse of the Cholesky factor of the covariance of the noise.
 
     Parameters
     ----------
@@ -251,9 +256,9 @@ def whiten_columns(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tup
     Returns
     -------
     white : ndarray, shape (n, m)
-        The whitened columns, side by side.
+        The whitened columns, side by side in the given order.
     log_det : float
-        Log determinant of the Cholesky factor.
+        Log determinant of the Cholesky factor (half of that of the covariance).
     """
     triangle = cholesky(covariance, lower=True, check_finite=False)
     white = solve_triangular(triangle, np.column_stack(columns), lower=True, check_finite=False)

@@ -1,7 +1,7 @@
-"""Draw the quantities of an answer from the posterior of a decay, and compute the likelihood of its damping rates.
+"""Draw decay rates and energy fractions from the posterior of a decay, and compute the likelihood of its damping rates.
 
-Draws are from the mixture over damping sums, noises, their scales, and size τ and length ℓ of the deviation. The
-likelihood of the rates is for joint fits of several envelopes.
+Draws are from the mixture over sums of damping terms, noises and their scales, and size τ and length ℓ of the deviation
+from the law. The likelihood of the rates is for joint fits of several envelopes.
 """
 
 from __future__ import annotations
@@ -18,40 +18,43 @@ from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
-"""Number of draws of rates, from all candidates together."""
+"""Number of posterior draws of rates, over all candidates together."""
 SENSOR = 0.002
-"""Relative standard deviation of every rate by errors that no record shows: linearity of the detector, and its clock
-(conventional)."""
+"""Relative standard deviation that every rate has because of errors that the record does not show: of the linearity of
+the detector and of its clock (conventional)."""
 DRIFT = 0.1
-"""Sd in dB of the drift or nonlinearity over half of a decay that a detector with readings in dB may have, and that the
-record does not show. Conventional: makers of analysers state 0.1 to 0.2."""
+"""Standard deviation, in dB, of the drift or nonlinearity over half of a decay that a detector with readings in dB may
+have and that the record does not show. Conventional: makers of analysers state 0.1 to 0.2 dB."""
 POINTS_ALONG = 257
-"""Number of points along a fit, evenly spaced in ln A, from which means over the decay are computed."""
+"""Number of points along a fit, evenly spaced in ln A, over which averages over the decay are computed."""
 LOSS_POINTS = 33
-"""Number of amplitudes, evenly spaced in their logarithm, at which the rate of each term is stored."""
+"""Number of amplitudes, evenly spaced in ln A, at which `RateLikelihood.log_losses` is tabulated."""
 WIDE_PRIOR = 3.0
-"""Standard deviation, in units of the sum of the fitted rates, of a normal prior with which the likelihoods of several
-noises are merged; its effect is removed afterwards."""
+"""Standard deviation of the normal prior under which the likelihoods for several noises are merged, in units of the sum
+of the fitted rates. The prior is divided out afterwards."""
 
 
 @dataclass(frozen=True)
 class RateDraws:
-    """Posterior draws; the first axis of all arrays is the draw.
+    """Posterior draws of decay rates; the first axis of all arrays is the draw.
 
     Attributes
     ----------
     at
-        Rates in 1/s at several amplitudes, with the deviation, (n, amplitudes).
+        Decay rates in 1/s at the amplitudes that were passed to `draw_rates`, with the deviation from the law, (n,
+        amplitudes).
     whole
-        Mean rates in 1/s over the first half of the decrease in dB, without the deviation, (n,).
+        Mean decay rate in 1/s over the first half of the decrease in dB, according to the law without the deviation,
+        (n,).
     energy
-        Fraction of the dissipated energy by term, over the decay, (n, terms).
+        Fraction of the energy dissipated during the decay by each term, (n, terms).
     deviation
-        Root mean square over time of the relative deviation of the rate from the law, (n,).
+        Root mean square over time of the relative deviation of the decay rate from the law, (n,).
     candidate
-        Index of the candidate, (n,).
+        Index of the candidate from which the draw is, (n,).
     rates
-        Rates in 1/s at the reference amplitude by term; only the draws whose sum has the term.
+        For each term by name: its rates in 1/s at the reference amplitude, only of the draws whose sum contains the
+        term.
     """
 
     at: np.ndarray
@@ -78,22 +81,22 @@ def draw_rates(
     blocks : Blocks
         The readings.
     candidates : sequence of EnvelopeCandidate
-        All candidates of all sums; a draw is from one of them, chosen by its probability.
+        The candidates of all sums; each draw is from one of them, chosen by its posterior probability.
     terms : sequence of str
-        Names of all terms.
-    amplitudes : ndarray
+        Names of all terms, in the order of the columns of `RateDraws.energy`.
+    amplitudes : ndarray, shape (m,)
         Values x = ln(A/A_ref) at which rates are drawn.
     rng : Generator
-        Random numbers.
+        Random number generator.
     sensor : float
-        Relative standard deviation of every rate by errors that the record does not show.
+        Relative standard deviation of every rate by errors that the record does not show; it is added to the draws.
     exact : bool
-        Whether to use the posterior under exact laws.
+        Whether to draw from the posterior under exact laws (no deviation).
 
     Returns
     -------
     RateDraws
-        The draws.
+        `RATE_DRAWS` draws.
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
     # Numbers of draws of each candidate, by systematic resampling (Kitagawa 1996).
@@ -130,27 +133,27 @@ def draw_rates(
 
 @dataclass(frozen=True, eq=False)
 class RateLikelihood:
-    """The likelihood of the rates x of a damping sum, for each of c sizes and lengths of the deviation.
+    """The likelihood of the d rates x of a sum of damping terms, for each of c sizes and lengths of the deviation.
 
-    It is exp(log + xᵀ slope − xᵀ information x / 2). The start, the floor, the noise and the deviation are integrated
-    out. It contains no prior of x and none of size and length of the deviation.
+    For each of them it is the Gaussian exp(log + xᵀ slope − xᵀ information x / 2). The start, the floor, the noise and
+    the deviation from the law are integrated out. It contains neither the prior of x nor that of size and length.
 
     Attributes
     ----------
     log
-        Constant in nats, (c,), in the order of `grid_of`.
+        Constant in nats, (c,); sizes and lengths are in the order of `grid_of`.
     slope, information
-        For rates at the reference amplitude, in s, (c, d), and in s², (c, d, d).
+        Coefficients for rates in 1/s at the reference amplitude: in s, (c, d), and in s², (c, d, d).
     reference
         ln of the reference amplitude in the record's unit (relative to 1 if the unit is dB).
     log_amplitudes
-        ln of amplitudes in the unit of `reference`, (n,), increasing.
+        ln of n amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
-        ln of the rate of each term at these amplitudes, relative to that at the reference amplitude, (d, n).
+        ln of the rate of each term at these amplitudes, relative to its rate at the reference amplitude, (d, n).
     unit
         Unit of the readings.
     omega
-        Frequency in rad/s; None if it is not known.
+        Angular frequency in rad/s; None if it is not known.
     duration
         Duration of the decay in s.
     """
@@ -166,20 +169,22 @@ class RateLikelihood:
     duration: float
 
     def in_scores(self, log_amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the likelihood of the scores of rates at a given amplitude, which several records can have in common.
+        """Return the likelihood as a function of scores: the terms' rates at a given amplitude, divided by a unit.
+
+        Several records can have this amplitude and unit in common.
 
         Parameters
         ----------
         log_amplitude
-            ln of the amplitude, in the record's unit. Beyond the stored amplitudes each rate is extrapolated as a power
-            of the amplitude.
+            ln of the amplitude, in the record's unit. Outside of the tabulated amplitudes each rate is extrapolated as
+            a power of the amplitude.
         rate
-            The rate in 1/s that has a score of 1.
+            The unit: the rate in 1/s that corresponds to a score of 1.
 
         Returns
         -------
         log, slope, information
-            The likelihood of the scores, (c,), (c, d) and (c, d, d).
+            Coefficients of the likelihood for the scores, as in the class: (c,), (c, d) and (c, d, d).
         """
         x, y = self.log_amplitudes, self.log_losses
         i = int(np.clip(np.searchsorted(x, log_amplitude) - 1, 0, x.size - 2))
@@ -191,18 +196,23 @@ class RateLikelihood:
 def likelihood_of(
     candidate: EnvelopeCandidate, blocks: Blocks, reference: float, unit: str
 ) -> RateLikelihood:
-    """Compute the likelihood of a candidate's rates.
+    """Compute the likelihood of the rates of a candidate.
 
     Parameters
     ----------
     candidate
-        A damping sum whose terms have no own parameters.
+        A sum whose terms have no parameters besides their coefficients.
     blocks
-        The readings.
+        The readings with their possible noises.
     reference
         ln of the reference amplitude in the record's unit.
     unit
         Unit of the readings.
+
+    Returns
+    -------
+    RateLikelihood
+        The likelihood, with the noises integrated out.
     """
     scale = WIDE_PRIOR * float(candidate.rates.sum()) / candidate.unit
     about = candidate.about
@@ -220,23 +230,25 @@ def likelihood_of(
 def merge_noises(
     likelihood: DampingLikelihood, sizes: int, sd: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Merge the likelihoods of all noises into one Gaussian for each size and length of the deviation.
+    """Merge the likelihoods for several noises into one Gaussian for each size and length of the deviation.
 
-    With a wide normal prior it has the evidence, mean and covariance of the mixture.
+    A mixture of Gaussians is not a Gaussian. The result has, under a wide normal prior, the same evidence, mean and
+    covariance as the mixture; the prior is then divided out.
 
     Parameters
     ----------
     likelihood
-        Likelihoods of the scores of rates for all noises; size and length of the deviation vary fastest.
+        Likelihoods of the d scores of rates, for all noises and all c sizes and lengths of the deviation, which vary
+        fastest.
     sizes
         Number of sizes and lengths, c.
     sd
-        Standard deviation of the wide prior.
+        Standard deviation of the wide prior, in scores.
 
     Returns
     -------
     log, slope, information
-        The merged likelihood, (c,), (c, d) and (c, d, d).
+        Coefficients of the merged likelihood exp(log + xᵀ slope − xᵀ information x / 2), (c,), (c, d) and (c, d, d).
     """
     d = likelihood.slope.shape[1]
     wide = np.eye(d) / sd**2
