@@ -1,9 +1,10 @@
-"""Damping sums on an envelope: which of them it can distinguish, their decay laws, evidence and probabilities.
+"""Sums of damping terms for an envelope: which ones it can distinguish, their decay laws, evidence and probabilities.
 
-The posterior of the terms' own parameters is represented by points from adaptive multiple importance sampling: each
-round of points is from a normal distribution fitted to all earlier points, and all points are weighted against the
-mixture of these distributions (J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Scand. J. Stat. 39, 798 (2012)).
-The points come from a low-discrepancy sequence instead of random numbers.
+Some terms have inferred parameters besides their coefficient, such as an exponent. Their posterior is represented by
+points from adaptive multiple importance sampling: each round of points is from a normal distribution fitted to all
+earlier points, and all points are weighted against the mixture of these distributions (J.-M. Cornuet, J.-M. Marin, A.
+Mira and C. P. Robert, Scand. J. Stat. 39, 798 (2012)). The points come from a low-discrepancy sequence instead of
+random numbers.
 """
 
 from __future__ import annotations
@@ -46,31 +47,35 @@ from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 HOPELESS_NATS = 25.0
-"""A sum that is more than this many nats behind the best with the first noise is not evaluated with the other noises,
-which change its log evidence by a few nats."""
+"""The evidence of every sum is computed with one of the possible noises first. If it is then more than this many nats
+below the best sum, the other noises, which change it by a few nats, are not tried."""
 POSTERIOR_POINTS = 24
-"""Number of points that represent the posterior of the own parameters of a sum's terms."""
+"""Number of points that represent the posterior of the parameters that a sum's terms have besides their
+coefficients."""
 FIRST_ROUNDS = 6
-"""Number of rounds of points in the search for the best fit of a sum whose terms have own parameters."""
+"""Number of rounds of importance sampling in the search for the best fit of a sum whose terms have such parameters."""
 LEAST_RELATIVE_RATE = 0.01
-"""Smallest rate of a term at the reference amplitude, as a fraction of its largest rate along the decay. (A coefficient
-is measured by the rate at the reference amplitude.)"""
+"""A term's coefficient is expressed by its decay rate at the reference amplitude. If this is less than this fraction of
+its largest rate along the decay, the fraction of the largest rate is used instead."""
 STEEPEST_POWER = 3.0
-"""Largest power of the amplitude in dA/dt among the terms of the package (cubic damping)."""
+"""Exponent p of the term of the package whose decay dA/dt ∝ -A^p is steepest (cubic damping)."""
 TABLE_MARGIN = 1.0
-"""A decay law is tabulated up to this distance in ln A beyond the readings, at both ends."""
+"""A decay law is tabulated beyond the range of the readings by this difference of ln A at both ends."""
 POINTS_PER_ROUND = 16
 """Number of points in a round of importance sampling."""
 MOST_ROUNDS = 12
-"""Greatest number of rounds of points; a posterior that is a thousand times narrower than the prior needs eight."""
+"""Greatest number of rounds of importance sampling. A posterior that is a thousand times narrower than the prior needs
+eight."""
 ENOUGH_EFFECTIVE = 32.0
-"""Effective number of points at which sampling ends."""
+"""Importance sampling ends when the effective number of points reaches this."""
 VARIANCE_FACTOR = 1.5
-"""Variance of the next normal distribution, relative to that of the weighted points."""
+"""Covariance of the normal distribution of the next round, as a multiple of that of the weighted points: it is wider
+than the posterior on purpose."""
 FLATTENING_STEP = 0.8
-"""Weights are raised to a power that is multiplied by this until enough points have weight."""
+"""Before the normal distribution of the next round is fitted, the points' weights are raised to a power. Starting from
+1, the power is multiplied by this until the effective number of points suffices for the fit."""
 LARGEST_SCORE = 5.0
-"""Largest absolute value of a score of a point (scores have the prior N(0, 1))."""
+"""Largest absolute value of the points' coordinates, which are parameters as standard normal scores."""
 MOST_TERMS = 3
 """Greatest number of terms in a sum; a decay cannot distinguish more."""
 ASSUMPTIONS = (
@@ -89,30 +94,31 @@ ASSUMPTIONS = (
 COMPARED_AMPLITUDES = 65
 """Number of amplitudes, evenly spaced in their logarithm, at which two laws are compared."""
 SAME_LAW_RMS = 1e-4
-"""Two laws count as equal if the root mean square of their relative difference in rate is at most this."""
+"""Two decay laws count as equal if the root mean square of the relative difference of their rates is at most this."""
 EXCLUDED_NATS = 7.0
-"""A sum that is more than this many nats behind the most probable one cannot count as indistinguishable from it."""
+"""Two sums do not count as indistinguishable if the log posterior probability of one is more than this many nats below
+that of the most probable sum."""
 EXPONENT_GRID = 3001
-"""Number of grid values of the exponent of a power law."""
+"""Number of values of the exponent of a power law, from 0 to `MOST_POWER`, at which its density is computed."""
 NEGLIGIBLE_WEIGHT = 1e-5
-"""Components of the mixture in `mixture_interval` with at most this weight, relative to the largest, are left out."""
+"""`mixture_interval` leaves out components whose weight is at most this fraction of the largest weight."""
 Sums = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
 class Sum:
-    """A damping sum, scaled to one envelope.
+    """A sum of damping terms, prepared for one envelope.
 
     Attributes
     ----------
     terms
         Names of the damping terms.
     start, low
-        ln(A/A_ref) at the start, and of the lowest reading.
+        ln(A/A_ref) at the start of the decay and at its lowest reading; A_ref is the reference amplitude.
     each
         The damping terms as objects; () if they are only viscous, Coulomb and quadratic, which have a closed form.
     scale
-        Amplitude and frequency with which the parameters of the terms scale.
+        Amplitude at the start and angular frequency, with which the priors of the terms' parameters scale.
     """
 
     terms: tuple[str, ...]
@@ -128,26 +134,29 @@ class Sum:
 
     @property
     def log_prior(self) -> float:
-        """Log prior odds against a single term."""
+        """Log of the prior odds of this sum against a sum of one term, in nats."""
         return float(np.log(odds(self.terms)))
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Number of own parameters of each term."""
+        """Number of inferred parameters of each term besides its coefficient; () if the sum has a closed form."""
         return tuple(len(term.inferred) for term in self.each)
 
     @property
     def count(self) -> int:
-        """Number of own parameters of all terms together."""
+        """Number of inferred parameters of all terms together, without the coefficients."""
         return sum(self.counts)
 
     def scores_of(self, scores: Sequence[float], term: int) -> tuple[float, ...]:
-        """Return the scores of the own parameters of term number `term` from `scores`, those of all terms."""
+        """Return the scores that belong to the parameters of term number `term` (from 0), without the coefficient.
+
+        scores: standard normal scores of the parameters of all terms in sequence.
+        """
         first = sum(self.counts[:term])
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
     def law(self, scores: Sequence[float] = ()) -> DecayLaw:
-        """Return the decay law at given scores of the terms' own parameters."""
+        """Return the decay law at standard normal scores of the terms' parameters, except the coefficients."""
         if not self.each:
             return ClosedForm(self.terms)
 
@@ -160,10 +169,11 @@ class Sum:
         return TabulatedLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
-        """Return ln of the rate (1/s) at the reference amplitude for a coefficient of 1 of term number `term`.
+        """Return ln of the decay rate (1/s) at the reference amplitude for a coefficient of 1 of a term.
 
-        It is at least `LEAST_RELATIVE_RATE` of the largest rate along the decay. scores: of the term's own parameters.
-        scale: amplitude and frequency, by default those of the sum.
+        term: index of the term. The result is at least ln of `LEAST_RELATIVE_RATE` times the largest rate along the
+        decay. scores: standard normal scores of the term's other parameters. scale: amplitude at the start and angular
+        frequency; by default those of the sum.
         """
         loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
@@ -171,14 +181,14 @@ class Sum:
 
 
 def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: float) -> tuple[Sum, ...]:
-    """Return damping sums, scaled to an envelope, from the names of their terms.
+    """Build the `Sum` objects of one envelope from the names of damping terms.
 
     Parameters
     ----------
     asked : sequence of tuple of str
         Names of the terms of each sum.
     scale, start, low
-        Attributes of the `Sum`s.
+        Attributes that all sums get, see `Sum`.
     """
     return tuple(
         Sum(terms, start, low, () if set(terms) <= set(POWERS) else tuple(map(TERMS.get, terms)), scale)
@@ -187,19 +197,19 @@ def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: f
 
 
 def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the names of all terms other than viscous, Coulomb and quadratic damping."""
+    """Return the names of all terms in these sums except viscous, Coulomb and quadratic damping, without repetition."""
     return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
 
 
 def list_assumptions(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the assumptions of an answer with these sums, one sentence each.
+    """Return the assumptions behind an answer from these sums as sentences for a report.
 
     Parameters
     ----------
     sums : sequence of tuple of str
-        Terms of each sum.
+        Names of the terms of each sum.
     left_out : sequence of str
-        Sentences on the sums that are left out.
+        Sentences that say which sums are left out and why; they are included.
     """
     compared = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
     inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
@@ -212,14 +222,15 @@ def list_assumptions(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = 
 
 
 def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[str, ...]]:
-    """Return the sums that an envelope can distinguish, and for each other sum a sentence why it is left out.
+    """Return the sums that an envelope can distinguish, and for each sum that is left out a sentence why.
 
-    Two terms cannot be distinguished if they dissipate the same energy at every amplitude, up to a factor.
+    Two terms cannot be distinguished if the energies that they dissipate in a cycle are proportional to each other at
+    all amplitudes.
 
     Raises
     ------
     InputError
-        If a sum has too many terms, or no sum is left.
+        If a sum has more than `MOST_TERMS` terms, or no sum is left.
     """
     if set(sums) == set(SUMS):
         return SUMS, ()
@@ -256,10 +267,13 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
 
 
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[DecayLaw, float, np.ndarray]:
-    """Return a decay law that fits at least as well as any of the sums, ln(A/A_ref) at its start, and its rates.
+    """Return a decay law that fits at least as well as any of the sums, with its fitted start and rates.
 
-    It includes viscous, Coulomb and quadratic damping, and the terms of the best of the other sums; or the third power
-    of the amplitude if that fits best. The rates are in 1/s at the reference amplitude, one for each term of the law.
+    Viscous, Coulomb and quadratic damping together are compared with each sum that has another term, and with dA/dt ∝
+    −A³. The law is the best of these fits; the terms of the first three that it lacks are added with rates of 0.
+
+    inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates of its
+    terms in 1/s at the reference amplitude.
     """
     steep = TabulatedLaw(
         ("steep",), (_power(STEEPEST_POWER),), float(b.x.min()) - TABLE_MARGIN, b.ends[0] + TABLE_MARGIN
@@ -278,9 +292,10 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
 
 
 def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:
-    """Return the decay law of a sum at the best scores of the terms' own parameters, and the fit of its rates.
+    """Fit a sum of damping terms; return its decay law and the fit of its rates.
 
-    Without own parameters it is the only law of the sum.
+    inverse: matrix that whitens the noise, (n, n). If terms have parameters besides their coefficients, the law is that
+    of the best of the values that were tried.
     """
 
     @cache
@@ -300,21 +315,23 @@ def _power(power: float) -> Shape:
 
 
 def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
-    """Compute the evidence of every sum with the first noise, and of those near the best with all noises.
+    """Compute the evidence of every sum with the first of the possible noises, and of the better sums with all of them.
 
-    A sum whose terms have own parameters gives a candidate for each point that represents their posterior.
+    Sums that are more than `HOPELESS_NATS` below the best with the first noise are not computed with the others. A sum
+    whose terms have parameters besides their coefficients gives several candidates: one for each point that represents
+    the posterior of these parameters.
 
     Parameters
     ----------
     b : Blocks
-        The readings with their noises.
+        The readings with their possible noises.
     sums : sequence of Sum
         The sums.
 
     Returns
     -------
     list of EnvelopeCandidate
-        The candidates of all sums.
+        The candidates of all sums, in the order of the sums.
     """
     roughly = b.with_first_noise
     first = [
@@ -341,7 +358,10 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
 
 
 def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
-    """Return a function from the scores of the own parameters of a sum's terms to its log evidence in nats."""
+    """Return a function that computes the log evidence (nats) of a sum at given parameters other than the coefficients.
+
+    The argument of the function is the tuple of the standard normal scores of these parameters.
+    """
     rates: np.ndarray | None = None
 
     def at(scores: tuple[float, ...]) -> float:
@@ -355,14 +375,18 @@ def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
 
 @dataclass(frozen=True)
 class WeightedPoints:
-    """Weighted points of a density: scores (n, e), and log weights (n,), whose exponentials sum to its integral."""
+    """Points with weights that represent a density, which need not be normalised.
+
+    points: coordinates of n points, (n, e). log_weight: log weights, (n,), such that the sum of the weights estimates
+    the integral of the density.
+    """
 
     points: np.ndarray
     log_weight: np.ndarray
 
     @property
     def log_integral(self) -> float:
-        """Log integral of the density."""
+        """Log of the integral of the density, in nats."""
         return float(np.logaddexp.reduce(self.log_weight))
 
     @property
@@ -371,7 +395,10 @@ class WeightedPoints:
         return self.points[int(np.argmax(self.log_weight))]
 
     def resample(self, count: int) -> np.ndarray:
-        """Return points, (count, e), at equidistant quantiles of the density along its widest direction."""
+        """Return `count` of the points, (count, e), with repetition, that represent the density with equal weights.
+
+        They are those at equidistant quantiles of the density along the direction in which it is widest.
+        """
         weight = normalise(self.log_weight)
         off = self.points - weight @ self.points
         widest = np.linalg.eigh((off.T * weight) @ off)[1][:, -1]
@@ -384,21 +411,21 @@ class WeightedPoints:
 def importance_points(
     log_likelihood: Callable[[tuple[float, ...]], float], count: int, rounds: int = MOST_ROUNDS
 ) -> WeightedPoints:
-    """Represent a density of scores, N(0, 1) prior times likelihood, by weighted points.
+    """Represent the posterior density of standard normal scores (N(0, 1) prior times likelihood) by weighted points.
 
     Parameters
     ----------
     log_likelihood : callable
-        Function from scores to the log likelihood in nats.
+        Function that returns the log likelihood in nats for a tuple of scores.
     count : int
         Number of scores.
     rounds : int
-        Greatest number of rounds.
+        Greatest number of rounds of sampling; sampling ends earlier if the effective number of points is large enough.
 
     Returns
     -------
     WeightedPoints
-        The points.
+        The points of all rounds.
     """
     # An additive recurrence is a low-discrepancy sequence in the unit cube. Its steps are powers of 1/x, where
     # x^(count + 1) = x + 1 (M. Roberts 2018; the golden ratio for one score).
@@ -435,7 +462,10 @@ def importance_points(
 
 
 def _log_normal(points: np.ndarray, mean: np.ndarray, cholesky: np.ndarray) -> np.ndarray:
-    """Return the log density at points (n, d), (n,), of a normal distribution with Cholesky factor `cholesky`."""
+    """Return the log density, (n,), of a normal distribution at points, (n, d).
+
+    cholesky: Cholesky factor of its covariance, (d, d).
+    """
     z = np.linalg.solve(cholesky, (points - mean).T)
     log_det = np.log(np.diag(cholesky)).sum()
     return -0.5 * np.sum(z * z, axis=0) - log_det - 0.5 * mean.size * np.log(2 * np.pi)
@@ -443,16 +473,17 @@ def _log_normal(points: np.ndarray, mean: np.ndarray, cholesky: np.ndarray) -> n
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Damping sums on an envelope and their probabilities.
+    """Sums of damping terms compared on an envelope: their candidates and evidence.
 
     Attributes
     ----------
     sums, candidates
-        The sums, and all their candidates.
+        The sums, and the candidates of all sums.
     log_evidence
-        Log evidence plus log prior odds of each sum in nats, with the deviation integrated out, (sums,).
+        Log evidence plus log prior odds of each sum in nats, with the deviation from the law integrated out, (sums,).
     log_exact
-        The part of `log_evidence` that is from exact laws, with the prior probability of exact laws included, (sums,).
+        Log of the part of this evidence that is from the exact law (no deviation), including its prior probability,
+        (sums,).
     """
 
     sums: tuple[Sum, ...]
@@ -462,7 +493,7 @@ class Ranking:
 
     @property
     def probability(self) -> np.ndarray:
-        """Probability of each sum, (sums,)."""
+        """Posterior probability of each sum, (sums,)."""
         return normalise(self.log_evidence)
 
     @property
@@ -472,7 +503,7 @@ class Ranking:
 
     @property
     def best_exact(self) -> Sum:
-        """The most probable sum under exact laws."""
+        """The most probable sum if its law is assumed to hold exactly (no deviation)."""
         return self.sums[int(np.argmax(self.log_exact))]
 
     @property
@@ -483,29 +514,29 @@ class Ranking:
 
     @property
     def exact(self) -> float:
-        """Posterior probability of exact laws, over all sums together."""
+        """Posterior probability that the law holds exactly (no deviation), averaged over all sums."""
         return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of the terms of all sums, the three terms of the paper first."""
+        """Names of all terms in the sums, starting with those of viscous, Coulomb and quadratic damping that occur."""
         terms = dict.fromkeys(term for s in self.sums for term in s.terms)
         return tuple(sorted(terms, key=lambda term: (*POWERS, *terms).index(term)))
 
     @property
     def by_sum(self) -> dict[str, float]:
-        """Probability of each sum, by name."""
+        """Posterior probability of each sum, by its name (terms joined by +)."""
         return {s.name: float(p) for s, p in zip(self.sums, self.probability, strict=True)}
 
     @property
     def by_term(self) -> dict[str, float]:
-        """Total probability of all sums with a term, by term."""
+        """Posterior probability that a term is present (total of all sums that contain it), by name of the term."""
         each = list(zip(self.sums, self.probability, strict=True))
         return {term: float(sum(p for s, p in each if term in s.terms)) for term in self.terms}
 
 
 def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
-    """Compute the probabilities of sums from all their candidates."""
+    """Combine the evidence of all candidates into a ranking of the sums."""
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
         """Return the log of the summed evidence of each damping sum's candidates, (sums,); logs: of all candidates."""
@@ -518,10 +549,11 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
 
 
 def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of the most probable sum and another one that have nearly the same decay.
+    """Return pairs of names of sums whose decays are nearly the same; one sum of each pair is the most probable one.
 
-    The first sum of a pair has own parameters and is not simpler than the second, so that the choice between them
-    depends only on the priors. (A simpler law that is a special case is distinguished by its evidence.)
+    The first sum of a pair has parameters besides its coefficients and is not simpler than the second, so that the
+    choice between the two depends only on the priors. (A simpler law that is a special case is distinguished by its
+    evidence.)
     """
     best, most = ranking.best, ranking.log_evidence.max()
     near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED_NATS]
@@ -544,14 +576,18 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class PowerFit:
-    """The power law dA/dt = -cA^p: exponent p, and `odds`, its log Bayes factor in nats against all sums together."""
+    """A fit of the power law dA/dt = -c A^p.
+
+    exponent: median and 95 % interval of p. odds: log Bayes factor (nats) of the power law against all sums of damping
+    terms together.
+    """
 
     exponent: Quantity
     odds: float
 
 
 def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
-    """Fit a power law, and compare its evidence with that of the damping sums in the ranking."""
+    """Fit a power law to the decay, and compute its Bayes factor against all damping sums of the ranking together."""
     log_z, mean, variance = power_law_evidence(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
@@ -559,17 +595,22 @@ def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
 
 
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
-    """Fit dA/dt by the term `power`, one power of the velocity; return a candidate for each point of its posterior."""
+    """Fit the damping term `power` (force ∝ |v|^p); return a candidate for each point of the posterior of p."""
     return compare_sums(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
 
 
 def mixture_interval(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> Quantity:
-    """Return median and 95 % interval of a mixture of normal distributions, truncated at 0 and `MOST_POWER`.
+    """Return median and 95 % interval of a mixture of normal distributions that is truncated to 0 to `MOST_POWER`.
 
     Parameters
     ----------
     log_weight, mean, variance : ndarray, shape (n,)
-        Log weight, mean and variance of each component.
+        Log weight, mean and variance of each component before the truncation.
+
+    Returns
+    -------
+    Quantity
+        Median, and lower and upper end of the interval.
     """
     weight = np.exp(log_weight - log_weight.max())
     grid = np.linspace(0.0, MOST_POWER, EXPONENT_GRID)
