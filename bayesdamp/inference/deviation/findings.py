@@ -272,13 +272,8 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
     return sum_probabilities({c.name: p for c, p in each.items()}, part)
 
 
-<<<<<<< HEAD
-def _frequency(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m), with its relative deviation h.
-=======
 def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return the frequency in Hz at an amplitude, with its deviation h.
->>>>>>> 3b013f75 (Weigh candidates in a frequency by their probability)
+    """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m), with its relative deviation h.
 
     If `amplitude` is None, return the frequency of small oscillations, with h at the end of the record. Candidates
     without an orbit of this amplitude are left out; None if all are.
