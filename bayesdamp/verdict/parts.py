@@ -112,7 +112,7 @@ class LawFreeAt:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of the damping that is named first, or of its restoring law, with its total 95 % interval.
+    """A parameter of the damping sum or of the restoring law that are named first, with its total 95 % interval.
 
     sd_noise, sd_law: as in `MeasuredNumber`. unit: of the parameter and of its interval.
     """

@@ -122,7 +122,7 @@ def _size(v: Verdict) -> str:
 
 
 def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
-    """Return the remark that the restoring law's frequency contradicts the measured one."""
+    """Return the remark that the frequency by the restoring law, `by_law`, contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
         f"The best restoring law, {_in_words(v.restoring)}, has {value} at {compact(by_law.amplitude, 2)} "
@@ -313,7 +313,10 @@ def power_in_words(e: Interval, damping: str = "") -> str:
 
 
 def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
-    """Return the remark that a twin of a term is possible, with up to this fraction of the energy loss."""
+    """Return the remark that a twin of a term may dissipate up to the fraction `share` of the energy.
+
+    records: number of records of the verdict.
+    """
     what = "The record" if records == 1 else "No record"
     can = "cannot distinguish" if records == 1 else "can distinguish"
     return (

@@ -179,8 +179,10 @@ def _describe_uniform(start: float, step: float) -> str:
 def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     """Return whether rows are missing at the longer steps of times t (n,).
 
-    These steps are then multiples of the smallest one, and the values y (n,) change more across them. If the stamps are
-    only rounded to about their step, the values do not.
+    These steps are then multiples of the smallest one, and the values y (n,) change more across them than across the
+    other steps. If the stamps are only rounded to about their step, the values do not.
+
+    rows: row numbers of the samples in the file, (n,).
     """
     neighbours = np.diff(rows) == 1
     gaps, moves = np.diff(t)[neighbours], np.diff(y)[neighbours] ** 2

@@ -517,7 +517,10 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
 
 
 def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return slope and rms misfit of straight lines through readings `low` to `high` − 1; low and high are (k,)."""
+    """Fit k straight lines, line i to the levels y (dB) with indices `low[i]` to `high[i]` − 1; low, high: (k,).
+
+    Return the slopes in dB/s and the rms misfits in dB, (k,) each. t: times in s, (n,).
+    """
     t = t - t.mean()
     terms = (np.ones_like(t), t, t * t, y, y * t, y * y)
     sums = [np.concatenate([[0.0], np.cumsum(term)]) for term in terms]
