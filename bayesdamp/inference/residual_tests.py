@@ -296,23 +296,24 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
 
 
 def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
-    """Return the response of the recorded quantity to the force of each form in `FORMS`, (forms, n).
+    """Compute the response of the recorded quantity to each additional force in `FORMS`.
 
-    The force is −`Form.force`, and the response is linear, as to a small force.
+    The equation of motion gets the acceleration −`Form.force` on the right-hand side, in units of rad/s² (m/s²). The
+    response is that of the linearised motion, as to a small force.
 
     Parameters
     ----------
     likelihood : Likelihood
-        Likelihood of the record.
+        Likelihood of the record of n samples.
     motion : Motion
-        The motion, with its derivatives by the start.
+        The fitted motion, with its derivatives by the start.
     p : mapping of str to float
         All parameters of the motion.
 
     Returns
     -------
     ndarray, shape (forms, n)
-        The responses.
+        The change of the recorded quantity at each sample, one row for each form.
     """
     from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 

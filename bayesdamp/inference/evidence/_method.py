@@ -1,4 +1,4 @@
-"""The base class of evidence methods, and the choice among the results of several methods."""
+"""The base class of methods that compute an evidence, and the choice among the results of several methods."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ if TYPE_CHECKING:
 REFEREE = "nested"
 """Name of the evidence method that decides if the others disagree."""
 SE_APART = 3.0
-"""Two methods disagree if they differ by at least this many combined standard errors (conventional)."""
+"""Two methods disagree if their log evidences differ by at least this many combined standard errors (conventional)."""
 ADOPTED = "combined"
-"""Value of the column `method` for the adopted log evidence, which is from one method or averaged over several."""
+"""Value of the column `method` in tables for the log evidence that is used for a model, from one method or averaged
+over several (`choose_evidence`)."""
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Posterior draws as standard normal scores, shape (chain, draw, d); reflected scores are not negative.
+    """Posterior draws as standard normal scores.
 
-    `outcome` is "ok", or the reason why the sampler's draws are unreliable.
+    z: shape (chain, draw, d); reflected scores, those of coefficients that cannot be negative, are ≥ 0. outcome: "ok",
+    or the reason why the draws are unreliable.
     """
 
     z: np.ndarray
@@ -37,7 +39,7 @@ class Draws:
 
     @staticmethod
     def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
-        """Convert draws in natural units, (chain, draw, d), to scores; the order is that of the target's parameters."""
+        """Convert draws of parameters, (chain, draw, d), to scores. The order is that of `target.priors`."""
         scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
         return Draws(np.stack(scores, axis=-1), outcome)
 
@@ -45,8 +47,8 @@ class Draws:
 class EvidenceMethod(ABC):
     """A method that computes the log evidence, log ∫ prior · likelihood, of one target in nats.
 
-    `needs_draws`: whether it starts from draws of the posterior. `approximate`: whether it is exact only for a normal
-    posterior and has no error estimate.
+    needs_draws: whether it starts from draws of the posterior. approximate: whether it is exact only for a normal
+    posterior and gives no standard error.
     """
 
     name: str
@@ -57,33 +59,38 @@ class EvidenceMethod(ABC):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Return the log evidence with its standard error and a diagnostic of its quality.
+        """Compute the log evidence with its standard error, and a diagnostic of its quality.
 
         Parameters
         ----------
         model : str
-            Name of the model.
+            Name of the model, which the result contains.
         target : Target
-            The model on its record.
+            The model with its record and priors.
         mode : Mode
             Mode of its posterior.
         seed : int
             Seed of the random numbers.
         draws : Draws, optional
-            Draws of the posterior, for methods that need them. Such a method samples them itself if it gets none.
+            Draws of the posterior, for methods that need them. Without them such a method samples the posterior itself.
+
+        Returns
+        -------
+        Evidence
+            The result; its outcome is "ok", or the reason why it is unreliable.
         """
 
     def timed(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Return the log evidence like `evidence`, with its duration."""
+        """Compute the log evidence by `evidence`, and add the time that this took (in s) to the result."""
         began = time.perf_counter()
         evidence = self.evidence(model, target, mode, seed, draws)
         return replace(evidence, seconds=time.perf_counter() - began)
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return why the methods are unreliable or disagree, so that nested sampling must decide; "" if they agree."""
+    """Return why nested sampling must decide (a method is unreliable, or two disagree), as text; "" if it need not."""
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"
@@ -96,11 +103,12 @@ def disagreement(evidences: Sequence[Evidence]) -> str:
 
 
 def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
-    """Return the log evidence that is used for a model, from the results of one or more methods.
+    """Return the log evidence to use for a model, from the results of one or more methods.
 
-    It is that of nested sampling if this was run and is reliable; otherwise the mean of the reliable methods, weighted
-    by inverse variance. If no method is reliable, it is the result with the smallest standard error; if none is finite,
-    the first. The outcome reports that no method is reliable, or that they disagree.
+    It is that of nested sampling if this was run and is reliable; otherwise the mean over the reliable methods,
+    weighted by inverse variance. If no method is reliable, it is the result with the smallest standard error; if no
+    result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged methods
+    disagree.
     """
     if not any(np.isfinite(e.log_evidence) for e in evidences):
         return replace(evidences[0], method=ADOPTED)

@@ -17,23 +17,25 @@ from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
 PROPOSAL_DRAWS = 2000
-"""Number of draws of the fitted distribution, for each half of the posterior draws."""
+"""Number of draws of the fitted distribution (the proposal) for each of the two bridges."""
 MOST_ITERATIONS = 1000
-"""Largest number of iterations of the bridge."""
+"""Greatest number of iterations in which a bridge is computed."""
 BRIDGE_TOLERANCE = 1e-10
 """The iteration ends when the log evidence changes by less than this, in nats."""
 OVERLAP_LIMIT = 0.1
-"""Overlap of posterior and fitted distribution (1 if equal) below which the result is unreliable (conventional)."""
+"""The result is unreliable if the overlap of the posterior and the fitted distribution (1 if they are equal) is at most
+this (conventional)."""
 SMALL_OVERLAP = 0.3
-"""Overlap of posterior and fitted distribution below which a curved ridge is straightened (conventional)."""
+"""If the overlap of the posterior and the fitted distribution is at most this, a curved ridge of the posterior is
+straightened by a change of coordinates, and the evidence is computed again (conventional)."""
 SE_APART = 3.0
-"""The result is unreliable if the estimates from its two halves differ by at least this many standard errors
-(conventional)."""
+"""The result is unreliable if the log evidences from the two halves of the draws differ by at least this many standard
+errors (conventional)."""
 
 
 @dataclass(frozen=True)
 class BridgeEstimate:
-    """Log evidence by one bridge, its standard error, and the overlap of the two densities (1 if they are equal)."""
+    """Log evidence by one bridge (nats), its standard error, and the overlap of the two densities (1 if equal)."""
 
     log_evidence: float
     stderr: float
@@ -41,12 +43,12 @@ class BridgeEstimate:
 
 
 class Bridge(EvidenceMethod):
-    """The optimal bridge between NUTS draws and a reflected Student t distribution that is fitted to them.
+    """Bridge sampling between NUTS draws and a reflected Student t distribution that is fitted to them.
 
-    The distribution is fitted to one half of each chain and bridged to the other half, and vice versa. Scores of
-    coefficients that cannot be negative are reflected at zero in both densities. If posterior and fit overlap little, a
-    curved ridge is straightened. The standard error is that of Frühwirth-Schnatter (Econometrics Journal 7, 2004), with
-    the autocorrelation of the chains.
+    The distribution is fitted to one half of each chain and bridged to the other half, and vice versa; the log evidence
+    is the mean of the two estimates. Scores of coefficients that cannot be negative are reflected at zero in both
+    densities. If posterior and fit overlap little, a curved ridge of the posterior is straightened. The standard error
+    is that of Frühwirth-Schnatter (Econometrics Journal 7, 2004), with the autocorrelation of the chains.
 
     References
     ----------
@@ -98,9 +100,11 @@ class Bridge(EvidenceMethod):
 def _bridge_halves(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
 ) -> tuple[list[BridgeEstimate], int]:
-    """Estimate the evidence from each half of the chains z, (chains, draws, d), with a fit to the other half.
+    """Estimate the evidence from each half of the chains, with a proposal fitted to the other half.
 
-    Return the two estimates and the number of evaluations of the likelihood.
+    z: posterior draws as scores, (chains, draws, d). shear: map that straightens a curved ridge of the posterior; the
+    proposal is fitted in straightened scores. Returns the two estimates and the number of evaluations of the
+    likelihood.
     """
     reflected = target.reflected
     half, evaluations = z.shape[1] // 2, 0
@@ -117,14 +121,19 @@ def _bridge_halves(
 
 
 def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:
-    """Estimate the log evidence by iterating the optimal bridge (Meng and Wong), from log ratios posterior/proposal.
+    """Estimate the log evidence from log ratios posterior/proposal, by iterating the optimal bridge (Meng and Wong).
 
     Parameters
     ----------
     at_draws : ndarray, shape (chain, draw)
-        Log ratios of the unnormalised posterior to the proposal at posterior draws.
+        Log ratios of the unnormalised posterior density to the proposal density, at posterior draws.
     at_proposals : ndarray, shape (m,)
-        The same at independent draws of the proposal.
+        Log ratios at independent draws of the proposal.
+
+    Returns
+    -------
+    BridgeEstimate
+        Log evidence, standard error, and overlap of posterior and proposal.
     """
     effective = min(effective_mean(at_draws), float(at_draws.size))
     fraction = effective / (effective + at_proposals.size)

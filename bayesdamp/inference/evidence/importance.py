@@ -14,32 +14,35 @@ from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
-"""Number of pilot draws by which a proposal is judged, and number of draws of the result (half as many with
-deviations)."""
+"""A proposal is judged by the weights of `PILOT_DRAWS` draws from it. The evidence is computed from `FINAL_DRAWS` new
+draws; from half as many with deviations from the laws, whose likelihood takes longer."""
 MOST_REFITS = 4
-"""Greatest number of times that the proposal is fitted to its own weighted draws."""
+"""Greatest number of times that the proposal is fitted again to its own weighted pilot draws."""
 K_GOOD, K_LIMIT = 0.5, 0.7
-"""Pareto shapes of the weights: up to K_GOOD they are good, up to K_LIMIT still reliable (Vehtari et al., JMLR 25,
-2024)."""
+"""A Pareto shape of the weights of at most `K_GOOD` is good; one of at least `K_LIMIT` makes the evidence unreliable
+(Vehtari et al., JMLR 25, 2024)."""
 LEAST_EFFECTIVE = 50
-"""Effective number of draws below which an evidence is unreliable (conventional)."""
+"""The evidence is unreliable if the effective number of draws, from their importance weights, is below this
+(conventional)."""
 
 
 def _are_good(log_weights: np.ndarray) -> bool:
-    """Return whether the pilot draws' log weights, (n,), have a small Pareto shape and a large effective number.
+    """Return whether pilot draws with these log weights, (n,), show that a proposal is good.
 
-    The limit of the shape allows for the scatter of its estimate, about 0.1.
+    The Pareto shape of the weights must be below 0.4 (`K_GOOD` minus its scatter, about 0.1), and their effective
+    number above a fifth of `PILOT_DRAWS`.
     """
     return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT_DRAWS
 
 
 class Importance(EvidenceMethod):
-    """The mean importance weight of draws from a Student t about the mode, with 7 degrees of freedom.
+    """Importance sampling: the mean weight of draws from a Student t with 7 degrees of freedom near the mode.
 
-    Coefficients that cannot be negative have reflected scores; proposal and target are both reflected at zero. If the
-    Pareto shape or the effective number of the pilot weights is poor, other proposals are tried in turn: a fit to the
-    truncated normal distribution, if a bound is near; the same with a curved ridge straightened; repeated fits to the
-    weighted pilot draws. The draws of the result are new. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
+    Scores of coefficients that cannot be negative are reflected at zero, in the proposal and in the posterior. The
+    first proposal is Laplace's approximation with heavy tails. If the weights of its pilot draws are poor, others are
+    tried in turn: a fit to a truncated normal distribution, if a bound is near; the best so far with a curved ridge of
+    the posterior straightened; repeated fits to the weighted pilot draws. The evidence is computed from new draws.
+    (Diagnostic: Vehtari et al., JMLR 25, 2024.)
     """
 
     name = "importance"
@@ -104,16 +107,21 @@ class Importance(EvidenceMethod):
     def _weights(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return n draws of the proposal, (n, d), in straightened scores, and their log weights, (n,)."""
+        """Draw n points from a proposal; return them in straightened scores, (n, d), and their log weights, (n,).
+
+        shear: map from straightened to original scores. A weight is the unnormalised posterior density over the
+        proposal's.
+        """
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
     def _truncated(target: Target, mode: Mode, shear: Shear) -> tuple[ReflectedT, Shear] | None:
-        """Return a Student t with mean and 1.2 times the covariance of the truncated normal, and the same shear.
+        """Return a proposal from a truncated normal distribution instead of a reflected one, and the given shear.
 
-        The normal is that of `truncated_about`. None if no bound is near or the covariance is singular. (Near a bound,
-        a reflected Student t has wrong correlations.)
+        The proposal is a Student t with the mean of the distribution of `truncated_about` and 1.2 times its covariance.
+        Near a bound a reflected Student t about the mode would have wrong correlations. Return None if no score is
+        bounded, or if the covariance is singular.
         """
         normal = truncated_about(target, mode, shear)
         if not normal.walls.size:
@@ -128,7 +136,11 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
-        """Return a proposal fitted to draws y, (n, d), with these log weights; None if too few of them have weight."""
+        """Return a Student t fitted to weighted draws y, (n, d), with 1.2 times their covariance.
+
+        log_weights: (n,). reflected: which scores are reflected at zero, (d,). Return None if too few draws have
+        weight, or if the covariance is singular.
+        """
         # The weights are truncated so that a single draw cannot dominate the fit.
         w = np.exp(log_weights - scipy.special.logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)

@@ -9,16 +9,17 @@ from bayesdamp.types import Evidence
 
 NORMAL_DIAGNOSTIC = "no draws: right where the posterior is normal"
 LINEAR_DIAGNOSTIC = "of the linear model: parameters and deviations integrated out about the best motion"
-"""NORMAL_DIAGNOSTIC is the diagnostic of the evidence under exact laws, LINEAR_DIAGNOSTIC with deviations from the
-laws."""
+"""Texts that say how Laplace's approximation was computed, stored as the `diagnostic` of its evidence:
+`NORMAL_DIAGNOSTIC` for exact laws, `LINEAR_DIAGNOSTIC` with deviations from the laws."""
 
 
 class LaplaceEvidence(EvidenceMethod):
-    """The integral of the second-order expansion of the log posterior at its mode, over non-negative reflected scores.
+    """Laplace's approximation: the integral of the log posterior's second-order expansion at its mode.
 
-    It needs only a few likelihoods, but has no error estimate; it is used to prune candidates with small evidence. The
-    Hessian is the Gauss–Newton approximation. At a mode at zero the gradient is not zero, and the integral is over the
-    tail of a normal distribution.
+    The integral is over non-negative values of the scores of coefficients that cannot be negative. It needs only a few
+    evaluations of the likelihood, but gives no standard error; it is used to leave out models with small evidence. The
+    Hessian is the Gauss–Newton approximation. If a coefficient is zero at the mode, the gradient is not zero, and the
+    integral is over the tail of a normal distribution.
     """
 
     name = "laplace"
@@ -27,7 +28,7 @@ class LaplaceEvidence(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by Laplace's approximation at the mode, without an error.
+        """Compute the evidence by Laplace's approximation at the mode; it has no standard error.
 
         `seed` and `draws` are not used.
         """

@@ -18,23 +18,27 @@ if TYPE_CHECKING:
     from nautilus import Sampler
 
 LIVE_POINTS = 500
-"""Number of live points (conventional)."""
+"""Number of live points of nested sampling (conventional)."""
 EFFECTIVE_DRAWS = 2500
-"""Effective number of draws at which a run ends; the log evidence then has an error of 0.02 nats."""
+"""Effective number of posterior draws at which a run ends; the log evidence then has a standard error of 0.02 nats."""
 MAX_LIKELIHOODS = 400_000
-"""Number of likelihoods after which a run gives up."""
+"""Number of evaluations of the likelihood at which a run ends without a reliable result."""
 LIKELIHOODS_PER_CHECK = 20_000
-"""Number of likelihoods between checks of whether a run from the prior can finish."""
+"""Number of evaluations of the likelihood after which it is checked again whether a run that starts from the prior can
+finish within `MAX_LIKELIHOODS`."""
 WIDE_FACTOR = 5.0
-"""Width of the normal distribution about the mode from which a second run starts, as a multiple of the posterior's."""
+"""If a run from the prior cannot finish, a second run starts from a normal distribution about the mode. This is its
+width, as a multiple of the posterior standard deviations."""
 LIKELIHOODS_PER_BATCH = 250
-"""Number of likelihoods that are computed at a time."""
+"""Number of points at which the likelihood is evaluated in one call."""
 MAX_GAP_NATS = 3.0
-"""A run has missed the mode if the largest likelihood of all its points is more than this many nats below that of the
-mode. (Otherwise some of `EFFECTIVE_DRAWS` draws are within a nat of the mode.)"""
+"""A run has missed the mode if the largest likelihood of all its points is more than this many nats below that at the
+mode; the likelihood here is the posterior density divided by the prior of the sampler. (Otherwise some of
+`EFFECTIVE_DRAWS` draws are within a nat of the mode.)"""
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_LOG_DENSITY = -1e300
-"""Log density (nats) of an unbounded motion: the sampler does not accept infinities."""
+"""Log density (nats) that replaces −∞ and nan, such as for an unbounded motion, because the sampler does not accept
+infinities."""
 
 Map = Callable[[np.ndarray], np.ndarray]
 
@@ -42,11 +46,12 @@ Map = Callable[[np.ndarray], np.ndarray]
 class NestedSampling(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) from the prior.
 
-    The unit cube is mapped to standard normal scores; reflected scores are half-normal, so there are no mirror modes.
-    The prior of coefficients with a common scale is different; its ratio to this one is part of the likelihood. A
-    single parameter gets a second one without effect, because the sampler needs two. Bounds are ellipsoids. (Neural
-    networks, which nautilus offers too, need fewer likelihoods, but a small network was seen to cut off the peak and to
-    report success. Therefore the largest likelihood is compared with that of the mode.)
+    The unit cube is mapped to standard normal scores; scores of coefficients that cannot be negative are mapped to half
+    of a normal distribution, so that there are no mirror modes. Coefficients with a common prior scale have another
+    prior; the ratio of the two priors is part of the likelihood. A model with one parameter gets a second one without
+    effect, because the sampler needs two. The bounds of the sampler are ellipsoids. (Its neural networks need fewer
+    likelihoods, but a small network was seen to cut off the peak and to report success. Therefore the largest
+    likelihood of the run is compared with that at the mode.)
 
     If the prior is so much wider than the posterior that the run cannot finish, a second run starts from a normal
     distribution about the mode, five times as wide as the posterior. Its integral is the same, but it can miss other
@@ -58,7 +63,10 @@ class NestedSampling(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance nested sampling; `draws` are not used."""
+        """Compute the evidence by nested sampling from the prior or, if this cannot finish, from around the mode.
+
+        `draws` are not used.
+        """
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
         try:
@@ -69,7 +77,7 @@ class NestedSampling(EvidenceMethod):
         factor = WIDE_FACTOR * mode.factor
 
         def over_prior(z: np.ndarray) -> np.ndarray:
-            """Return the log of (prior times likelihood / standard normal density) at scores z, (n, d): (n,)."""
+            """Return log(prior times likelihood / standard normal density), (n,), at scores z, (n, d)."""
             return _finite(likelihood.log_posteriors(z) - standard_normal(z))
 
         def over_normal(z: np.ndarray) -> np.ndarray:
@@ -118,17 +126,19 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 
 def _finite(log: np.ndarray) -> np.ndarray:
-    """Return log densities, in their shape, with `LEAST_LOG_DENSITY` in place of −∞ and nan."""
+    """Return log densities with −∞, nan and values below `LEAST_LOG_DENSITY` replaced by this."""
     return np.maximum(np.nan_to_num(log, nan=-np.inf), LEAST_LOG_DENSITY)
 
 
 def run_sampler(
     points: Map, density: Map, d: int, seed: int, needed: float | None = None
 ) -> tuple[Sampler, bool]:
-    """Run nautilus, and return the sampler and whether it finished.
+    """Run nautilus; return its sampler and whether it finished (reached `EFFECTIVE_DRAWS`).
 
-    points: map from the unit cube, (n, d), to scores, (n, d). density: log density of scores that is integrated, (n,).
-    needed: nats by which the log volume must decrease; the run ends early if this would take too many likelihoods.
+    points: map from the unit cube, (n, d), to scores, (n, d). density: function that returns the log of the density to
+    integrate, (n,), at scores. d: number of scores. needed: estimate of the log of the prior's volume over that of the
+    posterior, in nats; the run ends early if it would take more than `MAX_LIKELIHOODS` to shrink the volume this much.
+    None for no such check.
     """
     from nautilus import Sampler
 
