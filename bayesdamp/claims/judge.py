@@ -206,12 +206,15 @@ def period_drift(damping: str) -> float:
 
 
 def judge_all(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
-    """Return each claim with its judgement, in their order."""
+    """Judge each claim by the results of `runs`, and return pairs (claim, judgement) in the order of the claims."""
     return [(claim, claim.judge(runs)) for claim in claims]
 
 
 def write_page(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
-    """Return the page of claims and verdicts in Markdown, with the runs on which it is based."""
+    """Return the text of the page of claims and verdicts in Markdown, with the runs on which it is based.
+
+    The page is not written to a file.
+    """
     judgements = list(judgements)
     counts = Counter(judgement.verdict for _, judgement in judgements)
     verdicts = [f"{verdict} {counts[verdict]}" for verdict in get_args(Verdict) if counts[verdict]]

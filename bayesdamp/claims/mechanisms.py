@@ -1,4 +1,7 @@
-"""Claims on the failure of the topological method, and on the smoothing of Coulomb friction (sections 3.2 to 5.3)."""
+"""Claims of the paper on why the topological estimator fails, and on the smoothing of Coulomb friction by tanh.
+
+They are from sections 3.2 to 5.3 of the paper.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ AS_PRINTED = {"variant": "as_printed"}
 
 
 def _listing(errors: dict[str, float], digits: int = 2) -> str:
-    """Return errors by damping term as text."""
+    """Return errors in per cent, which are given by damping term, as one line of text with `digits` digits."""
     return ", ".join(f"{damping} {error:.{digits}g} %" for damping, error in errors.items())
 
 

@@ -15,7 +15,19 @@ READING, COMPARED, RUNNING, OUTPUT = "Reading the file", "What is compared", "Th
 
 
 def option(group: str, text: str, *names: str, **more: Any) -> Any:
-    """Define an option, with its help text and its group in the help."""
+    """Define an option of a command for Typer.
+
+    Parameters
+    ----------
+    group
+        Heading under which the help lists the option.
+    text
+        Help text of the option.
+    *names
+        Names of the option, such as "--repeats"; by default it has the name of the argument.
+    **more
+        Further arguments of `typer.Option`.
+    """
     return typer.Option(*names, help=text, rich_help_panel=group, **more)
 
 

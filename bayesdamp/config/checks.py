@@ -48,7 +48,7 @@ def show(value: object) -> str:
 
 
 def join_keys(key: str, name: str) -> str:
-    """Return the full key of `name` in the table `key`."""
+    """Return the full key of `name` in the table `key`, such as "simulate.samples"."""
     return f"{key}.{name}" if key else name
 
 
@@ -133,7 +133,7 @@ def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> No
 
 
 def check_distinct(names: Iterable[str], key: str, what: str) -> None:
-    """Raise StudyError if a name is repeated."""
+    """Raise StudyError if a name is repeated. For the message, `key` is the key with the names, `what` their kind."""
     earlier: set[str] = set()
     for name in names:
         if name in earlier:

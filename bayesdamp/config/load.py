@@ -293,7 +293,10 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
 
 def _read_estimators(raw: object) -> Estimators:
-    """Return the estimators of the table [estimators], with their own tables and variants. Raises StudyError."""
+    """Return the estimators that the table [estimators] names, with their options. Raises StudyError.
+
+    Options of an estimator are in a table of its own. A variant is an estimator with other options, under a new name.
+    """
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
     variants: dict[str, str] = {}

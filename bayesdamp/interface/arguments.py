@@ -33,7 +33,8 @@ KINDS = get_args(get_args(GivenPrior)[0])
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that must be positive."""
 EPSILON = "epsilon"
-"""Name of the parameter ε, the width of friction; a known value of it may be zero (the sign function)."""
+"""Name of the parameter ε, the velocity within which Coulomb friction tanh(velocity/ε) changes its sign. A known value
+may be 0, which means the sign function."""
 LARGEST_SENSOR = 0.5
 """Upper limit of a sensor's relative linearity error (conventional)."""
 
@@ -71,19 +72,19 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
 
 
 def coefficients_of(terms: Sequence[str], law: Sequence[str] = ()) -> dict[str, str]:
-    """Return the damping term of each coefficient, by the coefficient's name.
+    """Return the name by which a user specifies the prior of each damping coefficient, by the coefficient's name.
 
-    If the restoring law has a parameter with the name of the term (`law` lists its parameters), the name of the
-    coefficient is used instead of that of the term.
+    This is the name of the damping term, such as "viscous" for "zeta". If a parameter of the restoring law has the same
+    name (`law` lists these parameters), it is the name of the coefficient itself, such as "mu_3" for cubic damping.
     """
     names = {t: TERMS.get(t).parameter for t in terms}
     return {n: n if t in law else t for t, n in names.items()}
 
 
 def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -> dict[str, Prior]:
-    """Convert priors by damping term or parameter to priors by parameter.
+    """Return priors by name of the parameter, given priors by name of a damping term or of a parameter.
 
-    `coefficients` maps each damping coefficient to its term.
+    `coefficients` maps each damping coefficient to its term, as `coefficients_of` returns it.
     """
     own = {term: name for name, term in coefficients.items()}
     return {own.get(name, name): prior for name, prior in priors.items()}

@@ -20,7 +20,7 @@ EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
 """`EXACT_METHOD` is the default evidence method for a fit that assumes exact laws. If laws may hold approximately,
 "linear" and "laplace" are two names of the same method, the linear approximation."""
 FROM_DRAWS = "nuts"
-"""The sampler whose draws a method can use; the draws of other samplers are thinned or weighted."""
+"""The only sampler whose draws an evidence method can use; the draws of other samplers are thinned or weighted."""
 
 
 @dataclass(frozen=True, repr=False)

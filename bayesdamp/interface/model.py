@@ -91,8 +91,9 @@ class Model(Result):
         term and a parameter of the restoring law, such as "cubic" under "duffing", it means the parameter; use "mu_3"
         for the coefficient of the term.
     known
-        Values of parameters that are not inferred, by name. Damping coefficients are always inferred. The width of
-        friction, epsilon, may also be given for a model without friction, which ignores it.
+        Values of parameters that are not inferred, by name. Damping coefficients are always inferred. epsilon, the
+        velocity within which Coulomb friction changes its sign, may also be given for a model without friction, which
+        ignores it.
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately, with deviations that are inferred. The
         noise variance is then known, or set to the residual variance after fitting parameters and deviations.
@@ -302,7 +303,8 @@ class Case:
         noise
             The noise model.
         epsilon
-            Width of friction in rad/s if it was chosen for the record; None if the model determines it.
+            Velocity in rad/s (m/s for a translation) within which Coulomb friction changes its sign, if it was chosen
+            for this record; None if the model states it or infers it.
 
         Raises
         ------
@@ -446,16 +448,17 @@ def fit_exact(
 
 
 def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
-    """Choose the noise model by its evidence, and the width of friction if it is neither known nor inferred.
+    """Choose the noise model by its evidence, and the width ε of friction if it is neither known nor inferred.
 
-    If there is nothing to choose, notes and starts are empty.
+    ε is the velocity within which Coulomb friction changes its sign. If there is nothing to choose, notes and starts
+    are empty.
 
     Returns
     -------
     noise
         The noise model.
     epsilon
-        Width of friction in rad/s; None if none was chosen.
+        The chosen ε in rad/s (m/s for a translation); None if none was chosen.
     notes
         Sentences on both choices.
     starts

@@ -20,9 +20,10 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
-"""Default initial conditions, and default width of friction."""
+"""Default values of simulated records: displacement and velocity at the start (rad, rad/s), and the velocity within
+which Coulomb friction changes its sign (0: the sign function)."""
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Default equilibrium of the oscillator."""
+"""Default values of the parameters that shift the equilibrium of the oscillator: it is at 0 without gravity."""
 
 
 def simulate(
@@ -77,8 +78,9 @@ def simulate(
     **parameters
         Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5), by name. Further
         parameters: theta0 and omega0, displacement and velocity at the start (by default 0.3 and 0.0); epsilon, the
-        width of friction (0.0, the sign function); noise_time in s for noise="correlated"; noise_dof for "student_t".
-        rest_angle and spring_angle are 0 by default.
+        velocity within which Coulomb friction tanh(velocity/epsilon) changes its sign (by default 0, the sign
+        function); noise_time in s for noise="correlated"; noise_dof for "student_t". rest_angle and spring_angle are 0
+        by default.
 
     Returns
     -------

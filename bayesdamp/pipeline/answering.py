@@ -166,7 +166,10 @@ def specimen_input(store: Store, signal: str, repeat: int) -> RecordAnswer | Non
 
 
 def stored_fit(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> FitState:
-    """Return the fit of a candidate with deviations from the stored answer. Raises Refusal if the answer has none."""
+    """Return the fit of a candidate, with deviations from its laws, that the first answer on a record has stored.
+
+    Raises Refusal if the answer has no such fit.
+    """
     result = store.read(f"{ANSWER}/{signal}/{repeat}")
     content = AnswerContent.maybe(result)
     if content is None:

@@ -118,7 +118,7 @@ class Specimen:
 
     @property
     def reference(self) -> Reference:
-        """The reference of its priors: the geometric mean of the references of its records."""
+        """Amplitude and frequency to which its default priors are scaled: the geometric means over its records."""
         return common_reference([r.comparison for r in self.answered])
 
     @cached_property

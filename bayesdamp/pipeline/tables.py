@@ -262,7 +262,19 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: float) -> Row:
-    """Return the columns of an evidence; `best` is the largest log evidence by the same method on the record."""
+    """Return the columns of a row of evidence.csv.
+
+    Parameters
+    ----------
+    evidence
+        The evidence of one candidate by one method.
+    deviation
+        "law" if it allows deviations from the laws, else "none".
+    best
+        Largest log evidence by the same method on the record.
+    probability
+        Posterior probability of the candidate by this method.
+    """
     return {
         "deviation": deviation,
         "log_evidence": evidence.log_evidence,
@@ -468,7 +480,10 @@ def _first_oscillating(store: Store, spec: SignalSpec) -> TaskResult | None:
 
 
 def _equilibrium(spec: SignalSpec, store: Store) -> Row:
-    """Return equilibrium and natural frequency of a signal; {} if its restoring law has unknown parameters."""
+    """Return a signal's `equilibrium` (rad or m) and `natural_frequency` (rad/s) from its known restoring law.
+
+    Return {} if a parameter of the law is not known, or if the record does not oscillate.
+    """
     result = _first_oscillating(store, spec)
     oscillator = Oscillator(("viscous",), spec.system.restoring)
     shape = RecordContent.of(result).features if result is not None else None

@@ -81,7 +81,7 @@ def colour(model: str) -> str:
 
 
 def dash(model: str) -> str:
-    """Return the line style of a model, which distinguishes it also without colours."""
+    """Return Matplotlib's line style for a model, which distinguishes models also without colours."""
     return _look(model)[1]
 
 

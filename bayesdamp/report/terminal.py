@@ -75,7 +75,8 @@ class VerdictPrinter:
 def print_verdict(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, a table of damping ratios or decay rates, and the remarks.
 
-    Between these, print the energy sentences, the labelled numbers (`facts`) and the oscillations, if it has them.
+    Between the table and the remarks, print what the verdict has of these: sentences on the energy that each damping
+    term takes, labelled numbers (`facts`), and a table of the oscillations in a record that is not a free decay.
     """
     _print_sentence(verdict, console)
     if verdict.decay_rate:

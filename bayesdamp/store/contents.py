@@ -261,7 +261,7 @@ class NoisesContent(Content):
 class RatiosContent(Content):
     """Log Bayes factors of models with one term less against the candidate (`sensitivity/.../savage_dickey`).
 
-    against: by the name of the smaller model.
+    against: the factor of each smaller model by its name; a positive one favours the smaller model.
     """
 
     against: Mapping[str, NestedRatio]
@@ -348,8 +348,9 @@ class StoredFit:
 class EnvelopeContent:
     """The answer on an envelope, without its verdict.
 
-    unit: of the readings. samples: number of readings that were used. likelihoods: values of the likelihood of the
-    rates by damping sum; its arrays are `likelihood/DAMPING/...`. assumed: a sentence for each assumption.
+    unit: of the readings. samples: number of readings that were used. likelihoods: for each damping sum, the scalar
+    fields of its likelihood as a function of the decay rates; the array fields are the arrays `likelihood/DAMPING/...`
+    of the result. assumed: a sentence for each assumption.
     """
 
     unit: str
@@ -362,12 +363,13 @@ class EnvelopeContent:
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
-    verdict: as `Verdict.to_dict` returns it. candidates: the compared damping sums; rivals: other forms of damping.
-    fits: parameters of the fit of the sum of all terms, by restoring law. priors: descriptions. posteriors: of the
-    sampled candidates. laws: fits of the candidates with deviations. noise: the noise model of the answer. noises: all
-    fitted noise models. terms: all damping terms. epsilon: width (rad/s or m/s) within which friction changes its sign,
-    if it was not known. frictions: the widths that were tried, with the coefficients of all terms. envelope: for an
-    envelope, which has only this and the verdict.
+    verdict: as `Verdict.to_dict` returns it. candidates: results of the compared damping sums. rivals: results of other
+    forms of damping, which the study does not compare. fits: parameters of the fit of the sum of all damping terms, by
+    restoring law. priors: descriptions of the priors. posteriors: of the sampled candidates. laws: fits of the
+    candidates with deviations from their laws. noise: the noise model of the answer. noises: all fitted noise models.
+    terms: all damping terms. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, if it was
+    not known. frictions: the values of epsilon that were tried, with the coefficients of all terms. envelope: further
+    values for an envelope; the answer on an envelope has only these and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -388,7 +390,8 @@ class AnswerContent(Content):
 CLEAR_NATS = 3.0
 """A log Bayes factor (nats) of at least this decides whether records differ or agree: odds of 20 (conventional)."""
 LEAST_SPREAD = 0.05
-"""Records differ if the lower end of the 95 % interval of their spread is above this: half the scale of its prior."""
+"""Records differ if the lower end of the 95 % interval of their spread (sd of the logarithm of the damping between
+records) is above this value: half the scale of the spread's prior."""
 Summary = Mapping[str, float]
 """mean, sd, median, q2.5 and q97.5 of a parameter."""
 

@@ -47,8 +47,9 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Columns of the tables of a study that names specimens, by file name."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
-"""Columns of damping_curves.csv after the record's name and the unit of the amplitude; an answer stores them as arrays
-`free/NAME`."""
+"""Columns of damping_curves.csv after the record's name and the unit of the amplitude: amplitude, damping ratio and
+energy lost in a cycle, measured without a damping law, with 95 % intervals. The array of a column in an answer has the
+name `free/COLUMN`."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 """Names of the tables of a calibration."""

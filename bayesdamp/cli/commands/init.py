@@ -95,13 +95,13 @@ def _sort_key(item: tuple[str, Any]) -> int:
 
 
 def _line(section: type[StudySection], key: str, value: object) -> str:
-    """Return a line of the study with a key, its value, and its description as a comment."""
+    """Return the line `key = value` of a study file, with the description of the key in `section` as a comment."""
     text = f"{key} = {to_toml(value)}"
     return f"{text:<48} # {section.model_fields[key].description}"
 
 
 def to_toml(value: object) -> str:
-    """Convert a value to TOML."""
+    """Return a value (text, number, bool, list or mapping of these) as it is written in a TOML file, on one line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

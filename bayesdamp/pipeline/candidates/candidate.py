@@ -48,11 +48,15 @@ class StudyCandidate:
 
     @property
     def problem(self) -> Problem:
-        """The candidate in the form that estimators take."""
+        """The candidate's damping terms, and what is known of its system, as the argument of an estimator."""
         return Problem(self.terms, self.record.system(self.restoring))
 
     def specify(self, deviation: str) -> Model:
-        """Return the candidate as a `Model`. deviation: "none" or "law". Raises Refusal if the settings do not fit."""
+        """Return the candidate as a `Model` of the public interface, with the study's priors and known values.
+
+        `deviation` is "none" for exact laws, or "law" for deviations from them. Raises Refusal if a setting of the
+        study is not possible for such a model.
+        """
         study, record, system = self.study, self.record, self.record.system(self.restoring)
         damping, scales = "+".join(self.terms), record.content.scales
         model = Model(

@@ -32,7 +32,10 @@ is ignored if another method has computed one."""
 
 
 def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
-    """Return the inputs of each evidence task besides the mode, by task name, with the referee's task last.
+    """Return the further inputs of each evidence task besides the mode, from which its key is computed, by task name.
+
+    They are the method, and the key of the draws for a method that needs draws. The task of the referee (nested
+    sampling) comes last.
 
     Parameters
     ----------
@@ -104,8 +107,8 @@ def evidence_by_method(
 ) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record (such as `bench/0`) by method and model.
 
-    With more than one method besides Laplace's, the last entry, `combined`, has the evidence that is used for each
-    model.
+    With more than one method besides Laplace's, the last entry, `combined`, has for each model the evidence from all
+    of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
     """
     methods = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
@@ -133,7 +136,10 @@ ENOUGH_COVERED = 0.99
 
 
 def has_average(study: Study, spec: SignalSpec) -> bool:
-    """Return whether the damping of a signal is averaged: several models, posteriors by NUTS, and evidence."""
+    """Return whether the damping of a signal is averaged over models.
+
+    It is if the study has several models for this signal, samples posteriors by NUTS, and computes evidence.
+    """
     computes_evidence = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
     return computes_evidence and len(study.compare(spec)) > 1
 
@@ -185,7 +191,7 @@ def _has_curve(arrays: Mapping[str, np.ndarray]) -> bool:
 
 
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
-    """Return the posterior probability of each model, with the prior odds of its damping.
+    """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum.
 
     Models without a finite log evidence are left out; the probabilities of the others add up to 1.
     """

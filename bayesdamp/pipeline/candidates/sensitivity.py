@@ -155,9 +155,10 @@ def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 def _compute_ratios(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the log Bayes factor of each model with one term less against the candidate.
+    """Return the log Bayes factor (nats) of each model with one damping term less against the candidate.
 
-    It is the Savage-Dickey ratio: log posterior density minus log prior density of the term's coefficient at 0.
+    It is the Savage-Dickey ratio: log posterior density minus log prior density of the term's coefficient at 0. A
+    positive value favours the smaller model.
     """
     del seed
     target, _ = candidate.fit.engine

@@ -40,7 +40,8 @@ FACTORS = {
 }
 """Factors that a series of signals may vary, with the labels of their axes."""
 LEAST_VALUES = 3
-"""Smallest number of values of a factor in a series, and smallest number of repeats for an interval."""
+"""Smallest number of values of a factor (noise, sampling or length) that make a series of signals, and smallest number
+of repeats from which the interval of an error is computed."""
 CONFIDENCE = 0.95
 """Probability of the intervals of errors (conventional)."""
 

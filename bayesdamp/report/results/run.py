@@ -206,7 +206,7 @@ class RunFolder:
 
     @cached_property
     def _repeats(self) -> dict[str, set[int]]:
-        """The numbers of repeats that have rows or task_results, by signal."""
+        """The numbers of the repeats that have rows in a table or stored results, by signal."""
         pairs = [(row["signal"], row["repeat"]) for row in self._rows]
         pairs += [(place.record, place.repeat) for place in self._places.values()]
         repeats: dict[str, set[int]] = {}

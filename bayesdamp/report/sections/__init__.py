@@ -100,7 +100,7 @@ class Section(ABC):
         """Return the section's HTML, without its heading."""
 
     def place(self, run: RunFolder) -> int:
-        """Return the number by which the section is sorted in the report of this run."""
+        """Return the number by which sections are sorted in the report of this run, smallest first; default `order`."""
         return self.order
 
 
@@ -118,7 +118,7 @@ class SignalSection(Section):
 
     @abstractmethod
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the content on a signal."""
+        """Return the section's content on one signal as HTML."""
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the section has content on any signal, or shows the sentence `nothing`."""
