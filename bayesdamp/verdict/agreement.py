@@ -15,8 +15,8 @@ from bayesdamp.verdict.types import Verdict
 class Agreement:
     """Agreement of a second verdict with the first.
 
-    same: whether both name the same damping, or neither names one. moved: largest change of a damping ratio, in total
-    standard deviations of the first verdict.
+    same: whether both verdicts name the same damping terms without reservation, or neither names any. moved: largest
+    change of a damping ratio at one amplitude, in total standard deviations of the first verdict.
     """
 
     same: bool

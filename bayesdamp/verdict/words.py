@@ -294,9 +294,12 @@ def _law_quality(v: Verdict) -> str:
 def power_in_words(e: Interval, damping: str = "") -> str:
     """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
 
-    A law is named only if half the interval is at most `thresholds.EXPONENT_NAMED`, and the interval, widened by
-    `thresholds.EXPONENT_MARGIN` at both ends, contains its exponent alone. If the verdict names another sum, `damping`,
-    the text only says that the exponent is near: friction and drag together may grow like viscous damping.
+    e: exponent of the velocity with its 95 % interval. damping: damping sum that the verdict names, "" for none.
+
+    The text names Coulomb, viscous or quadratic damping (exponents 0, 1, 2) only if half the interval is at most
+    `thresholds.EXPONENT_NAMED`, and the interval, widened by `thresholds.EXPONENT_MARGIN` at both ends, contains just
+    one of these exponents. If `damping` is another sum, the text only says that the exponent is near that one, because
+    friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"

@@ -42,7 +42,8 @@ LARGEST_POWER = 1.2
 LATER_SWINGS = 10
 """Number of later swings with which a swing is compared."""
 EXCEEDANCE = 1e-3
-"""Probability that a swing of a free decay is outside the prediction interval from the later ones."""
+"""Probability that a swing of an undisturbed free decay is outside the prediction interval that the later swings give
+(`_predict_before`). A swing outside counts as disturbed."""
 MAX_MISFIT = 5.0
 """A swing has another shape than the later swings if its misfit (see `Swings.misfit`) is more than this many times
 their median misfit."""

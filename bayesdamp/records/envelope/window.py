@@ -239,12 +239,15 @@ class DecayFit:
 
 
 def power_law_start(levels: Levels, begin: int, end: int) -> int:
-    """Return the first block from which a power law and a noise floor describe the levels.
+    """Return the block at which the decay starts, from fits of a power law and a noise floor.
 
-    Straight lines follow a decay back only while it is straight in dB, but dry friction and drag curve it. The search
-    bisects the blocks before `begin`, at which the decay starts according to straight lines; `begin` itself is returned
-    if the decay would hardly become longer. An earlier start is moved on by a margin (`GUARD_FRACTION`). end: block at
-    which the decay ends.
+    The search with straight lines, which gives the start `begin`, may lose the first part of the decay, because dry
+    friction and drag curve the level in dB. This function bisects the blocks before `begin` for the first from which a
+    power law and a floor describe the levels, and adds a margin (`GUARD_FRACTION`). It returns `begin` itself if the
+    decay would hardly become longer (`LEAST_LENGTHENING`).
+
+    levels: levels of the record and their blocks. begin, end: indices of the blocks at which the decay starts,
+    according to straight lines, and ends.
     """
     y = levels.yb
     low, first = -1, begin

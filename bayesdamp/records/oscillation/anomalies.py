@@ -39,7 +39,8 @@ MIN_MEDIAN = 0.3
 """In a rectified record the median of a half cycle is above this fraction of its peak: it is 0.71 for |sin|, 0.5 for
 sin², 0 for pulses."""
 ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
-"""Samples in a period, and most samples in total, from which the envelope is computed."""
+"""`is_tone_burst` computes the envelope from about the first number of samples in a period, and from at most the second
+number in total."""
 FLANK_LEVEL, FLANK_CYCLES, MAX_ASYMMETRY = 0.2, 3, 0.15
 """The two flanks of an envelope are compared above this fraction of its peak, if they last at least this many cycles.
 In a tone burst they differ by less than the third number, relative to the peak. Measured: tone bursts with 5 % noise

@@ -79,7 +79,8 @@ MOST_POINTS = 12
 """Largest number of points of a record's curves of amplitude, damping ratio and frequency against time
 (`amplitude_curves`)."""
 ESTIMATES_PER_WINDOW = 1.5
-"""Number of independent estimates within the length of one window (for overlapping raised cosines)."""
+"""Number of statistically independent estimates of the amplitude that overlapping windows give within the length of one
+window (for windows that are raised cosines)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 

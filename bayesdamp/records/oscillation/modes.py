@@ -69,7 +69,7 @@ MIN_CYCLES = 3.0
 DRIFT_CYCLES = 8.0
 """A smaller, slower oscillation that does not decay and has fewer cycles than this is a drift of the baseline."""
 RATE_SIGMAS = 3.0
-"""A decay rate that is smaller than this many of its standard errors is not significant."""
+"""A decay rate below this many of its standard errors does not show that an oscillation decays."""
 MAX_SUSTAINED_FALL = 0.05
 """An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
 a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
@@ -80,8 +80,8 @@ RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
 """In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
 of times, and each time over at least the third number of periods."""
 MIN_RISING_FRACTION = 0.25
-"""Smallest fraction of an excited record in which the amplitude rises: random excitation gives a half, repeated
-releases little."""
+"""A record counts as excited throughout only if the amplitude rises in at least this fraction of its duration. Under
+random excitation it rises half of the time, after repeated releases only during a small part."""
 MIN_RANGE_SIGMAS = 20.0
 """An oscillation that stays constant must have a range of at least this many standard deviations of a sample's
 noise."""
