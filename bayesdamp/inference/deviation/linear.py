@@ -1,6 +1,7 @@
-"""Posterior and evidence of a linear Gaussian model, over a grid of the deviations' hyperparameters.
+"""Posterior and evidence of a linear Gaussian model, over a grid of the hyperparameters of its deviations.
 
-The hyperparameters are the sizes and the correlation lengths of g and h.
+The unknowns are the scores of the parameters, and the deviations from the laws: g (log damping) and h (relative
+frequency) at knots in time. The hyperparameters are the prior sds (sizes) and the correlation lengths of g and h.
 """
 
 from __future__ import annotations
@@ -19,31 +20,35 @@ from bayesdamp.priors import SHARED_SIGMAS
 PROBABILITY_EXACT = 0.8
 """Prior probability that a law holds exactly, separately for damping (g = 0) and restoring force (h = 0)."""
 MEAN_G, MEAN_H = 0.03, 0.01
-"""Means of the exponential priors of the sizes (standard deviations) of g and h, where the law is not exact."""
+"""Means of the exponential priors of the sizes (prior standard deviations) of g and h, where the law is not exact. g is
+the log deviation of the damping, h the relative deviation of the frequency."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
-"""Sizes (standard deviations) of g and h in the grid."""
+"""`SIZES_G` and `SIZES_H`: sizes (prior standard deviations, dimensionless) of the deviations g and h in the grid."""
 LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths of g and h in the grid, as fractions of the record's duration."""
+"""Correlation lengths of the deviations g and h in the grid, as fractions of the record's duration."""
 WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
-"""Sizes of g for the damping curve without a law: the damping may change by a factor of 20 either way."""
+"""Sizes (prior standard deviations) of the log damping g for the damping curve without a law: at the largest the
+damping may change by a factor of 20 either way."""
 WIDE_LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths of g for the damping curve without a law."""
+"""Correlation lengths of g for the damping curve without a law, as fractions of the record's duration."""
 JITTER = 1e-6
 """Variance added to the diagonal of a covariance with variance 1, so that it has a Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
-"""Smallest and largest number of knots of a deviation."""
+"""Smallest and largest number of knots in time between which a deviation is interpolated."""
 Size = tuple[float, float, float]
-"""Size and correlation length of a deviation, and their log prior probability."""
+"""Size (prior standard deviation), correlation length (fraction of the record) and log prior probability of a
+deviation."""
 NO_DEVIATION: Size = (0.0, 1.0, 0.0)
-"""A deviation that is zero with probability 1."""
+"""The `Size` of a deviation that is zero with probability 1; its correlation length has no effect."""
 
 
 @dataclass(frozen=True)
 class Grid:
     """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
 
-    g and h, at n knots each, are the deviations of the damping and of the frequency from their laws.
+    g and h, at n knots each, are the deviations of the damping (log) and of the frequency (relative) from their laws.
+    Their hyperparameters are sizes (prior standard deviations) and correlation lengths.
 
     Attributes
     ----------
@@ -52,7 +57,7 @@ class Grid:
     log_prior : ndarray, shape (c,)
         Log prior probability of each grid point.
     scales : ndarray, shape (c, 2n)
-        Factors of the columns of a root: the size of g for the first n columns, that of h for the last n.
+        Factors of the columns of a matrix in `roots`: the size of g for the first n columns, that of h for the last n.
     lengths : ndarray of int, shape (c,)
         Index of each grid point's pair of correlation lengths in `roots`.
     roots : ndarray, shape (p, 2n, 2n)
@@ -68,14 +73,15 @@ class Grid:
 
     @property
     def factors(self) -> np.ndarray:
-        """Return factors F, (c, 2n, 2n), of the covariances F Fᵀ of (g, h) at each grid point."""
+        """Return matrices F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h) at each grid point."""
         return self.roots[self.lengths] * self.scales[:, None, :]
 
     @cached_property
     def sizes_of_h(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return indices of grid points, (b,), one for each different combination of lengths and size of h.
+        """Return the different combinations of both correlation lengths and the size of h that occur in the grid.
 
-        Also return the index into this list of each grid point's combination, (c,).
+        The first array, (b,), has the index of one grid point for each of the b combinations. The second, (c,), has the
+        index in the first array of the combination of each grid point.
         """
         pairs = np.column_stack([self.lengths, self.size_h])
         _, first, own = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
@@ -88,7 +94,10 @@ class Grid:
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
-    """Return equidistant times of the knots, in s from 0 to the duration: one for every two cycles, 4 to 16 in all."""
+    """Return equidistant times of the knots of a deviation, in s from 0 to the duration.
+
+    There is one knot for every two cycles and one more, but at least 4 and at most 16.
+    """
     return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
 
@@ -100,12 +109,12 @@ def grid_of(
     absorbed: tuple[bool, bool] = (False, False),
     phases: bool = True,
 ) -> Grid:
-    """Return the grid of hyperparameters for a number of knots.
+    """Return the grid of the hyperparameters (sizes and correlation lengths) of the deviations g and h.
 
     Parameters
     ----------
     knots : int
-        Number of knots, n.
+        Number of knots of each deviation, n.
     exact : bool
         Whether the grid has only the point g = h = 0.
     coarse : bool
@@ -130,9 +139,10 @@ def grid_of(
 
 @lru_cache(maxsize=8)
 def wide_grid(knots: int) -> Grid:
-    """Return the grid for damping without a law, for a number of knots.
+    """Return the grid of hyperparameters for damping without a law, where the log damping g may vary widely.
 
-    All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally probable; h has the grid of `grid_of` with `coarse`.
+    All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally probable; h has the grid of `grid_of` with `coarse`. knots:
+    number of knots of each deviation.
     """
     mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
     of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
@@ -140,9 +150,10 @@ def wide_grid(knots: int) -> Grid:
 
 
 def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
-    """Return the grid of one deviation: zero with `PROBABILITY_EXACT`, and each size with each length.
+    """Return size, length and log prior probability for one deviation: no deviation, and each size with each length.
 
-    Sizes have an exponential prior of this mean, lengths equal probabilities.
+    No deviation has probability `PROBABILITY_EXACT`. Given a deviation, the size has an exponential prior with this
+    mean, and all lengths are equally probable.
     """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     mass = np.diff(-np.exp(-edges / mean))
@@ -158,9 +169,9 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
 def _combine(
     knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
 ) -> Grid:
-    """Return the grid of all combinations of hyperparameters of g and of h, with independent priors.
+    """Return the grid of all combinations of hyperparameters of g and of h, which are independent in the prior.
 
-    absorbed: as of `grid_of`.
+    of_g, of_h: sizes, lengths and log prior probabilities of each. absorbed: as in `grid_of`.
     """
     weights = np.ones(knots)
     weights[:1] = weights[-1:] = 0.5
@@ -181,31 +192,36 @@ def _combine(
 
 @lru_cache(maxsize=32)
 def smooth_root(knots: int, length: float) -> np.ndarray:
-    """Return the Cholesky factor of the covariance exp(−|Δs| / length) at equidistant knots in 0 ≤ s ≤ 1, (n, n)."""
+    """Return the Cholesky factor, (n, n), of the covariance exp(−|Δs| / length) at n equidistant knots in 0 ≤ s ≤ 1.
+
+    A variance of `JITTER` is added to the diagonal.
+    """
     s = np.linspace(0.0, 1.0, knots)
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
 
 
 NO_DEVIATIONS = grid_of(0, exact=True)
-"""The grid of exact laws: no knots, one point."""
+"""The grid of exact laws: g and h have no knots, and there is one grid point."""
 
 
 LARGEST_INFORMATION = 1e11
 """Largest diagonal element of the information matrix, relative to the prior's, up to which Cholesky factors and
 differences of squares keep at least five digits (measured)."""
 SMALL = 12
-"""Size of a triangular matrix up to which `numpy.linalg.inv` inverts it."""
+"""Size of a triangular matrix up to which `_inverse` uses `numpy.linalg.inv` instead of blocks."""
 NEGLIGIBLE = 30.0
-"""A combination of grid point and scale is left out if its log evidence is this many nats below an estimate of the
-best."""
+"""In the sum over grid points and values of the coefficients' common prior scale, a combination is left out if its log
+evidence is this many nats below an estimate of the best."""
 LEFT_OUT = 1e-3
-"""Total posterior probability of the combinations of grid point and scale that are left out: this lowers every log
-evidence by a thousandth of a nat."""
+"""Total posterior probability of the combinations of grid point and common prior scale that are left out: this lowers
+every log evidence by a thousandth of a nat."""
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """The sum of squared residuals of a linearised candidate: |root u − target|² + rest, with u = (scores, g, h).
+    """The sum of squared residuals of a linearised candidate as a quadratic form: |root u − target|² + rest.
+
+    u = (scores, g, h) contains the d standard normal scores of the parameters, and the deviations at their knots.
 
     Attributes
     ----------
@@ -214,7 +230,7 @@ class LinearModel:
     target : ndarray, shape (K,)
         Right-hand side, in the record's unit.
     rest : float
-        Smallest sum of squares, at root u = target.
+        Smallest sum of squares, in the record's unit squared, at root u = target.
     count : int
         Number of values of the record, n.
     positive : ndarray of bool, shape (d,)
@@ -234,17 +250,20 @@ class LinearModel:
     damping: np.ndarray
 
     def squares(self, u: np.ndarray) -> np.ndarray:
-        """Return the sums of squared residuals of draws u, (n, K): (n,)."""
+        """Return the sum of squared residuals, in the record's unit squared, of each draw u, (n, K): (n,)."""
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
     def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
-        """Return the model in new coordinates w, where the old ones are u + matrix (w − u); u (K,), matrix (K, K)."""
+        """Return the model as a function of new coordinates w, (K,), where the old ones are u + matrix (w − u).
+
+        u: fixed point, (K,). matrix: (K, K).
+        """
         target = self.target - self.root @ (u - matrix @ u)
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
     def only(self, scores: np.ndarray) -> LinearModel:
-        """Return the model with only the marked scores, (d,) of bool; the others are fixed at 0."""
+        """Return the model of the scores marked in `scores`, booleans (d,), with the other scores fixed at 0."""
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
         model = condense(self.root[:, columns], self.target, *masks)
@@ -253,10 +272,10 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of the damping's scores x, (k,), with all other unknowns integrated out.
+    """The likelihood of the scores x, (k,), of the damping's parameters, with all other unknowns integrated out.
 
-    Its logarithm at each grid point is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c, k) and
-    (c, k, k). It does not contain the prior of x.
+    Its logarithm at each of c grid points of the deviations' hyperparameters is log + slopeᵀ x − xᵀ information x / 2,
+    with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -272,7 +291,10 @@ class DampingLikelihood:
 
 @dataclass(frozen=True)
 class LinearPosterior:
-    """The posterior of a linear model: a mixture over m grid points and scales, cut off where coefficients are < 0.
+    """The posterior of a linear model: a mixture of m normal distributions, cut off where coefficients are negative.
+
+    Each component has one grid point of the deviations' hyperparameters and one value of the common prior scale of
+    coefficients.
 
     Attributes
     ----------
@@ -281,15 +303,15 @@ class LinearPosterior:
     log_evidence : float
         Log evidence of the model, in nats.
     combos : ndarray of int, shape (m,)
-        Grid index of each component.
+        Index of each component's grid point.
     scales : ndarray of int, shape (m,), optional
-        Index of each component's scale in `SHARED_SIGMAS`; None where no scores have a common scale.
+        Index of each component's common prior scale in `SHARED_SIGMAS`; None where no scores have a common scale.
     positive, shared : ndarray of bool, shape (d,)
-        As of `LinearModel`.
+        Which scores must not be negative, and which have priors with the common scale.
     whole : callable
-        Function that returns the `Normals` at grid indices, under priors N(0, 1), before the cut-off at zero.
+        Function that maps indices of grid points to the `Normals` there, under priors N(0, 1) and without the cut-off.
     damping_likelihood : callable, optional
-        Function that returns the likelihood of the damping's scores alone; None if the model marks none.
+        Function without arguments that returns the likelihood of the damping's scores; None if there are none.
     """
 
     log_each: np.ndarray
@@ -302,9 +324,9 @@ class LinearPosterior:
     damping_likelihood: Callable[[], DampingLikelihood] | None = None
 
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (k, K) and factors of the covariances (k, K, K), before the cut-off at zero.
+        """Return means (k, K) and covariance factors (k, K, K) of k components before the cut-off at zero.
 
-        places: indices of the components, (k,).
+        The covariance of a factor F is F Fᵀ. places: indices of the components, (k,).
         """
         combos, rows = np.unique(self.combos[places], return_inverse=True)
         normals = self.whole(combos)
@@ -323,13 +345,13 @@ class LinearPosterior:
 
     @property
     def factors(self) -> np.ndarray:
-        """Return a factor of the covariance of every component before the cut-off at zero, (m, K, K)."""
+        """Return a factor F of the covariance F Fᵀ of every component before the cut-off at zero, (m, K, K)."""
         return self._every[1]
 
     def only(self, which: np.ndarray) -> LinearPosterior:
-        """Return the posterior with only the marked components, (m,) of bool.
+        """Return the posterior with only the components marked in `which`, booleans (m,).
 
-        Its log evidence is that of these components, and it has no likelihood of the damping.
+        Its log evidence is the sum over these components, and its `damping_likelihood` is None.
         """
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
@@ -353,7 +375,7 @@ class LinearPosterior:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw u = (scores, g, h), (count, K); return also the index of each draw's component, (count,).
 
-        positive: which scores must not be negative, (d,). Draws are ordered by component.
+        positive: which scores must not be negative, booleans (d,). The draws are ordered by component.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
@@ -363,10 +385,11 @@ class LinearPosterior:
     def crank_nicolson_step(
         self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u, (n, K), after one Crank–Nicolson step of a size up to 1 in their components.
+        """Return draws u, (n, K), after one Crank–Nicolson step within their components, which leaves these unchanged.
 
-        places: index of each draw's component, (n,). The step ignores the cut-off at zero, so scores may become
-        negative.
+        With step s, a draw is moved to mean + √(1 − s²) (u − mean) + s times a random vector with the component's
+        covariance; s = 1 gives an independent draw. places: index of each draw's component, (n,). The step ignores the
+        cut-off at zero, so scores may become negative.
         """
         means, factors = self.means[places], self.factors[places]
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
@@ -380,7 +403,7 @@ def condense(
     shared: np.ndarray | None = None,
     damping: np.ndarray | None = None,
 ) -> LinearModel:
-    """Condense the n equations of a linear least-squares problem to K, by QR.
+    """Condense the n equations of a linear least-squares problem for K unknowns to K equations, by a QR factorisation.
 
     Parameters
     ----------
@@ -389,7 +412,8 @@ def condense(
     r : ndarray, shape (n,)
         Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        As of `LinearModel`; by default no score is shared or belongs to the damping.
+        Which scores must not be negative, have priors with a common scale, or belong to damping terms; by default none
+        is shared or belongs to the damping.
     """
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
@@ -400,7 +424,7 @@ def condense(
 
 
 def _inverse(lower: np.ndarray) -> np.ndarray:
-    """Invert lower triangular matrices, (c, K, K), recursively by blocks of half the size."""
+    """Return the inverses of lower triangular matrices, (c, K, K), computed recursively by blocks of half the size."""
     k = lower.shape[1]
     if k <= SMALL:
         return np.linalg.inv(lower)
@@ -416,8 +440,8 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 class Normals:
     """Normal posteriors at c grid points, where each score has the prior N(0, 1) and may be negative.
 
-    log: log of (evidence · prior probability of the grid point), (c,), in nats. means (c, K), and factors of the
-    covariances, (c, K, K): of the scores alone, or of scores, g and h.
+    log: log of evidence times prior probability of the grid point, in nats, (c,). means: (c, K). factors: F in the
+    covariances F Fᵀ, (c, K, K). The K unknowns are either the scores alone, or scores, g and h.
     """
 
     log: np.ndarray
@@ -425,16 +449,16 @@ class Normals:
     factors: np.ndarray
 
     def only(self, places: np.ndarray) -> Normals:
-        """Return the posteriors at some of the grid points, given by indices or a mask."""
+        """Return the posteriors at some of the grid points; places: their indices or a mask."""
         return Normals(self.log[places], self.means[places], self.factors[places])
 
 
 @dataclass(frozen=True)
 class _Triangles:
-    """Cholesky factors of the posterior's information matrix at c grid points.
+    """Cholesky factors of the posterior's information matrix (inverse covariance) at c grid points.
 
-    In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K);
-    half: L⁻¹ b, (c, K); left: the least value of |residual|² + |w|² in units of the noise variance, (c,).
+    In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K).
+    half: L⁻¹ b, (c, K). left: least value over w of |residual|² / noise variance + |w|², (c,).
     """
 
     lower: np.ndarray
@@ -443,7 +467,10 @@ class _Triangles:
 
     @classmethod
     def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray) -> _Triangles:
-        """Factorise the information at each grid point, with the unknowns in the order scores, g, h; variance: (c,)."""
+        """Factorise the information matrix at each grid point, with the unknowns in the order scores, g, h.
+
+        variance: variance of the noise at each grid point, (c,).
+        """
         d, total = model.positive.size, model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
         white = _whitened(model, grid)
@@ -472,9 +499,10 @@ class _Triangles:
 
 
 def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
-    """Return the model's matrix in coordinates of unit size with prior N(0, I), (p, K, K), for each of `Grid.roots`.
+    """Return the matrix of a linear model in coordinates with independent priors, for each of the p `Grid.roots`.
 
-    The coordinates are the scores, and the white noise from which each root makes g and h of size 1.
+    The result has the shape (p, K, K). The coordinates are the scores, followed by standard normal numbers that the
+    root maps to g and h of size 1.
     """
     d = model.positive.size
     white = np.repeat(model.root[None], len(grid.roots), axis=0)
@@ -487,8 +515,14 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
 
     Parameters
     ----------
-    model, grid, variance, samples
-        As of `linear_posterior`; there may be a variance for each grid point, (c,).
+    model : LinearModel
+        The linear model about a motion.
+    grid : Grid
+        Hyperparameters of the deviations.
+    variance : float or ndarray, shape (c,)
+        Variance of the noise, in the record's unit squared; an array has one for each grid point.
+    samples : float
+        Effective number of independent values in the record (see `linear_posterior`).
     """
     d = model.positive.size
     variance = np.broadcast_to(variance, grid.log_prior.size)
@@ -503,10 +537,10 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
 
 
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
-    """Compute the normal posterior of the scores alone at each grid point; parameters as of `linear_posterior`.
+    """Compute the normal posterior of the scores alone at each grid point, with g and h integrated out.
 
-    First h is integrated out for each of its sizes. The information about g is then diagonal in the same directions for
-    all sizes of g.
+    Parameters are those of `linear_posterior`; scores may be negative. First h is integrated out for each of its sizes.
+    The information about g is then diagonal in the same directions for all sizes of g.
     """
     d = model.positive.size
     n = (model.root.shape[1] - d) // 2
@@ -548,8 +582,8 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute the posterior and the evidence of a linear model under white noise.
 
-    Each score has the prior N(0, 1); shared scores have N(0, σ²) instead, with the same σ, one of `SHARED_SIGMAS`.
-    Positive scores have half-normal priors.
+    Each score has the prior N(0, 1); shared scores have N(0, σ²) instead, with a common scale σ, which is summed over
+    the values `SHARED_SIGMAS`. Positive scores have half-normal priors, cut off below zero.
 
     Parameters
     ----------
@@ -574,19 +608,22 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the normal posteriors of scores, g and h at the grid indices `combos`, (k,)."""
+    """Return the normal posteriors of scores, g and h at the k grid points with indices `combos`, (k,)."""
     return normals(model, grid.only(combos), variance, samples)
 
 
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
-    """Replace N(0, 1) priors by the scores' own priors, and return the posterior over all grid points and scales.
+    """Replace the N(0, 1) priors of scores by the actual priors; return the posterior over grid points and scales.
+
+    Positive scores get half-normal priors, and shared scores priors with each value of the common scale σ in
+    `SHARED_SIGMAS`.
 
     Parameters
     ----------
     posteriors : Normals
         Posteriors under N(0, 1) priors.
     positive, shared : ndarray of bool, shape (d,)
-        As of `LinearModel`.
+        Which scores must not be negative, and which have priors with the common scale.
     """
     places = np.flatnonzero(positive)
     scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
@@ -640,10 +677,10 @@ class _ScaledPriors:
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return indices of the grid points and scales with all but `LEFT_OUT` of the posterior probability, (m,) each.
+        """Return indices of the grid points and scales σ that have nearly all posterior probability, (m,) each.
 
-        Probabilities are from an upper bound of the evidence, for which only the least probable of the conditions
-        "score ≥ 0" is applied.
+        They are all pairs but those with the smallest probabilities, whose sum is `LEFT_OUT`. The probabilities are
+        from an upper bound of the evidence, for which only the least probable of the conditions "score ≥ 0" is applied.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE
@@ -656,7 +693,7 @@ class _ScaledPriors:
         return combos[places], scales[places]
 
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Return an upper bound of the log evidence with the cut-off at zero, at grid points and scales, (m,)."""
+        """Return an upper bound of the log evidence with the cut-off at zero, (m,), at grid points and scales."""
         log = self.log[combos, scales]
         if not self.inside.size:
             return log
@@ -669,9 +706,10 @@ class _ScaledPriors:
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (m, K) and factors of the covariances (m, K, K) at grid points and scales.
+        """Return means (m, K) and factors F of the covariances F Fᵀ, (m, K, K), for pairs of grid point and scale.
 
-        rows: which of the K unknowns to return, by default all.
+        combos, scales: indices of the grid points and of the scales, (m,). rows: which of the K unknowns to return, by
+        default all.
         """
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]

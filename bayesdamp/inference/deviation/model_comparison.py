@@ -52,21 +52,23 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
-"""Widths ε of friction, as fractions of the peak velocity, that are tried if none is given; log ε has a uniform
-prior."""
+"""Widths ε of dry friction, as fractions of the peak velocity, that are tried if none is given; the prior is uniform in
+log ε. ε is the width of the velocity in which friction changes its sign."""
 BETWEEN, CLEAR = 4, 1.0
-"""Largest number of widths that are tried in addition, and the number of nats by which the best width must be ahead of
-a neighbour for another to be tried between them."""
+"""Largest number of further widths ε that are tried, and number of nats by which the best width must be ahead of a
+neighbour for another width to be tried between the two."""
 LEAD = 3.0
-"""The default width ε is replaced by another only if that has a log posterior density at least this many nats
-larger."""
+"""The width ε of friction in use is replaced by the most probable one only if this has a log posterior density at least
+this many nats larger."""
 SHARPER = 0.25
-"""If the variance under the chosen noise model is less than this fraction of the least-squares one, ε is chosen again
-under this model: by least squares, values that are rounded to coarse steps do not determine ε."""
+"""If the variance of the noise under the chosen noise model is less than this fraction of the least-squares one, the
+width ε of friction is chosen again under this model, because least squares do not determine ε from values that are
+rounded to coarse steps."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 """Known values of parameters by name, or a function that returns them for a restoring law."""
 ROUNDS = 2
-"""Number of rounds that correct the averaged solution with the full equation of motion and refit."""
+"""Number of times that averaged motions are corrected by the full equation of motion and all candidates are fitted
+again."""
 REACH = 20.0
 """A candidate is not fitted if its expected log evidence (`ModelComparison.expected_evidence`) is more than this many
 nats below the best (of 385 candidates on 22 simulated records this left out 135, none of which was closer than 18
@@ -88,9 +90,10 @@ class CandidateResult:
     solver : Solver
         Solver of the candidate's motions.
     fit : LeastSquaresFit
-        The fit under exact laws.
+        The fit under exact laws (without deviations g and h).
     variance, exact_variance : float
-        Variance of the noise in the comparison, and if laws were exact, in the record's unit squared.
+        Variance of the noise behind `posterior`, and behind `exact_posterior`, in the record's unit squared. They are
+        equal without a linearisation with deviations.
     exact_posterior : LinearPosterior
         The linear posterior under exact laws.
     linearisation, approximate_posterior : optional
@@ -122,7 +125,10 @@ class CandidateResult:
         return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
-        """Return the grid of hyperparameters behind `posterior`; `coarse`: one with fewer points."""
+        """Return the grid of the deviations' hyperparameters behind `posterior`.
+
+        coarse: whether to use every other size and only the shortest and the longest length.
+        """
         return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
     @property
@@ -142,12 +148,12 @@ class CandidateResult:
 
     @property
     def motion(self) -> Motion:
-        """Return the motion at the mode."""
+        """Return the motion at the mode: with deviations if there is a linearisation, else the fit under exact laws."""
         return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
     def z(self) -> np.ndarray:
-        """Return the scores at the mode, (d,)."""
+        """Return the standard normal scores of the inferred parameters at the mode, (d,)."""
         return self.fit.z if self.linearisation is None else self.linearisation.z
 
     @property
@@ -162,7 +168,7 @@ class CandidateResult:
 
     @property
     def further(self) -> np.ndarray:
-        """Return the terms' own parameters at the mode, as a row, (1, e)."""
+        """Return the terms' own parameters (such as exponents) and references in their forces at the mode, (1, e)."""
         return self.values[None, len(self.solver.terms) : self.solver.law_places.start]
 
 
@@ -177,22 +183,22 @@ class ModelComparison:
     reference : Reference
         Amplitude and frequency that set the scales of default priors.
     epsilon : float
-        Width of friction, in rad/s or m/s.
+        Width ε of the velocity in which dry friction changes its sign, in rad/s or m/s.
     frictions : tuple of Friction
-        Widths of friction and their probabilities; empty where the width is known or there is no friction.
+        Values of ε and their probabilities; empty where ε is known or there is no friction.
     solvers : mapping of str to Solver
         Solver of the sum of all terms, by restoring law.
     variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ of correlated residuals that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
+        residuals: their mean power near the oscillation relative to white noise (see `sample_noise.inflation`).
     noise : SampleNoise
         Noise model of the samples.
     approximate : bool
-        Whether laws may hold approximately.
+        Whether deviations g and h from the laws are allowed; if False, laws are exact.
     noise_known : bool
-        Whether the same variance is used if laws are exact, because the noise's sd is given or the noise is not
-        Gaussian.
+        Whether `variance` is also used under exact laws, because the noise's sd is given or the noise is not Gaussian.
     epsilon_known : bool
-        Whether the width of friction is given.
+        Whether ε is given.
     refused : mapping of MotionCandidate to str
         Candidates without a result, with the reason.
     results : tuple of CandidateResult
@@ -224,7 +230,7 @@ class ModelComparison:
 
     @property
     def samples(self) -> float:
-        """Return the effective number of independent values in the record: their number divided by κ."""
+        """Return the effective number of independent values in the record: the number of values divided by κ."""
         return self.data.y.size / self.inflation
 
     @property
@@ -238,21 +244,24 @@ class ModelComparison:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the damping terms of all candidates, rivals excluded."""
+        """Return the names of the damping terms that the candidates contain, rivals excluded."""
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
-        """Return whether a result's evidence is comparable: it includes deviations, or no result's evidence does."""
+        """Return whether a result's evidence may be compared with those of the other results.
+
+        It may if it includes deviations from the laws, or if no result's evidence includes them.
+        """
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
 
     def known_motion(self) -> dict[str, float]:
-        """Return the known (not inferred) start values and restoring parameters of the best candidate, by name."""
+        """Return the known (not inferred) initial values and restoring parameters of the best candidate, by name."""
         solver, known = self.best.solver, self.best.fit.parameters.known
         return {n: v for n, v in known.items() if n in (*solver.names[solver.law_places], *START)}
 
     def exact_variance(self, fit: LeastSquaresFit) -> float:
-        """Return the variance of the noise, in the record's unit squared, if laws were exact: from a fit's residual.
+        """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
         If `noise_known`, it is `variance`.
         """
@@ -269,20 +278,21 @@ class ModelComparison:
         values: Mapping[str, float],
         starts: Sequence[Mapping[str, float]] = (),
     ) -> LeastSquaresFit | None:
-        """Fit a rival under the best restoring law; None if this fails.
+        """Fit a rival (a sum with a form of damping that is not compared) by least squares; None if this fails.
 
         Parameters
         ----------
         candidate : MotionCandidate
             The rival.
         solver : Solver
-            Solver with the terms of the rival and of the sum `values`.
+            Solver with the terms of the rival and of the sum with the parameters `values`.
         reference : Reference
             Amplitude and frequency with which the priors scale.
         values : mapping of str to float
-            Parameters, by name, of the sum near whose motion the fit starts.
+            Parameters, by name, of another sum, near whose motion the fit starts.
         starts : sequence of mapping, optional
-            Values of own parameters at which the fit may start; by default those of `start_values`.
+            Values, by name, of the rival's own parameters at which the fit may start; by default those of
+            `start_values`.
         """
         data, best = self.data, self.best
         scales = reference.scales(
@@ -295,8 +305,8 @@ class ModelComparison:
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        In the linear model of a larger sum, `whole`, the terms that the candidate does not have are dropped. Return
-        infinity if the candidate has a term that `whole` does not have.
+        It is the evidence of the linear model of a larger sum, `whole`, without the terms that the candidate does not
+        have. Return infinity if the candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -307,7 +317,7 @@ class ModelComparison:
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Linearise a candidate, starting from its fit, and return its posterior and evidence."""
+        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence."""
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
 
@@ -362,9 +372,9 @@ def compare_candidates(
     reference : Reference, optional
         Amplitude and frequency with which default priors scale; by default the record's own.
     approximate : bool
-        Whether laws may hold approximately.
+        Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
-        Noise models to choose from.
+        Names of the noise models from which one is chosen.
 
     Returns
     -------
@@ -424,22 +434,23 @@ def compare_candidates(
 
 @dataclass(frozen=True)
 class NoiseChoice:
-    """The noise of a record, and what was fitted under it.
+    """The noise of a record, and the fits that were made under it.
 
     Attributes
     ----------
     fits : _CandidateFits
-        Fits to the record as adapted to this noise model.
+        Fits to the record, whose values are adapted to this noise model.
     modes : mapping of str to tuple of Linearisation and float
-        As `_CandidateFits.modes` returns them.
+        For each restoring law, the largest sum linearised about its mode, and the variance of its noise.
     frictions : tuple of Friction
-        Widths of friction and their probabilities.
+        Values of the width ε of dry friction and their probabilities.
     noise : SampleNoise
         Noise model of the samples.
     variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
+        residuals (see `sample_noise.inflation`).
     noise_known : bool
-        As of `ModelComparison`.
+        Whether `variance` is also used under exact laws, because the noise's sd is given or the noise is not Gaussian.
     """
 
     fits: _CandidateFits
@@ -454,10 +465,11 @@ class NoiseChoice:
 def choose_noise(
     fits: _CandidateFits, frictions: tuple[Friction, ...], noises: Sequence[str], approximate: bool
 ) -> NoiseChoice:
-    """Choose the noise model and the variance of the noise, which all candidates have in common.
+    """Choose the noise model and the variance of the noise, which are the same for all candidates.
 
-    The residual is that of the sum of all terms, under the restoring law that leaves the smallest variance. Raises
-    Refusal where no motion stays in phase with the record, or none of the noise models applies.
+    They are chosen for the residual of the sum of all terms, under the restoring law with the smallest residual
+    variance. frictions: values of the width ε of dry friction and their probabilities. Raises Refusal if no motion
+    stays in phase with the record, or if none of the noise models applies.
     """
     modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
     if not modes:
@@ -499,9 +511,10 @@ def choose_noise(
 
 
 class _CandidateFits:
-    """Fits of candidates to one record, with one width of friction.
+    """Fits of candidates to one record, with one width ε of dry friction.
 
-    `fits` contains those that exist already. A candidate that cannot be fitted is added to `refused` with the reason.
+    `fits` contains the fits that have been made. A candidate that cannot be fitted is added to `refused` with the
+    reason.
     """
 
     def __init__(
@@ -528,7 +541,7 @@ class _CandidateFits:
 
     @property
     def epsilon(self) -> float:
-        """Return the width of friction, in rad/s or m/s."""
+        """Return the width ε of the velocity in which dry friction changes its sign, in rad/s or m/s."""
         return self.solvers[self.laws[0]].epsilon
 
     def known_under(self, law: str) -> Mapping[str, float]:
@@ -543,7 +556,10 @@ class _CandidateFits:
         return stated
 
     def _scales(self, law: str) -> dict[str, float]:
-        """Return the fixed reference values in the terms' forces, by name; the equilibrium is that of a viscous fit."""
+        """Return, by name, the fixed references in the terms' forces: equilibrium, amplitude and peak velocity.
+
+        If a term needs the equilibrium, it is that of a fit with viscous damping; else it is the record's midline.
+        """
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
             c, viscous = MotionCandidate(("viscous",), law), replace(self.solvers[law], terms=("viscous",))
@@ -554,7 +570,11 @@ class _CandidateFits:
         return self.reference.scales(rest)
 
     def fit_fullest(self, law: str) -> None:
-        """Fit the sum of the terms without own parameters, and from there the sum of all terms; keep both in `fits`."""
+        """Fit the sum of all terms under a restoring law, and store the fit in `fits`.
+
+        If some terms have own parameters, the sum of the other terms is fitted and stored first, and the fit starts
+        from it.
+        """
         if self.plain and self.plain != self.terms:
             self._fit(MotionCandidate(self.plain, law), None)
         self._fit(MotionCandidate(self.terms, law), self.fits.get(MotionCandidate(self.plain, law)))
@@ -566,14 +586,16 @@ class _CandidateFits:
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return the fit of a candidate, which is computed if it does not exist yet; None if it fails."""
+        """Return the fit of a candidate; compute it if it does not exist yet. None if the fit fails."""
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
             self._fit(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
         return self.fits.get(c)
 
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
-        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, at guesses in growing windows.
+        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, at guesses.
+
+        From guesses, the first cycles are fitted first, and then longer and longer parts of the record.
 
         The fit is stored in `fits`, or the reason of its failure in `refused`.
         """
@@ -592,9 +614,9 @@ class _CandidateFits:
             self.fits[c] = fit
 
     def corrected_solvers(self) -> dict[str, Solver]:
-        """Return averaged solvers corrected by the ODE, by restoring law.
+        """Return, by restoring law, solvers of averaged motions with a correction by the full equation of motion.
 
-        The correction is computed at the fit with the most terms. Laws for which it fails are left out.
+        The correction is computed at the fit with the most damping terms. Laws for which it fails are left out.
         """
         most = {
             c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
@@ -620,7 +642,7 @@ class _CandidateFits:
         return other
 
     def with_width(self, epsilon: float) -> _CandidateFits:
-        """Return a copy with all fits repeated with the width of friction `epsilon`; self if it has it already."""
+        """Return a copy with all fits repeated with the width `epsilon` of dry friction; self if it has this width."""
         if epsilon == self.epsilon:
             return self
         return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
@@ -640,19 +662,22 @@ class _CandidateFits:
     def choose_friction(
         self, adapting: Callable[..., AdaptedData | None] | None = None
     ) -> tuple[tuple[Friction, ...], float]:
-        """Compute the probabilities of widths ε of friction, with all terms under the best restoring law.
+        """Compute the probabilities of values of the width ε of dry friction, under the candidate with the best fit.
+
+        ε is the width of the velocity in which friction changes its sign, in rad/s or m/s.
 
         Parameters
         ----------
         adapting : callable, optional
-            Adapts the record to a noise model, whose evidence then gives the probabilities; by default the noise is
-            Gaussian.
+            Function with arguments `solver` and `at` (a linearisation), which adapts the record to a noise model. The
+            evidence of the noise model then gives the probabilities; by default the noise is Gaussian.
 
         Returns
         -------
         tuple
-            Widths and their probabilities, empty if the best fit has no friction; and the width to use: the most
-            probable one if the present one is more than `LEAD` nats behind it, else the present one.
+            Values of ε and their probabilities, empty if the best fit has no friction; and the ε to use: the most
+            probable one if the log posterior density of `self.epsilon` is more than `LEAD` nats smaller, else
+            `self.epsilon`.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:
@@ -662,9 +687,9 @@ class _CandidateFits:
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
-            """Fit with a width; return ε, the log likelihood, and the values of the terms' parameters, or None.
+            """Fit with one width ε; return ε, the log likelihood in nats, and the values of the terms' parameters.
 
-            share: the width as a fraction of the peak velocity. None if the fit fails.
+            share: ε as a fraction of the peak velocity. None if the fit fails.
             """
             own = replace(solver, epsilon=share * peak)
             fit = refit(own, self.data, near)
@@ -709,10 +734,10 @@ class _CandidateFits:
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
-    """Return the log of a further width to try: near the top of a parabola through the best width and its neighbours.
+    """Return the log of a further width ε to try, near the top of a parabola through the best one and its neighbours.
 
-    None if the best is the first or the last width, or is less than `CLEAR` nats ahead of both neighbours. `at`,
-    `logs`: log widths and log likelihoods, (k,) each.
+    None if the best width is the first or the last one, or if it is less than `CLEAR` nats ahead of each neighbour. at,
+    logs: log widths and log likelihoods in nats, (k,) each.
     """
     order = np.argsort(at)
     at, logs = at[order], logs[order]

@@ -1,4 +1,4 @@
-"""Map standard normal scores to the parameters of a candidate, in the order of its compiled kernel."""
+"""Map standard normal scores to the parameters of a candidate, in the order in which its solver takes them."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of
 
 DERIVATIVE_STEP = 1e-6
-"""Step of numerical derivatives by straight coordinates, in units of the scores (prior standard deviations)."""
+"""Step of numerical derivatives of parameters by straight coordinates (`StraightParameters`), in units of the scores
+(prior standard deviations)."""
 
 
 @dataclass(frozen=True)
 class Parameters(Scores):
-    """The inferred parameters of a kernel with their priors, and the values of its other parameters.
+    """The inferred parameters of an equation of motion with their priors, and the values of its other parameters.
 
     Attributes
     ----------
     names : tuple of str
-        The kernel's k parameters, in its order.
+        All k parameters of the equation of motion, in the order of its compiled kernel.
     priors : mapping of str to Prior
         Priors of the d inferred parameters, in the same order.
     known : mapping of str to float
@@ -40,7 +41,7 @@ class Parameters(Scores):
         object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
 
     def with_fixed(self, name: str, value: float) -> Self:
-        """Return these parameters with an inferred one, `name`, fixed at a value."""
+        """Return a copy in which the inferred parameter `name` is fixed at a value."""
         priors = {n: p for n, p in self.priors.items() if n != name}
         return replace(self, priors=priors, known={**self.known, name: value})
 
@@ -78,9 +79,10 @@ class Parameters(Scores):
 
     @property
     def absorbs(self) -> tuple[bool, bool]:
-        """Return whether a parameter is inferred that acts like a constant g, and whether one acts like a constant h.
+        """Return whether an inferred parameter acts like a constant g, and whether one acts like a constant h.
 
-        A coefficient acts like a constant g, stiffness like a constant h.
+        g is the log deviation of the damping: a coefficient has the same effect. h is the relative deviation of the
+        frequency: the stiffness has the same effect.
         """
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
@@ -93,7 +95,7 @@ class Parameters(Scores):
         return np.array([self.known.get(n, 0.0) for n in self.names], float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return the kernel's parameters at scores z, (..., d): (..., k)."""
+        """Return all k parameters of the kernel at scores z, (..., d): (..., k)."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
@@ -101,26 +103,32 @@ class Parameters(Scores):
         return p
 
     def named(self, z: np.ndarray) -> dict[str, float]:
-        """Return all of the kernel's parameters at scores z, (d,), by name."""
+        """Return all parameters of the kernel, known and inferred, at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of values by name, (d,); ±6 for an infinite score (at the end of a prior), 0 for nan."""
+        """Return the standard normal scores of the inferred parameters, (d,), for values by name.
+
+        A value at an end of its prior, whose score would be infinite, gets ±6; a score that is nan becomes 0.
+        """
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert a Jacobian by the kernel's parameters, (n, k), to one by the scores at z, (n, d)."""
+        """Convert derivatives by the kernel's k parameters, (n, k), to those by the d scores at z, (n, d)."""
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (..., d); in this class z itself."""
+        """Return the standard normal scores at coordinates z, both (..., d); in this class z itself.
+
+        A subclass has other coordinates for some parameters.
+        """
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); in this class 0.
+        """Return the log prior density of those coordinates that are not scores, minus that of independent N(0, 1).
 
-        Only parameters that a subclass replaces count; half-normal and shared priors are left out.
+        z: coordinates, (..., d). The result, (...), is 0 in this class, where all coordinates are scores.
         """
         return np.zeros(z.shape[:-1])
 
@@ -129,15 +137,17 @@ class Parameters(Scores):
 class StraightParameters(Parameters):
     """Parameters with straight coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
-    v = z₀ + J (ν − ν₀), where ν are the law's natural coordinates and J is the derivative of the scores by ν at the
-    anchor z₀: there v agrees with the scores to first order. Motions are more nearly linear in v than in the scores.
+    v = z₀ + J (ν − ν₀). Here ν are the natural coordinates of the law, which a record determines well, such as the
+    frequency (`RestoringLaw.natural`); z₀ and ν₀ are the scores and the natural coordinates at one point, the anchor;
+    and J is the derivative of the scores by ν there, so that v agrees with the scores to first order. Motions are more
+    nearly linear in v than in the scores.
 
     Attributes
     ----------
     law : RestoringLaw
-        The restoring law with its natural coordinates.
+        The restoring law, which defines ν.
     places : ndarray of int, shape (b,)
-        Indices of v among all d coordinates.
+        Indices of the coordinates v among all d coordinates.
     at : tuple of str
         Names of the parameters whose scores v replaces.
     anchor, origin : ndarray, shape (b,)
@@ -154,31 +164,34 @@ class StraightParameters(Parameters):
     inverse_jacobian: np.ndarray
 
     def with_fixed(self, name: str, value: float) -> Self:
-        """Return these parameters with the inferred parameter `name` fixed at a value; v must not replace its score."""
+        """Return a copy in which the inferred parameter `name` is fixed at a value.
+
+        It must not be one of the parameters `at`, which have straight coordinates.
+        """
         before = self.free_names.index(name) < self.places
         return replace(super().with_fixed(name, value), places=self.places - before)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return the kernel's parameters at coordinates z, (..., d): (..., k); NaN where z has no such parameters."""
+        """Return all k parameters of the kernel at coordinates z, (..., d): (..., k); NaN where none exist."""
         p = super().values(z)
         p[..., self.free[self.places]] = self._law_values(z[..., self.places])
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the values of the parameters `at` for coordinates v, both (..., b); NaN where v has no such values."""
+        """Return the parameters `at` for straight coordinates v, both (..., b); NaN where none exist."""
         natural = self.origin + (v - self.anchor) @ self.inverse_jacobian.T
         values = self.law.from_natural({name: natural[..., i] for i, name in enumerate(self.at)})
         assert values is not None  # see `straighten_at`
         return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert a Jacobian by the kernel's parameters, (n, k), to one by the coordinates z, (n, d)."""
+        """Convert derivatives by the kernel's k parameters, (n, k), to those by the d coordinates at z, (n, d)."""
         columns = super().by_scores(tangents, z)
         columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (..., d); NaN where z has no such scores."""
+        """Return the standard normal scores at coordinates z, both (..., d); NaN where none exist."""
         scores = z.copy()
         scores[..., self.places] = self._law_scores(z)
         return scores
@@ -189,13 +202,16 @@ class StraightParameters(Parameters):
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return `new` unchanged: these coordinates need no correction of a step."""
+        """Return `new` unchanged: a straight step in these coordinates needs no correction.
+
+        The method of the base class corrects a step from z to `new` for a curved ridge of the posterior.
+        """
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return log prior density at z, (..., d), minus that of independent N(0, 1), (...); −∞ outside the prior.
+        """Return the log prior density of the straight coordinates in z, (..., d), minus that of independent N(0, 1).
 
-        Only the coordinates v count.
+        The result, (...), is −∞ outside the prior. The other coordinates have no effect.
         """
         ratios, plain = np.full(z.shape[:-1], -np.inf), self._law_scores(z)
         inside = np.all(np.isfinite(plain), axis=-1)
@@ -207,17 +223,17 @@ class StraightParameters(Parameters):
         return ratios
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the parameters `at` by v, at coordinates z (..., d): (..., b, b)."""
+        """Return the derivatives of the parameters `at` by v, (..., b, b), at coordinates z, (..., d)."""
         v, steps = z[..., self.places], DERIVATIVE_STEP * np.eye(self.places.size)
         changes = [self._law_values(v + step) - self._law_values(v - step) for step in steps]
         return np.stack(changes, axis=-1) / (2 * DERIVATIVE_STEP)
 
 
 def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:
-    """Return the parameters with straight coordinates about the anchor z, scores (d,).
+    """Return the parameters with straight coordinates (`StraightParameters`) whose anchor is at the scores z, (d,).
 
-    None if the restoring law has no natural coordinates, a parameter of them is not inferred, or their derivatives at z
-    are (nearly) singular.
+    None if the restoring law has no natural coordinates, if θ₀ or a parameter of the law is not inferred, or if the
+    derivatives of the scores by the natural coordinates at z are (nearly) singular.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")

@@ -32,7 +32,8 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""Nats below the best log evidence up to which a candidate's averaged motion is corrected with the ODE."""
+"""The averaged motion of a candidate is corrected by the full equation of motion if its log evidence is at most this
+many nats below the best."""
 
 
 def compare_signal(
@@ -46,10 +47,10 @@ def compare_signal(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Compare damping sums under restoring laws on a record.
+    """Compare damping sums under restoring laws on a record, by their evidence.
 
-    A record of hundreds of cycles is reduced to amplitudes and phases, if this moves no parameter by more than a tenth
-    of its sd, or if the record has more than `MOST_CYCLES` cycles.
+    A record of hundreds of cycles is reduced to amplitudes and phases. If this shifts a parameter by more than a tenth
+    of its sd, the samples are compared instead, unless the record has more than `MOST_CYCLES` cycles.
 
     Parameters
     ----------
@@ -57,10 +58,16 @@ def compare_signal(
         The record.
     damping, restoring : sequence of str
         Damping sums and restoring laws; by default all, but for a record in metres only laws of a translation.
-    known, priors, reference, approximate
-        As of `compare_candidates`.
+    known : mapping or callable, optional
+        Values of parameters by name, or a function from a restoring law to such a mapping.
+    priors : mapping of str to Prior, optional
+        Priors by parameter; the others have default priors.
+    reference : Reference, optional
+        Amplitude and frequency with which default priors scale; by default the record's own.
+    approximate : bool
+        Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
-        Noise models, of which the most probable is used.
+        Names of the noise models from which one is chosen.
 
     Returns
     -------
@@ -102,9 +109,9 @@ def compare_signal(
 
 
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
-    """Return the comparison with the averaged motions of candidates within `NEAR` corrected by the ODE at their modes.
+    """Return the comparison with averaged motions corrected by the full equation of motion at each candidate's mode.
 
-    A candidate whose correction fails stays as it was.
+    This is done for candidates within `NEAR` nats of the best. A candidate whose correction fails stays as it was.
     """
     top = comparison.best.log_evidence
 
@@ -124,7 +131,7 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error of the best candidate's averaged motion; None if motions are not averaged."""
+    """Return the error that averaging causes in the best candidate's parameters; None if motions are not averaged."""
     if comparison.data.averaged is None or not comparison.results:
         return None
     result, cycles = comparison.best, comparison.data.cycles

@@ -25,20 +25,21 @@ from bayesdamp.priors import Prior, SharedHalfNormal
 SPREAD_SCALE = 0.1
 """Scale of the half-normal prior of the spread s, the sd of the log coefficients between records (conventional)."""
 SPREADS = np.geomspace(5e-4, 0.45, 27)
-"""Grid of spreads; the prior probability beyond the last is below 1e-5. With half as many the upper end of a wide
-interval of the spread was a tenth to a fifth too large (measured)."""
+"""Grid of values of the spread s, the sd of the log coefficients between records; the prior probability beyond the last
+is below 1e-5. With half as many values the upper end of a wide interval of s was a tenth to a fifth too large
+(measured)."""
 SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-"""Boundaries between the grid values of the spread: geometric means of neighbours."""
+"""Boundaries of the cells around the grid values of the spread: geometric means of neighbours, 0 and ∞."""
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
 """Largest number of Gauss–Newton steps. They end before if the predicted gain of the log posterior is below the second
 value, in nats."""
 NATS_BEHIND = 18.0
-"""A grid point of the hyperparameters is left out if its log evidence is this many nats below the best, both at the
-smallest and at the largest spread."""
+"""A grid point of the deviations' hyperparameters is left out if its log evidence is this many nats below the best,
+both at the smallest and at the largest spread."""
 DERIVATIVE_STEP = 1e-5
-"""Step of numerical derivatives of parameters by their scores, in scores."""
+"""Step of numerical derivatives of parameters by their standard normal scores, in units of the scores."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class RecordLikelihood:
         return RecordLikelihood(tuple(priors), which, values, changed)
 
     def plus_nats(self, nats: float) -> Self:
-        """Return the likelihood with a constant, in nats, added to its logarithm."""
+        """Return a copy with a constant, in nats, added to the log likelihood."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
 
@@ -185,8 +186,9 @@ def join_runs(
 class _Problem:
     """The likelihoods of n records at c grid points, as functions of the damping's parameters x = offset + scale z.
 
-    z: scores, (k,). log (n, c), slope (n, c, k), information (n, c, k, k): as of `DampingLikelihood`. which: marks the
-    coefficients, (k,), which the factor exp η of a record multiplies.
+    z are the scores, (k,); offset and scale are the linear map of the priors. log (n, c), slope (n, c, k) and
+    information (n, c, k, k) are those of each record's `DampingLikelihood`, by x. which: booleans, (k,), that mark the
+    coefficients, which are multiplied by a factor exp η in each record.
     """
 
     log: np.ndarray
@@ -238,16 +240,20 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return the log posterior at u = (scores, log factors of the records), (b, k + n), up to constants: (b,).
+        """Return the log posterior, (b,), up to a constant, at u = (scores, log factors η of the records), (b, k + n).
 
-        b, big: slopes (b, n, k) and information (b, n, k, k) of the log likelihoods. precision: 1/s², (b,).
+        b, big: slopes (b, n, k) and information (b, n, k, k) of the log likelihoods. precision: 1/s² for the spread s,
+        (b,).
         """
         k, y = self.scale.size, self._record_parameters(u)[0]
         fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
         return fit - 0.5 * np.sum(u[:, :k] ** 2, axis=1) - 0.5 * precision * np.sum(u[:, k:] ** 2, axis=1)
 
     def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the parameters of each record, and the factors that they contain, (b, n, k) each."""
+        """Return the damping's parameters in each record, and the factors exp η that they contain, (b, n, k) each.
+
+        u: scores and log factors, (b, k + n). The factor of a parameter that is not a coefficient is 1.
+        """
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))
         factors = np.where(self.which, grown[:, :, None], 1.0)
@@ -262,10 +268,10 @@ class _Problem:
         moving: np.ndarray,
         whole: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient of `_value`, (b, k + n), and minus its Hessian, (b, k + n, k + n).
+        """Return the gradient of `_value`, (b, k + n), and its negative Hessian, (b, k + n, k + n).
 
-        whole: whether to use the whole Hessian, else its Gauss–Newton approximation. Where not `moving` (spread 0),
-        factors are fixed at 1.
+        whole: whether to use the full Hessian instead of its Gauss–Newton approximation. moving: marks the spreads s >
+        0; for the others the factors exp η are fixed at 1.
         """
         k, n = self.scale.size, self.log.shape[0]
         y, factors = self._record_parameters(u)
@@ -319,13 +325,19 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
-    """Return the scores of parameter values (k,); ±6 for an infinite score, at the end of a prior, and 0 for nan."""
+    """Return the standard normal scores of parameter values, (k,).
+
+    A value at an end of its prior, whose score would be infinite, gets ±6; a score that is nan becomes 0.
+    """
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)
 
 
 def _linear_maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters at scores z, (k,), and their derivatives by z; half-normal priors continue linearly below 0."""
+    """Return the parameters at scores z, (k,), and their derivatives by the scores, (k,).
+
+    The map of a half-normal prior is continued linearly to negative scores.
+    """
     values, slopes = np.empty(z.size), np.empty(z.size)
     for i, (prior, score) in enumerate(zip(priors.values(), z, strict=True)):
         if prior.reflected:

@@ -1,9 +1,10 @@
-"""Choose the noise model of a record's samples, and adapt the record so that least squares are right under it.
+"""Choose the noise model of a record's samples, and adapt the record so that least squares are correct under it.
 
-Fits and evidence assume white Gaussian noise. Another noise model changes two things. Each value of the record is
-replaced by the motion plus a working residual (the derivative of the log noise density by the motion, times a
-variance), in which an outlier has little effect and rounding none. And the variance is that of white noise with the
-same information about the oscillation. Both depend on the motion, so motion and working residuals are updated in turn.
+Fits and evidence assume white Gaussian noise. Another noise model changes two things. First, each residual of the
+record is replaced by a working residual: minus the derivative of the log noise density by the residual, times a
+variance. In it an outlier has little effect, and rounding none. Second, the variance of the noise is that of white
+noise with the same information about the oscillation. Both depend on the motion, so motion and working residuals are
+updated in turn.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ from bayesdamp.types import Refusal, Signal
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
 """Noise models from which the best one is chosen by default."""
 LEAD_NATS = 5.0
-"""Another noise model is chosen only if its log evidence exceeds that of Gaussian noise by this many nats
+"""Another noise model is chosen instead of Gaussian noise only if its log evidence is larger by at least this many nats
 (conventional)."""
 AUTOREGRESSION_ORDER = 8
-"""Order of the autoregression with which `predictable_nats` predicts residuals from those before (conventional)."""
+"""Number of preceding residuals from which `predictable_nats` predicts each residual (conventional)."""
 OSCILLATION_BAND = (0.3, 2.0)
-"""Frequency band that counts as near the oscillation, in units of its frequency."""
+"""Limits of the frequency band that counts as near the oscillation, in units of the oscillation's frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
-"""Number of stretches, and of samples in all of them, from which the noise model of a long record is chosen: enough to
-determine its parameters to one per cent (conventional)."""
+"""The noise model of a long record is chosen from this number of stretches of it, with this number of samples in all:
+enough to determine its parameters to one per cent (conventional)."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of noise models to choose from: the given ones, or for "auto" `AUTOMATIC` and all plug-ins."""
+    """Return the names of the noise models to choose from: those given, or for "auto" `AUTOMATIC` and all plug-ins."""
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
 
@@ -95,11 +96,12 @@ def prepare_for_noises(
 def _choose_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
-    """Return the best noise model of residuals (m,), or Gaussian noise if its lead is small; and `predictable_nats`.
+    """Choose the noise model of residuals, (m,); return it with all fitted models, and their `predictable_nats`.
 
-    The lead must also exceed the nats by which residuals can be predicted: predictable residuals may be a second mode
-    or the misfit of a law. If Gaussian noise is among the models, correlated noise is never chosen. Noise models that
-    do not apply are left out; raises Refusal if none applies. fit_one: fits the noise model of this name to residuals.
+    It is the model with the largest evidence, but Gaussian noise if its lead over Gaussian noise is less than
+    `LEAD_NATS` or `predictable_nats`, because predictable residuals may be a second mode of oscillation or the misfit
+    of a law. If Gaussian noise is among the models, correlated noise is never chosen. fit_one: function that fits the
+    noise model with this name to residuals. Models that do not apply are left out; raises Refusal if none applies.
     """
     models: list[FittedNoise] = []
     refused: list[str] = []
@@ -122,12 +124,13 @@ def _choose_noise(
 
 @dataclass(frozen=True)
 class AdaptedData:
-    """A record that is adapted to a noise model, so that a fit by least squares is also correct under this noise.
+    """A record that is adapted to a noise model, so that a fit by least squares is correct under this noise.
 
     Attributes
     ----------
     data : Data
-        The record, whose values are replaced by the motion plus the working residuals; unchanged under Gaussian noise.
+        The record, whose values are replaced by the motion plus the working residuals (see the module); unchanged under
+        Gaussian noise.
     noise : SampleNoise
         The noise model.
     variance : float
@@ -165,7 +168,7 @@ def adapt(
     known, priors : mapping
         Values and priors of parameters, including those of noise models.
     approximate : bool
-        Whether laws may hold approximately.
+        Whether deviations from the laws are allowed.
 
     Returns
     -------
@@ -219,16 +222,17 @@ def adapt(
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
-    """Return the linearised candidate's motion at every sample of the record, (m,); None if it escapes."""
+    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it escapes."""
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
 
 
 def predictable_nats(residual: np.ndarray) -> float:
-    """Return the log evidence (nats) of an autoregression of residuals (m,) minus that of white noise, at least 0.
+    """Return by how many nats an autoregression explains residuals, (m,), better than white noise; at least 0.
 
-    It is approximated by least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
+    It is the difference of the log evidences, approximated by least squares and Schwarz's criterion (G. Schwarz, Ann.
+    Stat. 6, 461 (1978)).
     """
     rows = np.lib.stride_tricks.sliding_window_view(residual, AUTOREGRESSION_ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]
@@ -241,9 +245,10 @@ def predictable_nats(residual: np.ndarray) -> float:
 def inflation(
     t: np.ndarray, left: np.ndarray, frequency: float, removed: int, variance: float | None = None
 ) -> float:
-    """Return κ ≥ 1, the mean power of the residual near the oscillation divided by that of white noise.
+    """Return κ ≥ 1, the mean power of a residual near the oscillation divided by that of white noise.
 
-    It is 1 if fewer than three Fourier frequencies are in the band, or if the variance is 0.
+    The power is averaged over the frequencies in `OSCILLATION_BAND`. κ is 1 if fewer than three Fourier frequencies are
+    in this band, or if the variance is 0.
 
     Parameters
     ----------

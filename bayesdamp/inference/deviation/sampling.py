@@ -1,9 +1,10 @@
 """Sample the most probable candidates: posteriors and evidence with exact motions instead of a linear model.
 
-Sampling starts from a linear model, in straight coordinates if the restoring law has them. If a damping term has a
-parameter of its own, it starts from the linear models in several slices of this parameter. Straight coordinates are
-needed because a record determines the equilibrium angle and the frequency far better than gravity: the posterior of
-stiffness, gravity and spring angle is curved, and a linear model in the scores is accurate only for a few of its sds.
+Sampling starts from a linear model, in straight coordinates (`StraightParameters`) if the restoring law has them. If a
+damping term has a parameter of its own, it starts from the linear models in several slices of this parameter. Straight
+coordinates are needed because a record determines the equilibrium angle and the frequency far better than gravity: the
+posterior of stiffness, gravity and spring angle is curved, and a linear model in the scores is accurate only within a
+few posterior sds of the mode.
 """
 
 from __future__ import annotations
@@ -26,27 +27,30 @@ from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
 MOST_ANCHORS = 3
-"""Largest number of times that straight coordinates are replaced by others that are anchored at the new mode."""
+"""Largest number of times that straight coordinates (`StraightParameters`) are replaced by others that are anchored at
+the new mode."""
 ANCHOR_CHANGE = 0.1
-"""Straight coordinates are anchored again if they differ by more than this from the scores at the mode."""
+"""Straight coordinates are anchored again at the mode if one of them differs there by more than this from the standard
+normal score that it replaces."""
 NATS_BEHIND = 5.0
-"""A candidate is sampled if its log evidence is less than this many nats below the best: more than sampling has changed
-any log evidence (measured)."""
+"""A candidate is sampled if its log evidence is less than this many nats below the best. Sampling has never changed a
+log evidence by more (measured)."""
 MOST_SAMPLED = 6
 """Largest number of candidates that are sampled (conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
-"""Tolerances for draws, tried in turn: errors of an integration step, as fractions of the amplitude."""
+"""Tolerances for the motions of draws, which are tried in this order: errors of an integration step, as fractions of
+the amplitude."""
 LARGEST_ERROR = 0.05
-"""Largest allowed error of a draw's motion: norm over all samples, in standard deviations of the noise. It changes no
-parameter by more than this fraction of the parameter's sd."""
+"""Largest allowed error of a draw's motion: norm of the error over all samples, in standard deviations of the noise. It
+shifts no parameter by more than this fraction of the parameter's sd."""
 TRIED_DRAWS = 4
-"""Number of draws for which the error of motions is checked."""
+"""Number of draws for which `draw_solver` checks the error of the motions."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class DrawSolver:
-    """Solve the motions of draws with a loose tolerance and a common correction.
+    """Solver of the motions of draws, with a loose tolerance and one correction that is added to each motion.
 
     The correction is the difference that the tolerance of fits (`TOLERANCE`) makes for one of the motions. It is nearly
     the same for all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
@@ -58,7 +62,7 @@ class DrawSolver:
     parameters : Parameters
         Map from the scores of a draw to the solver's parameters.
     active : ndarray of bool, shape (m,)
-        Which of the solver's terms act.
+        Which of the solver's terms exert a force.
     tolerance : float
         Error of an integration step, as a fraction of the amplitude.
     correction : ndarray, shape (n,), or float
@@ -72,9 +76,10 @@ class DrawSolver:
     correction: np.ndarray | float = 0.0
 
     def at_each(self, rows: np.ndarray, use: Callable[[np.ndarray | None], T]) -> list[T]:
-        """Apply `use` to the motion at the samples, (n,), of each row u = (scores, g, h), (K,), or scores alone, (d,).
+        """Solve the motion of each row, apply `use` to it, and return the list of the results.
 
-        A motion is None if it escapes or the scores have no finite parameters. rows: (m, K) or (m, d).
+        rows: u = (scores, g, h), (m, K), or scores alone, (m, d). The argument of `use` is the motion at the samples,
+        (n,), or None if the motion escapes or the scores have no finite parameters.
         """
         d, n = self.parameters.free.size, self.solver.knots.size
         values, deviations = self.parameters.values(rows[:, :d]), rows[:, d:]
@@ -94,8 +99,8 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
     """Return the solver for draws with the loosest tolerance that is accurate enough.
 
     Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the tolerance of fits
-    (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is enough. This is checked at the mean of the linear
-    posterior and at `TRIED_DRAWS` draws.
+    (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is accurate enough. This is checked at the mean of the
+    proposal `start` and at `TRIED_DRAWS` draws from it.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -114,9 +119,10 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
 @dataclass(frozen=True)
 class LinearProposal:
-    """A linear posterior as the proposal of scores and deviations u, (K,), in the coordinates of `parameters`.
+    """A linear posterior from which sampling starts (the proposal), of scores and deviations u, (K,).
 
-    model: the linear model of which it is the posterior.
+    parameters: maps the first elements of u, which are scores or straight coordinates, to parameters. model: the linear
+    model. posterior: its posterior.
     """
 
     parameters: Parameters
@@ -140,9 +146,10 @@ class LinearProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u after a Crank–Nicolson step, (n, K), which leaves the distribution of this proposal unchanged.
+        """Return draws u, (n, K), after a Crank–Nicolson step, which leaves this proposal distribution unchanged.
 
-        combos: index of each draw's mixture component, (n,). Scores may become negative (see `inside`).
+        step: size of the step in posterior sds, up to 1, which gives independent draws. combos: index of each draw's
+        mixture component, (n,). Scores may become negative (see `inside`).
         """
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
@@ -157,7 +164,10 @@ class LinearProposal:
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
 
-        squares: sums of squared residuals of their motions, (n,). variance: of the noise.
+        Neither density is normalised, so the mean weight is the ratio of the evidences.
+
+        squares: sums of squared residuals of the exact motions, (n,). variance: variance of the noise, in the record's
+        unit squared.
         """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior
@@ -166,8 +176,8 @@ class LinearProposal:
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
     """Return the linear posterior from which the sampling of a candidate starts.
 
-    It is in straight coordinates if the restoring law has any, and in slices if a damping term has a parameter of its
-    own. Otherwise it is the candidate's own linear posterior.
+    It is in straight coordinates (`StraightParameters`) if the restoring law has any, and a mixture over slices
+    (`SlicedProposal`) if a damping term has a parameter of its own. Otherwise it is the candidate's linear posterior.
     """
     start = _straighten(comparison, result)
     if start is None:
@@ -176,7 +186,10 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return the linear model in straight coordinates; None if there are none, or if the motion escapes."""
+    """Return the linear model of a candidate in straight coordinates (`StraightParameters`) about its mode.
+
+    None if the restoring law has no such coordinates, or if the motion escapes.
+    """
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straighten_at(result.fit.parameters, law, result.z)
     if coordinates is None:
@@ -208,9 +221,10 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
-    """Return the comparison with draws in `sampled` of its most probable candidates and rivals.
+    """Return a copy of the comparison in which the most probable candidates and rivals have draws in `sampled`.
 
-    They are chosen by the evidence of their linear models (`NATS_BEHIND`, `MOST_SAMPLED`).
+    These are at most `MOST_SAMPLED`, with a log evidence within `NATS_BEHIND` nats of the best. Equal seeds give equal
+    draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
@@ -227,7 +241,7 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = SMC_DRAWS
 ) -> CandidateResult:
-    """Return a candidate's result with draws from its posterior with exact motions in `sampled`.
+    """Return a copy of a candidate's result with draws from its posterior, with exact motions, in `sampled`.
 
     Equal seeds give equal draws.
     """
