@@ -1,12 +1,12 @@
 """The mean and the spread of a coefficient over a population of specimens, from posterior draws of each specimen.
 
-The coefficients of specimens have a normal distribution with location m and scale τ, truncated at zero. The likelihood
-of (m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ. Up to a constant, each factor is the mean of
-N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010). Each
-draw is replaced by a narrow normal distribution, which makes the factor smooth for small τ; the integrals have closed
-forms. m and τ are integrated on a grid. The prior of m is half-normal with a given scale, and that of τ given m is
-half-normal with scale m. (With a wider prior of τ, two specimens would not limit the spread: the likelihood decreases
-no faster than 1/τ.)
+The coefficients θ of specimens have a normal distribution with location m and scale τ, truncated at zero. The
+likelihood of (m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ. Up to a constant, each factor is the
+mean of N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725,
+2010). Each draw is replaced by a narrow normal distribution, which makes the factor smooth for small τ; the integrals
+have closed forms. Averages over m and τ are sums over a grid. The prior of m is half-normal with a given scale, and
+that of τ given m is half-normal with scale m. (With a wider prior of τ, two specimens would not limit the spread: the
+likelihood decreases no faster than 1/τ.)
 """
 
 from __future__ import annotations
@@ -23,29 +23,30 @@ from bayesdamp.types import OK, Refusal
 HISTOGRAM_BINS = 150
 """Number of bins into which the draws of a specimen are sorted."""
 LOCATIONS, SCALES = 121, 81
-"""Numbers of values of m and τ on the grid."""
+"""Numbers of values of the location m and of the scale τ on the grid."""
 GRID_SDS = 9.0
 """Half-width of the grid of m at each τ, in standard deviations of m given τ."""
 LARGEST_TAU = 4.0
-"""Largest τ, in units of the prior scale of m; the probability beyond is below 1e-4."""
+"""Largest τ on the grid, in units of the prior scale of m; the prior probability beyond is below 1e-4."""
 FAR_FROM_ZERO = 8.0
-"""A normal density of `Kernels` is not reflected at zero if its centre is at least this many of its sds from zero."""
+"""Near zero, the normal densities of `Kernels` are reflected at zero. A density whose centre is at least this many of
+its standard deviations from zero is not, because this would have no effect."""
 GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
-"""Grid of a specimen's coefficient: number of points, and half-width in sds of its likelihood; and number of draws of
-(m, τ)."""
+"""Grid of one specimen's coefficient: number of points, and half-width in standard deviations of its likelihood.
+`HYPER_DRAWS`: number of draws of (m, τ) over which the specimen's posterior is averaged."""
 LEAST_EFFECTIVE = 100
-"""The summary of a specimen is unreliable if its draws, given the other specimens, have a smaller effective number than
-this (conventional)."""
+"""The result is unreliable if, after reweighting for what the other specimens show, the draws of a specimen have a
+smaller effective number than this (conventional)."""
 FEW_SPECIMENS = 5
 """With fewer specimens than this, the upper limit of the spread mostly follows from its prior."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Posterior draws of one specimen's coefficient.
+    """Weighted posterior draws of one specimen's coefficient.
 
-    name: of the specimen. values, log_weights, log_prior: the draws in the unit of the coefficient, their log weights,
-    and the log density of the prior there, (n,) each.
+    name: of the specimen. values: the n draws, in the unit of the coefficient, (n,). log_weights: their log weights,
+    (n,). log_prior: log density of the specimen's prior at the draws, (n,).
     """
 
     name: str
@@ -56,17 +57,17 @@ class Sample:
 
 @dataclass(frozen=True)
 class Population:
-    """The population of a coefficient, in the unit of the coefficient.
+    """The population of a coefficient: summaries in the unit of the coefficient.
 
     Attributes
     ----------
     mean, spread : mapping of str to float
         Posterior summaries (see `summarise`) of the mean and of the standard deviation of the truncated normal
-        distribution (not of m and τ).
+        distribution of specimens. These differ from m and τ, which describe it before the truncation.
     shrunk : mapping of str to mapping
-        Summary of each specimen's coefficient, given all specimens.
+        Summary of each specimen's coefficient given the records of all specimens, by name of the specimen.
     effective : mapping of str to float
-        Effective number of each specimen's draws, given all specimens.
+        Effective number of each specimen's draws after reweighting for the records of all specimens, by name.
     outcome : str
         "ok", or a sentence on what limits the result.
     """
@@ -80,9 +81,10 @@ class Population:
 
 @dataclass(frozen=True)
 class Kernels:
-    """The likelihood of a specimen's coefficient as a sum of normal densities of equal width.
+    """The likelihood of one specimen's coefficient as a weighted sum of b normal densities of equal width.
 
-    centres, log_weights: of the b normal densities, (b,). width: their common sd. mean, sd: of the whole likelihood.
+    centres, log_weights: of the densities, (b,). width: standard deviation of each density. mean, sd: mean and standard
+    deviation of the normalised likelihood.
     """
 
     centres: np.ndarray
@@ -93,11 +95,12 @@ class Kernels:
 
     @classmethod
     def of(cls, sample: Sample) -> Kernels:
-        """Return the likelihood from posterior draws divided by their prior, in bins much narrower than the densities.
+        """Estimate the likelihood from a specimen's posterior draws, whose weights are divided by the prior density.
 
-        The width of the densities is Silverman's for the effective number of draws. The draws are shifted towards their
-        mean, so that the variance is not increased by the width (West, Journal of the Royal Statistical Society B 55,
-        1993); but not if the mean is near zero, where a shift would distort more than the width does.
+        The draws are sorted into bins that are much narrower than the normal densities. The width of the densities
+        follows from the effective number of draws by Silverman's rule. The draws are shifted towards their mean, so
+        that the width does not increase the variance (West, Journal of the Royal Statistical Society B 55, 1993); but
+        not if the mean is near zero, where a shift would distort more than the width does.
         """
         log_weights = sample.log_weights - sample.log_prior
         w = normalise(log_weights)
@@ -114,7 +117,10 @@ class Kernels:
         return cls(centres[filled] / mass[filled], np.log(mass[filled]), relative_width * sd, mean, sd)
 
     def log_likelihood(self, m: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Return log ∫ likelihood(θ) N(θ | m, τ) dθ over θ ≥ 0, up to a constant, in the shape of m."""
+        """Return log ∫ likelihood(θ) N(θ | m, τ) dθ over θ ≥ 0 for arrays m and tau of one shape, up to a constant.
+
+        N(θ | m, τ) is normalised over θ ≥ 0. The result has the same shape.
+        """
         width, log = self.width, np.full(m.shape, -np.inf)
         variance = width**2 + tau**2
 
@@ -138,7 +144,10 @@ class Kernels:
         return log - scipy.special.log_ndtr(m / tau)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """Return the log likelihood at coefficients x ≥ 0, (p,), up to a constant; densities are reflected at zero."""
+        """Return the log likelihood, (p,), at coefficients x ≥ 0, (p,), with all densities reflected at zero.
+
+        It is up to a constant.
+        """
         log_weights = self.log_weights[:, None]
 
         def about(centres: np.ndarray) -> np.ndarray:
@@ -149,19 +158,19 @@ class Kernels:
 
 
 def infer_population(samples: Sequence[Sample], scale: float) -> Population:
-    """Infer the population of a non-negative coefficient.
+    """Infer the distribution of a non-negative coefficient over a population of specimens.
 
     Parameters
     ----------
     samples : sequence of Sample
         Posterior draws of each specimen.
     scale : float
-        Scale of the prior of m.
+        Scale of the half-normal prior of the location m, in the unit of the coefficient.
 
     Returns
     -------
     Population
-        Summaries of mean, spread and each specimen's coefficient.
+        Summaries of the mean and the spread of the population, and of each specimen's coefficient.
 
     Raises
     ------
@@ -206,9 +215,10 @@ def infer_population(samples: Sequence[Sample], scale: float) -> Population:
 
 
 def _grid(kernels: Sequence[Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the grid of m and τ, (LOCATIONS, SCALES) each, and the log prior probability of each grid cell.
+    """Return the grid of m and τ, and the log prior probability of its cells, (LOCATIONS, SCALES) each.
 
-    The scales are evenly spaced in their logarithm. The locations at each scale are centred on the specimens' mean.
+    The values of τ are evenly spaced in their logarithm. For each τ, the values of m are centred on the mean of the
+    specimens, weighted for this τ. Log probabilities are up to a constant. scale: scale of the prior of m.
     """
     means, sds = (np.array([getattr(k, n) for k in kernels]) for n in ("mean", "sd"))
     tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST_TAU * scale, SCALES)

@@ -2,13 +2,13 @@
 
 The spectrum shows structure near the frequency of the oscillation, at its overtones, and at low frequencies.
 
-A score test detects a misfit of a few nats along one direction, which the spectrum does not show. The direction is the
-effect of a small additional force on the fitted motion: the response of the linearised motion, by variation of
-parameters from its derivatives by the start (Coddington and Levinson, Theory of Ordinary Differential Equations, 1955,
-section 3.6). After the fitted directions are removed from both, the projection of the residuals on this direction is
-standard normal if the model is right (Rao, Proceedings of the Cambridge Philosophical Society 44, 1948). Together with
-the length of the direction in units of the noise, and a prior for the size of the force, it gives the Bayes factor of
-the model with this force added.
+A score test detects a misfit of a few nats along one direction in the space of residuals, which the spectrum does not
+show. The direction is the change of the fitted motion by a small additional force. It is computed by variation of
+parameters, from the derivatives of the motion by its start (Coddington and Levinson, Theory of Ordinary Differential
+Equations, 1955, section 3.6). The fitted directions (changes of the motion by fitted parameters) are projected out of
+both. If the model is right, the projection of the residuals on the direction is then standard normal (Rao, Proceedings
+of the Cambridge Philosophical Society 44, 1948). Together with the length of the direction in units of the noise, and a
+prior for the size of the force, it gives the Bayes factor of the model with this force added.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from bayesdamp.types import AddedForm
 OVERTONES = (2, 3)
 """Overtones that are tested, as multiples of the frequency of the oscillation."""
 BAND_NEIGHBOURS = 2
-"""Number of neighbouring frequencies on either side that belong to a band, in steps of one over the duration: the
-residual of an oscillation under a wrong law is modulated slowly."""
+"""Number of neighbouring frequencies on either side that are tested together with a frequency, in steps of 1/duration.
+The residual of an oscillation under a wrong damping law is modulated slowly, which spreads its peak over them."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
-"""Low frequencies that are tested, in periods per duration of the record."""
+"""Low frequencies that are tested, in cycles per duration of the record."""
 LEAST_REMAINING_NORM = 0.3
-"""A wave is left out if the fitted directions leave at most this fraction of its norm."""
+"""A combination of test waves (sines and cosines) is left out if at most this fraction of its norm remains after the
+fitted directions are projected out."""
 MOST_SAMPLES = 20_000
-"""Greatest number of values in the search for a peak; a longer record is averaged in blocks. The frequencies that are
-lost are far above the tested overtones."""
+"""Greatest number of values in the search for the largest peak of the spectrum; a longer record is averaged in blocks.
+The frequencies that are lost are far above the tested overtones."""
 
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
 AT_OVERTONES = (
@@ -46,17 +47,18 @@ SLOW_STRUCTURE = "it is slow, as if the record's zero drifted"
 OTHER_OSCILLATION = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
 
 PARTS_PER_STEP = 32
-"""Number of points in a step of the solver for the integration of a force."""
+"""Number of parts into which each step of the ODE solver is divided for the integral of the response to a force."""
 NEAR_REST = 0.1
-"""Width of the velocity range of friction near rest, as a fraction of the largest velocity."""
-REVERSAL_WIDTH = 0.02
-"""Width of the velocity range within which the friction near rest changes its sign, as a fraction of the largest
+"""Width of the velocity range in which the tested form "friction near rest" acts, as a fraction of the largest
 velocity."""
+REVERSAL_WIDTH = 0.02
+"""Width of the velocity range within which this friction changes its sign, as a fraction of the largest velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
-"""A direction is left out if the fitted directions leave at most this fraction of its length."""
+"""A force is not tested if at most this fraction of its direction's length remains after the fitted directions are
+projected out: fitted parameters can then replace the force."""
 FORCE_SCALE = 0.5
-"""Prior scale of an additional force, as a fraction of the largest damping force (conventional). The prior is
-half-normal, or normal if the force may have either sign."""
+"""Prior scale of an additional force, as a fraction of the largest damping force in the fit (conventional). The prior
+is half-normal, or normal if the force may have either sign."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class SpectralLine:
     Attributes
     ----------
     chance : float
-        p value: probability of such a peak under white noise, for all tested bands together.
+        p value: probability that white noise has a peak this high in any of the tested bands.
     words : str
         Description of the peak, to follow "structure remains in the residuals: ".
     """
@@ -80,9 +82,10 @@ def find_spectral_line(
 ) -> SpectralLine:
     """Find the most significant peak in the spectrum of whitened residuals.
 
-    In each band, the squared projection of the residuals on waves without the fitted directions is chi-square
-    distributed. The largest of m ordinates of the periodogram exceeds x with probability 1 − (1 − e^−x)^m (Fisher
-    1929).
+    Tested are bands of frequencies at the oscillation, its overtones and low frequencies, and the largest peak of the
+    periodogram. In a band, the squared projection of the residuals on waves from which the fitted directions are
+    projected out is chi-square distributed. The largest of m ordinates of the periodogram exceeds x with probability 1
+    − (1 − e^−x)^m (Fisher 1929).
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def find_spectral_line(
     period : float
         Period of the oscillation in s.
     absorbed : ndarray, shape (n, k)
-        Orthonormal basis of the fitted directions (derivatives by the parameters).
+        Orthonormal basis of the fitted directions, which are the derivatives of the residuals by the fitted parameters.
 
     Returns
     -------
@@ -124,22 +127,30 @@ def find_spectral_line(
 
 
 def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
-    """Return words for the largest peak in the spectrum of residuals (n,), as in `SpectralLine.words`.
+    """Describe the largest peak in the spectrum of residuals, (n,), in words like `SpectralLine.words`.
 
-    t: times in s, (n,). period: of the oscillation, in s.
+    t: times in s, (n,). period: period of the oscillation in s.
     """
     _, cycles, across = _extent(t, period)
     return _largest_peak(residual, cycles, across).words
 
 
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
-    """Return the duration of a record (s), its number of cycles, and the half width of a band (unit: 1/duration)."""
+    """Return the duration of a record in s, its number of cycles, and the half-width of a band of frequencies.
+
+    The half-width is a number of steps of 1/duration: `BAND_NEIGHBOURS`, or less for a record of few cycles. period:
+    period of the oscillation in s.
+    """
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
     return length, length / period, int(np.clip(length / period / 3, 0, BAND_NEIGHBOURS))
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis, (n, r), of the span of columns (n, k), which are first scaled to unit length."""
+    """Return an orthonormal basis, (n, r), of the space that columns, (n, k), span.
+
+    The columns are first scaled to unit length. Negligible columns and directions are left out, so that r may be below
+    k.
+    """
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
     if columns.shape[1] == 0:
@@ -151,7 +162,8 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
     """Return the largest peak of the periodogram; its p value is corrected for the number of frequencies.
 
-    cycles, across: as from `_extent`. (Gaps broaden a peak, which then is only less significant.)
+    scores: whitened residuals, (n,). cycles: number of cycles of the oscillation. across: half-width of a band, see
+    `_extent`. Times are taken as evenly spaced; gaps broaden a peak, which then is only less significant.
     """
     block = -(-scores.size // MOST_SAMPLES)
     many = scores.size // block
@@ -171,19 +183,19 @@ def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLin
 
 @dataclass(frozen=True)
 class Form:
-    """A form of force that the model lacks.
+    """A form of force that a model may lack.
 
     Attributes
     ----------
     words : str
         Description for the report.
     force : callable
-        Function of displacement and velocity, in units of their largest values, and of time from −½ to ½ of the record,
-        (n,) each.
+        Function of displacement and velocity, each divided by its largest value, and of time, which goes from −½ to ½
+        over the record, (n,) each; it returns the force, (n,), in an arbitrary unit.
     damps : bool
         Whether it is a damping force, for which a Bayes factor is reported.
     signed : bool
-        Whether its coefficient may have either sign.
+        Whether the coefficient of a damping force may have either sign.
     """
 
     words: str
@@ -208,7 +220,7 @@ FORMS = (
 
 @dataclass(frozen=True)
 class StrongestForm:
-    """The form of force that would reduce the residuals most.
+    """The form of additional force that would reduce the residuals most.
 
     Attributes
     ----------
@@ -217,8 +229,8 @@ class StrongestForm:
     words : str
         Description of the form.
     rivals : tuple of AddedForm
-        The log Bayes factor (nats) of the model with each form of damping in `FORMS` added, against the model without
-        it; 0 for a form whose effect the fitted directions contain.
+        For each damping force in `FORMS`: log Bayes factor (nats) of the model with it against the model without it; 0
+        if fitted parameters can replace the force. Empty if nothing was tested.
     """
 
     chance: float = 1.0
@@ -232,7 +244,7 @@ def find_missing_form(
     absorbed: np.ndarray,
     whiten: Callable[[np.ndarray], np.ndarray],
 ) -> StrongestForm:
-    """Find the missing form of force that would reduce the whitened residuals most.
+    """Find the form of additional force that would reduce the whitened residuals most.
 
     Nothing is tested under exact friction (ε = 0), where the motion is not a smooth function of its start.
 
@@ -243,14 +255,15 @@ def find_missing_form(
     scores : ndarray, shape (n,)
         The whitened residuals.
     absorbed : ndarray, shape (n, k)
-        Orthonormal basis of the fitted directions.
+        Orthonormal basis of the fitted directions, which are the derivatives of the whitened residuals by the fitted
+        parameters.
     whiten : callable
-        Map from a change of the residuals, (n,), to the change of the whitened residuals.
+        Function that returns the change of the whitened residuals, (n,), for a change of the residuals, (n,).
 
     Returns
     -------
     StrongestForm
-        The form with the smallest p value.
+        The form with the smallest p value, and the Bayes factors of all damping forces.
     """
     likelihood = mode.likelihood
     osc = likelihood.target.oscillator
@@ -285,10 +298,12 @@ def find_missing_form(
 def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     """Return the log Bayes factor (nats) of a model with an additional force against the model without it.
 
-    score: projection of the whitened residuals on the unit vector of the force's direction. length: length of the
-    direction for a force of one prior standard deviation. signed: whether the force may have either sign. A force of s
-    prior sds changes the log likelihood by score·length·s − (length·s)²/2; the exponential of this is averaged over a
-    normal s, or a half-normal s if the force cannot be negative.
+    score: projection of the whitened residuals on the unit vector of the force's direction. length: change of the
+    whitened residuals, as a length, by a force of one prior standard deviation. signed: whether the force may have
+    either sign.
+
+    A force of s prior standard deviations changes the log likelihood by score·length·s − (length·s)²/2. The exponential
+    of this is averaged over a standard normal s, or a half-normal s if the force cannot be negative.
     """
     shrunk = length * length / (1.0 + length * length)
     log = 0.5 * (shrunk * score * score - np.log1p(length * length))
