@@ -26,12 +26,15 @@ from validation.scoring import hits_of
 ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / ".mutation"
 PATIENCE = 10
-"""A change counts as noticed if the tests take this many times as long as without it."""
+"""A change also counts as noticed if the tests take more than this many times as long as without it."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the package: the modules to change, as globs, and the tests that must notice."""
+    """A part of the package.
+
+    modules: globs, relative to bayesdamp/, of the modules to change. tests: paths of the tests that must notice.
+    """
 
     modules: tuple[str, ...]
     tests: tuple[str, ...]
@@ -65,7 +68,7 @@ PARTS = {
 
 
 def bare(source: str) -> str:
-    """Return the code of a module without annotations."""
+    """Return the source of a module without type annotations, comments and formatting, for comparison."""
     tree = ast.parse(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.arg):
@@ -78,7 +81,7 @@ def bare(source: str) -> str:
 
 
 def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, str]]:
-    """Yield changes of a part in random order: file, source before and after."""
+    """Yield all changes of a part in random order, each as the file and its source before and after."""
     import parso
     from cosmic_ray.mutating import MutationVisitor  # pyright: ignore[reportMissingImports]
     from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
@@ -104,13 +107,13 @@ def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, str]]:
 
 
 def _count(operator: Any, node: Any) -> int:
-    """Return how many places of a syntax tree an operator can change."""
+    """Return how many places of a syntax tree an operator of Cosmic Ray (a kind of change) can change."""
     here = len(list(operator.mutation_positions(node)))
     return here + sum(_count(operator, child) for child in getattr(node, "children", ()))
 
 
 def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
-    """Return whether the tests of a part pass in the changed tree, within `patience` seconds."""
+    """Return whether these tests pass in the copy of the tree, within `patience` seconds (None: without limit)."""
     options = ["-B", "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m"]
     command = [sys.executable, *options, "not slow", *tests]
     try:
@@ -123,7 +126,7 @@ def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
 
 
 def try_changes(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
-    """Make changes to a part one after the other, and yield whether its tests fail, and the changed line.
+    """Make `count` changes to the part `name` one after the other; yield whether its tests fail, and the changed line.
 
     Raises SystemExit if the tests fail without a change.
     """

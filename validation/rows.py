@@ -1,4 +1,4 @@
-"""Tables of many records: read them, compute their missing rows in several processes, and write the page on them."""
+"""Read tables of many records, compute their missing rows in several processes, and write the pages on them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_rows(table: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def write_rows(table: Path, rows: pd.DataFrame, append: bool = False) -> None:
-    """Write rows with six significant digits, or append them to the file."""
+    """Write rows to a CSV file, numbers with six significant digits; `append` adds them to an existing file."""
     table.parent.mkdir(parents=True, exist_ok=True)
     header = not (append and table.is_file())
     rows.to_csv(table, index=False, float_format="%.6g", mode="a" if append else "w", header=header)
@@ -116,7 +116,7 @@ def complete_rows(
 
 
 def page_options(description: str | None) -> argparse.ArgumentParser:
-    """Return the command line of a page: its table of rows, its folder, and the number of processes."""
+    """Return the parser of a page's command line: its table of rows, its folder, and the number of processes."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
     parser.add_argument("folder", type=Path, help="folder of the page")

@@ -33,7 +33,8 @@ class Interval:
 def share(hits: float, count: int) -> Interval:
     """Return the share of hits in a number of trials, with its interval (Wilson 1927); NaN if the number is 0.
 
-    SciPy's function requires a whole number of hits; a mean share of three intervals for each record has none.
+    SciPy's function requires a whole number of hits. Here hits may be a fraction, because a record counts as the share
+    of its three intervals that contain the truth.
     """
     if not count:
         return Interval(math.nan, math.nan, math.nan)
@@ -44,7 +45,7 @@ def share(hits: float, count: int) -> Interval:
 
 
 def hits_of(hits: int, count: int) -> str:
-    """Format hits of a count, with the 95 % interval of their share; a dash if the count is 0."""
+    """Return text such as "8 of 10 (0.49–0.94)", with the 95 % interval of the share; a dash if `count` is 0."""
     part = share(hits, count)
     return f"{hits} of {count} ({part.low:.2f}–{part.high:.2f})" if count else "–"
 
@@ -55,7 +56,10 @@ def terms_of(damping: str) -> frozenset[str]:
 
 
 def relation(named: str, truth: str) -> str:
-    """Return "right", "more" (further terms), "less" (missing terms) or "other" for a named damping sum."""
+    """Compare a named damping sum with the true one.
+
+    Return "right"; "more" or "less" if it only has further terms or only lacks terms; "other" if it differs otherwise.
+    """
     claimed, true = terms_of(named), terms_of(truth)
     if claimed == true:
         return "right"
@@ -77,17 +81,17 @@ def probability_of(answer: Verdict, damping: str) -> float:
 
 
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:
-    """Return a quantity at the three amplitudes of each row, shape (n, 3)."""
+    """Return a quantity at the three amplitudes of each row, shape (n, 3): the columns `what`_1 to `what`_3."""
     return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
 
 
 def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
-    """Return the cells of quantities at three amplitudes: the columns that `three` reads."""
+    """Return the cells of a row with quantities at three amplitudes: ratio=(a, b, c) gives ratio_1 to ratio_3."""
     return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
 
 
 def share_covered(rows: pd.DataFrame) -> np.ndarray:
-    """Return the share of the three true ratios inside their intervals, shape (n,); NaN in rows without intervals."""
+    """Return the share of each row's three true damping ratios inside their intervals, (n,); NaN without intervals."""
     low, true, high = (three(rows, what) for what in ("low", "ratio", "high"))
     stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
     return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)

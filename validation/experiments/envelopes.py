@@ -2,9 +2,9 @@
 
     python -m validation.experiments.envelopes RECORDS SEED [KIND]
 
-prints a line for each record, and counts. KIND `plain`: one law and a constant noise floor. KIND `harsh` (the default):
-deviations from the law, a drifting gain, a noise floor that varies and is partly slow, and a drive whose own signal
-vanishes at the release.
+prints a line for each record, and the counts. KIND `plain`: one damping law and a constant noise floor. KIND `harsh`
+(the default): deviations from the law, a drifting gain, a noise floor that varies and is partly slow, and a drive whose
+direct pickup by the sensor vanishes at the release.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadrati
 
 
 def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
-    """Draw a ring-down that lasts 20 to 60 s, falls by 20 to 50 dB to its floor, and has 100 to 4,000 readings."""
+    """Draw the parameters of a ring-down of the kind "plain" or "harsh" (see the module).
+
+    It lasts 20 to 60 s, falls by 20 to 50 dB to its noise floor, and has 100 to 4,000 readings.
+    """
     duration, fall = float(rng.uniform(20, 60)), float(rng.uniform(20, 50))
     terms = CASES[rng.integers(len(CASES))].split("+")
     fall = min(fall, 30.0) if terms == ["quadratic"] else fall
@@ -61,14 +64,15 @@ def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
 
 
 def errors(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> tuple[np.ndarray, np.ndarray]:
-    """Compare an answer with the truth.
+    """Compare the decay rates of an answer with the truth.
 
     Returns
     -------
     z, inside : (4,) array
-        Standardised errors, and whether intervals contain the truth. The first element is for the mean rate over the
-        first half of the fall (by the law), from which Q follows. The others are for the rates at three amplitudes
-        (over a tenth of the fall, with deviations).
+        Errors in standard deviations, and whether the 95 % intervals contain the truth. The first element is for the
+        mean decay rate over the first half of the fall in dB, from which Q follows; its truth is that of the law
+        without deviations. The others are for the decay rates at three amplitudes; their truth is the mean over a tenth
+        of the fall, with deviations.
     """
     assert answer.curve is not None
     assert answer.verdict.rate is not None

@@ -39,7 +39,8 @@ HEADS = (
 Force = Callable[[float, float, float], float]
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
 LEAST_NATS = 12.0
-"""A true sum counts as distinguishable if its best fit is at least this many nats better than that of every rival."""
+"""A true sum counts as distinguishable if the log likelihood of its best fit is at least this much (nats) above that of
+every sum that lacks one of its terms."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,10 @@ class Truth:
 
 
 def truth_of(term: str, rng: np.random.Generator, size: float, speed: float) -> Truth:
-    """Draw the parameters of a term for motions of this amplitude and peak velocity."""
+    """Draw the parameters of a term, except its coefficient, for motions of this amplitude and peak velocity.
+
+    term: a name of `TERMS`, or "exponent". size, speed: amplitude (rad) and peak velocity (rad/s).
+    """
     match term:
         case "cubic":
             return Truth("mu_3", lambda x, v, turn: v**3)
@@ -111,7 +115,7 @@ class Case:
     values : dict
         True values of its parameters, by name.
     share : float
-        Share of the term in the energy loss.
+        Share of the term in the energy that is lost over the record; 1 if it is alone.
     noise : float
         Standard deviation of the noise, in the unit of the record.
     """
@@ -138,7 +142,7 @@ def case(term: str, seed: int) -> Case:
 
 
 def _simulate(term: str, rng: np.random.Generator) -> Case:
-    """Simulate a record. Raises NoMotionError if it breaks a rule."""
+    """Draw and simulate one record as `case` describes. Raises NoMotionError if the draw breaks a rule named there."""
     size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
     truth = truth_of(term, rng, size, speed)
@@ -186,10 +190,10 @@ def _simulate(term: str, rng: np.random.Generator) -> Case:
 
 
 def nats_ahead(comparison: ModelComparison, c: Case) -> float:
-    """Return by how many nats the best fit of the true sum exceeds those of all sums that lack one of its terms.
+    """Return by how many nats the best fit of the true sum is ahead of the best of all sums that lack one of its terms.
 
-    The laws are assumed to hold exactly, with the true noise. Infinite if no such sum was fitted, because all of them
-    were expected to be hopeless.
+    It is the difference of the log likelihoods if the laws hold exactly, with the true noise. It is infinite if no such
+    sum was fitted, because all were expected to be hopeless, and NaN if the true sum was not fitted.
     """
     true = set(c.damping.split("+"))
     squares = {frozenset(r.candidate.damping): r.fit.squares for r in comparison.results}
@@ -200,7 +204,9 @@ def nats_ahead(comparison: ModelComparison, c: Case) -> float:
 
 
 def row(term: str, seed: int) -> dict[str, object]:
-    """Answer a record, and return its row: the exponent of a power law, or the most probable sum and its intervals.
+    """Simulate a record of a term and answer it; return the row of the table that compares the answer with the truth.
+
+    For the term "exponent" the answer is the exponent of a power law, else the most probable sum and its intervals.
 
     The sums that are compared are the paper's seven, the term alone, and the term with viscous damping. The row also
     contains the probability of the true sum under exact laws, and the parameters whose intervals miss the truth.
@@ -237,7 +243,7 @@ def row(term: str, seed: int) -> dict[str, object]:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page in Markdown."""
+    """Return the page on these rows in Markdown."""
     exponents, others = where(rows, term=EXPONENT), where(rows, rows["term"] != EXPONENT)
     named, is_true = others["decided"] == 1, others["first"] == others["truth"]
     has_term = [t in first.split("+") for t, first in zip(others["term"], others["first"], strict=True)]

@@ -32,18 +32,22 @@ SINGLE = ("rotary", "video", "disc", "rig-80P", "rig-60", "rig-100", "stiff-disc
 CYCLES = 3.0
 """Least number of periods of a record whose range of amplitudes can be computed."""
 AT = (5 / 6, 1 / 2, 1 / 6)
-"""Positions at which runs are compared, as fractions of their common range of ln(amplitude)."""
+"""Amplitudes at which runs are compared, as fractions of their common range of ln(amplitude) from its lower end."""
 LEAST_RANGE = 1.1
-"""Runs are compared only if their common range of amplitudes spans at least this factor."""
+"""Runs are compared only if the upper end of their common range of amplitudes is at least this factor above the
+lower."""
 POSSIBLE = 0.05
-"""Least probability that an answer must give to the sum that the other answer names."""
+"""The damping sum of one answer counts as possible in the other if it has at least this probability there."""
 
 Answering = Callable[[Signal, tuple[float, ...]], Verdict]
 """A function of a record and amplitudes (rad) that returns a verdict, or raises Refusal if it has none."""
 
 
 def quick_verdict(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-    """Return the verdict on a record, with damping ratios at amplitudes. Raises Refusal if it has none."""
+    """Return the verdict on a record without sampling, with damping ratios at these amplitudes (unit of the record).
+
+    Raises Refusal if the verdict has no damping ratio.
+    """
     verdict = answer(signal, amplitudes, sample=False).verdict
     if not verdict.damping_ratio:
         raise Refusal(verdict.sentence)
@@ -71,7 +75,8 @@ def amplitude_range(signal: Signal) -> tuple[float, float]:
 def runs(records: Sequence[Signal], answering: Answering) -> pd.DataFrame:
     """Compare every two runs of one rig, at three amplitudes that are in the range of all runs.
 
-    Each run is answered once. Raises Refusal if the runs have no common amplitudes, or if a run has no answer.
+    The result has a row of `agreement` for each pair. Each run is answered once. Raises Refusal if the runs have no
+    common amplitudes, or if a run has no answer.
     """
     ranges = np.array([amplitude_range(signal) for signal in records])
     high, low = ranges[:, 0].min(), ranges[:, 1].max()
@@ -87,7 +92,7 @@ def runs(records: Sequence[Signal], answering: Answering) -> pd.DataFrame:
 def halves(signal: Signal, answering: Answering) -> pd.DataFrame:
     """Compare the two halves of a record at the amplitude between them, the only one that both have.
 
-    Each half begins at t = 0. Raises Refusal if a half has no answer.
+    The result has one row of `agreement`. Each half begins at t = 0. Raises Refusal if a half has no answer.
     """
     t, y = signal.t, signal.y
     cut = int(np.searchsorted(t, 0.5 * (t[0] + t[-1])))
@@ -100,9 +105,9 @@ def halves(signal: Signal, answering: Answering) -> pd.DataFrame:
 
 
 def agreement(first: str, answer: Verdict, second: str, other: Verdict) -> dict[str, Any]:
-    """Compare two answers at the same amplitudes; return a row of the table.
+    """Compare the damping ratios and sums of two answers at the same amplitudes; return a row of the table.
 
-    The standard deviation of a ratio is the width of its interval over 2 · 1.96.
+    The standard deviation of a damping ratio is the width of its interval over 2 · 1.96.
 
     Parameters
     ----------
@@ -132,7 +137,7 @@ def agreement(first: str, answer: Verdict, second: str, other: Verdict) -> dict[
 
 
 def summary(pairs: pd.DataFrame) -> str:
-    """Return the mean square of the differences, and how many sums of one answer are possible in the other."""
+    """Return one line of text on these pairs: mean square of z, and how many sums are possible in the other answer."""
     possible, decided = (
         pairs[[f"first_{what}", f"second_{what}"]].to_numpy() for what in ("possible", "decided")
     )
@@ -143,7 +148,7 @@ def summary(pairs: pd.DataFrame) -> str:
 
 
 def comparisons(part: str) -> Iterator[tuple[str, Callable[[], pd.DataFrame]]]:
-    """Yield the name of each record or rig of a part, and the function that compares its answers."""
+    """Yield the name of each record (part "halves") or rig (part "runs"), and a function that compares its answers."""
     if part == "halves":
         for name, records in signals(list(SINGLE)):
             yield name, lambda records=records: halves(records[0], quick_verdict)
@@ -154,7 +159,7 @@ def comparisons(part: str) -> Iterator[tuple[str, Callable[[], pd.DataFrame]]]:
 
 
 def main(file: Path, parts: list[str]) -> None:
-    """Run the command line: compare the answers of the wanted parts (or both), and write the table."""
+    """Run the command line: compare the answers of the parts "halves", "runs" or both, and write the table."""
     tables: list[pd.DataFrame] = []
     for part in parts or ("halves", "runs"):
         for name, compare in comparisons(part):

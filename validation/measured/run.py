@@ -27,7 +27,7 @@ SPRING = ReadingOptions(time="1", angle="2", unit="m")
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured record: its name, its file in the data folder, and the options with which it is read."""
+    """A measured record: its name, its file (relative to the data folder), and the options with which it is read."""
 
     name: str
     file: str
@@ -59,7 +59,10 @@ RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", ReadingOptions())
 
 
 def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
-    """Yield the name of each wanted record and its free decays. Only the file of ten runs has several."""
+    """Yield the name of each wanted record (all if `wanted` is empty) and its free decays.
+
+    Only the file of ten runs gives several decays; of every other file the first one is used.
+    """
     for record in (*RECORDS, RUNS):
         if not wanted or record.name in wanted:
             results = records_in(DATA / record.file, record.options)
@@ -68,7 +71,7 @@ def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
 
 
 def verdicts(wanted: list[str]) -> Iterator[Verdict]:
-    """Yield the verdict on each record, and the verdict on all runs of a file together."""
+    """Yield the verdict on each free decay of the wanted records, and that on all runs of a file as one specimen."""
     for name, records in signals(wanted):
         answers: list[Answer] = []
         for number, signal in enumerate(records, start=1):
@@ -82,7 +85,7 @@ def verdicts(wanted: list[str]) -> Iterator[Verdict]:
 
 
 def main(folder: Path, wanted: list[str]) -> None:
-    """Run the command line: answer the records, and write README.md and verdicts.csv into a folder."""
+    """Run the command line: answer the wanted records (all if there are none), and write README.md and verdicts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
     results = list(verdicts(wanted))
     write_table(folder / "verdicts.csv", columns(), [v.row() for v in results])

@@ -31,7 +31,7 @@ class Case:
     kind : str
         A kind in OUTSIDE or INSIDE.
     damping : str
-        The true damping sum; or the true damping, if it is not in the family.
+        The true damping sum; for a damping outside the family its name, such as "cubic".
     noise : float
         Standard deviation of the noise relative to the amplitude.
     t, y : (n,) array
@@ -95,14 +95,15 @@ def _motion(
     left: float,
     force: rec.Force,
 ) -> tuple[np.ndarray, str]:
-    """Simulate the motion of a record, (n,), and return it with the true damping.
+    """Simulate the motion of a record of a kind; return the positions (n,) in normalised units, and the true damping.
 
     Parameters
     ----------
     kind, rng, times, cycles
         Kind of the record, generator of its random numbers, times (n,) and their number of cycles.
     damping, left, force
-        A damping sum, and its force that reduces the amplitude to `left`.
+        A damping sum of the family, the fraction to which it reduces the amplitude, and its force. Kinds with another
+        damping do not use the sum or the force.
     """
 
     def sign() -> float:

@@ -1,4 +1,4 @@
-"""Simulate oscillators inside and outside the family of models with SciPy.
+"""Simulate oscillators inside and outside the family of models (see `validation.misfit`) with SciPy.
 
 Units are normalised: the motion starts at 1 with zero velocity, and its frequency at small amplitudes is 1 rad per unit
 of time. A damping is a function of the velocity; the spring is linear.
@@ -21,17 +21,18 @@ TERMS: Mapping[str, Callable[[float], Force]] = {
     "cubic": lambda eps: lambda v: v**3,
     "root": lambda eps: lambda v: v / (v * v + eps * eps) ** 0.25,
 }
-"""Damping terms with coefficient 1, as functions of the velocity eps within which a discontinuous term changes sign."""
+"""For each damping term a function that returns its force with the coefficient 1. Its argument eps is the velocity
+within which a discontinuous term changes sign."""
 
 
 def fall(damping: Force, amplitude: float) -> float:
-    """Return the decrease of an amplitude per radian, from the energy that a harmonic motion loses in a cycle."""
+    """Return the decrease of an amplitude per radian of phase, from the energy loss of a harmonic motion in a cycle."""
     phase = (np.arange(720) + 0.5) * 2 * np.pi / 720
     return float(np.mean(np.asarray(damping(amplitude * np.cos(phase))) * np.cos(phase)))
 
 
 def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: float = 0.02) -> Force:
-    """Return a sum of terms that reduces the amplitude to a given value.
+    """Return the force of a sum of damping terms that reduces the amplitude from 1 to a given value.
 
     Parameters
     ----------
@@ -57,12 +58,16 @@ def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: flo
 
 
 def free(damping: Force, times: np.ndarray) -> np.ndarray:
-    """Return the positions, (n,), of a freely decaying oscillator."""
+    """Return the positions, (n,), at these times of a freely decaying oscillator with this damping force."""
     return _solved(lambda t, s: [s[1], -damping(s[1]) - s[0]], [1.0, 0.0], times)
 
 
 def driven(damping: Force, times: np.ndarray, frequency: float, amplitude: float, phase: float) -> np.ndarray:
-    """Return the positions of an oscillator with a harmonic force, whose undamped steady motion has `amplitude`."""
+    """Return the positions, (n,), of an oscillator with a harmonic driving force, which also starts at 1.
+
+    frequency: of the force, in natural frequencies. amplitude: of the steady motion without damping, except within 1 %
+    of resonance, where the force is limited. phase: of the force at the start, rad.
+    """
     force = amplitude * max(abs(1 - frequency**2), 0.02)
 
     def slope(t, s):
@@ -76,7 +81,8 @@ def changing(
 ) -> np.ndarray:
     """Return the positions of an oscillator whose damping increases exponentially and whose stiffness linearly.
 
-    Over the record the damping increases by exp(damping_grows), and the stiffness by `stiffness_grows`.
+    Over the record the damping increases by the factor exp(damping_grows), and is `damping` at the middle; the
+    stiffness increases by the fraction `stiffness_grows`.
     """
     end = float(times[-1])
 
@@ -88,7 +94,11 @@ def changing(
 
 
 def coupled(damping: Force, times: np.ndarray, coupling: float, detuning: float) -> np.ndarray:
-    """Return the positions, (n,), of one of two coupled oscillators. The other starts at 0 with zero velocity."""
+    """Return the positions, (n,), of one of two coupled oscillators. The other starts at 0 with zero velocity.
+
+    coupling: stiffness of the coupling spring; detuning: amount by which the stiffness of the other oscillator is
+    larger; both relative to the stiffness of the first one.
+    """
 
     def slope(t, s):
         pull = coupling * (s[0] - s[2])
@@ -103,7 +113,8 @@ def coupled(damping: Force, times: np.ndarray, coupling: float, detuning: float)
 def sticking(kinetic: float, static: float, speed: float, times: np.ndarray) -> np.ndarray:
     """Return the positions of an oscillator with Stribeck friction, which may stick.
 
-    The friction falls from `static` to `kinetic` within the velocity `speed`; its sign is not smoothed.
+    The friction falls from `static` at rest to `kinetic` within the velocity `speed`; its sign is not smoothed.
+    After it sticks, the position is constant.
     """
     out = np.empty(times.size)
     t, x, done = 0.0, 1.0, 0
@@ -132,6 +143,6 @@ def sticking(kinetic: float, static: float, speed: float, times: np.ndarray) -> 
 
 
 def _solved(slope: Slope, start: list[float], times: np.ndarray) -> np.ndarray:
-    """Solve an equation of motion and return the positions, (n,)."""
+    """Solve an equation of motion from the state `start`; return the positions, the first components, at times (n,)."""
     end = float(times[-1])
     return solve_ivp(slope, (0.0, end), start, "DOP853", times, rtol=1e-9, atol=1e-11, max_step=0.5).y[0]

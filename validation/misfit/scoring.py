@@ -26,7 +26,8 @@ COLUMNS = (
     "seconds", "sentence",
 )  # fmt: skip
 REFUSED, OPEN, RIGHT, WRONG = "refused", "open", "right", "wrong"
-"""Outcomes: the answer names no damping; it names none outright; it names the true damping outright, or another one."""
+"""Outcomes of an answer. REFUSED: it names no damping, because the record is not a free decay or no model fits. OPEN:
+it names no damping outright. RIGHT: it names the true damping outright. WRONG: it names another damping outright."""
 NO_ANSWER = (Grade.NO_FREE_DECAY, Grade.NOT_WEIGHED)
 
 HEADS = (
@@ -36,9 +37,9 @@ HEADS = (
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, object]:
-    """Simulate a case, answer its CSV file as `bayesdamp compare --quick` does, and return its row.
+    """Simulate a case, answer its CSV file as `bayesdamp compare --quick` does, and return its row of the table.
 
-    The column `seconds` is CPU time.
+    The column `seconds` is the CPU time of the answer.
     """
     case = draw_case(kind, number, seed)
     began = time.process_time()
@@ -71,7 +72,7 @@ def outcome(verdict: Verdict, truth: str) -> str:
 
 
 def _verdict(case: Case, file: Path) -> Verdict | str:
-    """Return the verdict, or the reason why the file is refused."""
+    """Write a case to a CSV file and read it as `compare` does; return the verdict, or the reason why it is refused."""
     pd.DataFrame({"t": case.t, "angle": case.y}).to_csv(file, index=False)
     try:
         (record,) = records_in(file, ReadingOptions(time="t", angle="angle", unit="rad"))

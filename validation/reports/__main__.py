@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 WORK = ".reports"
 """Folder for intermediate files of unfinished reports."""
 STALE = 1
-"""Exit status if a report is stale or failed."""
+"""Exit status if a report is stale (its sources have changed since it was made), or if making it failed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -78,7 +78,10 @@ def _check() -> int:
 
 
 def _make(recipe: Recipe) -> bool:
-    """Run the commands of a recipe, check the report and stamp it; return whether it succeeded."""
+    """Run the commands of a recipe, and return whether the report was made.
+
+    It is stamped as made only if the commands succeed and it does not contradict the truth of its records.
+    """
     now = digest(recipe, ROOT)
     work, out = ROOT / WORK / f"{recipe.name}-{now[:12]}", ROOT / "reports" / recipe.name
     work.mkdir(parents=True, exist_ok=True)

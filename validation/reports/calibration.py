@@ -21,30 +21,31 @@ from validation.rows import read_rows, where
 
 LEVEL = 0.95
 POWER = 0.8
-"""Probability of detecting an effect (conventional)."""
+"""Probability with which a test must detect an effect whose size the page states (conventional)."""
 
 
 @lru_cache
 def rejected(n: int, level: float, alarm: float) -> np.ndarray:
-    """Return which numbers k of n intervals that contain the truth a binomial test rejects, for k = 0 to n, (n + 1,).
+    """Return a mask (n + 1,): whether a binomial test rejects k of n intervals containing the truth, for k = 0 to n.
 
-    The test is exact and two-sided; its null hypothesis is that an interval contains the truth with probability
-    `level`.
+    The test is exact and two-sided, with the false-alarm rate `alarm`; its null hypothesis is that an interval contains
+    the truth with probability `level`.
     """
     return np.array([binomtest(k, n, level).pvalue < alarm for k in range(n + 1)])
 
 
 def power(n: int, level: float, alarm: float, width: float) -> float:
-    """Return the probability that the binomial test detects intervals with `width` times the correct width.
+    """Return the probability that the test of `rejected` detects intervals with `width` times the correct width.
 
-    The posterior is normal, and `n` records are tested with the false-alarm rate `alarm`.
+    level: stated probability of the intervals. The posterior is normal, and `n` records are tested with the false-alarm
+    rate `alarm`.
     """
     inside = 2 * norm.cdf(width * norm.ppf(0.5 + 0.5 * level)) - 1
     return float(binom.pmf(np.arange(n + 1), n, inside)[rejected(n, level, alarm)].sum())
 
 
 def narrowest_passed(n: int, level: float, alarm: float) -> float:
-    """Return the largest relative width below 1 that the test detects with probability `POWER`; 0 if there is none."""
+    """Return the largest `width` below 1, in steps of 0.01, for which `power` is at least `POWER`; 0 without one."""
     percents = (percent / 100 for percent in range(99, 0, -1))
     return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
 
@@ -120,7 +121,7 @@ this report again; `ARGS=--full` uses ten times as many records.
 
 
 def main(folder: Path) -> None:
-    """Write README.md into the folder of a run."""
+    """Write README.md into the folder of a calibration or model recovery, from its run.json and its table."""
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     is_recovery = run["kind"] == "model recovery"
     page = recovery(run) if is_recovery else calibration(run, read_rows(folder / "calibration.csv"))

@@ -33,24 +33,28 @@ EXCLUDED = 0.05
 MISSED = 0.05
 """Fraction of 95 % intervals that may miss the truth."""
 ALARM = 1e-3
-"""False-alarm probability of each test on many records (conventional)."""
+"""False-alarm probability of each test in `of_many`; that in `misses` is ten times as large (conventional)."""
 FAR = 1.0
-"""Largest distance of the truth from an interval, in widths of the interval.
+"""Largest distance of the truth from a 95 % interval that is not a contradiction, in widths of the interval.
 
 For a normal distribution the truth is then 5.9 standard deviations from the middle.
 """
 TIE = math.log(1.25)
-"""Log odds below which two dampings count as equally probable."""
+"""Difference of log probabilities (nats) up to which it does not matter which of two dampings is named first."""
 
 RADIANS = {"rad": 1.0, "deg": math.pi / 180}
-"""Units of an amplitude, in rad."""
+"""Size in rad of each unit in which a page gives an amplitude."""
 
 Verdicts = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated record of a study: its true damping terms, the values of its parameters, its oscillator."""
+    """A simulated record of a study.
+
+    damping: the true terms. truth: the true values of the parameters, by name. oscillator: the true oscillator; None if
+    it has a term or law that `validation.truth` does not contain.
+    """
 
     damping: frozenset[str]
     truth: Mapping[str, float]
@@ -58,7 +62,7 @@ class Simulated:
 
     @classmethod
     def of(cls, signal: Mapping[str, Any]) -> Simulated:
-        """Read a signal of a study from run.json."""
+        """Return the simulated record that an entry `signal` of a study in run.json describes."""
         source, restoring = signal["source"], signal["system"]["restoring"]
         truth = {name: value for name, value in source["truth"].items() if isinstance(value, int | float)}
         damping, oscillator = tuple(source["damping"]), None
@@ -74,7 +78,10 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Quoted:
-    """An interval that a page gives for a value whose truth is known."""
+    """A 95 % interval that a page gives for a value whose truth is known.
+
+    record: name of the record. what: the value, in words. low, high, truth: in the unit of the page.
+    """
 
     record: str
     what: str
@@ -95,7 +102,7 @@ class Quoted:
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
     """Return the equivalent damping ratio at an amplitude in rad.
 
-    It is the energy lost in a cycle over 4π times the energy.
+    It is the energy lost in a cycle over 4π times the energy at the amplitude, half the range of the motion.
     """
     potential = oscillator.potential()
 
@@ -118,7 +125,9 @@ def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
 def named_wrongly(
     record: str, truth: frozenset[str], decided: bool, damping: str, probabilities: Mapping[str, float]
 ) -> list[str]:
-    """Compare the damping that a page names with the true one.
+    """Return the contradiction, if any, between the damping that a page names and the true one.
+
+    A page that does not name the damping outright contradicts the truth if it gives it a probability below `EXCLUDED`.
 
     Parameters
     ----------
@@ -129,7 +138,7 @@ def named_wrongly(
     decided : bool
         Whether the page names the damping outright.
     damping : str
-        The first damping of the page.
+        The damping that the page gives as the most probable one.
     probabilities : mapping
         Probability of each damping on the page.
     """
@@ -143,9 +152,10 @@ def named_wrongly(
 
 
 def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
-    """Compare 95 % intervals with the truth: none may be far off, and not more may miss it than by chance.
+    """Return contradictions of 95 % intervals: those that are far off, and all misses if there are too many for chance.
 
-    Only the middle interval of each record is counted, because the intervals of a record are not independent.
+    Far off means more than `FAR` widths; too many is decided by a binomial test at 1 %. For the test only the middle
+    interval of each record is counted, because the intervals of a record are not independent.
 
     Parameters
     ----------
@@ -166,7 +176,10 @@ def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
 
 
 def of_study(folder: Path) -> list[str]:
-    """Compare a study's verdicts, posteriors, evidence and page with the truth of its simulated records."""
+    """Return the contradictions between a study's verdicts, posteriors, evidence and page and the truth of its records.
+
+    folder: the results of the study; only its simulated records are compared.
+    """
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     signals = run.get("study", {}).get("signals", [])
     truths = {s["name"]: Simulated.of(s) for s in signals if "truth" in (s.get("source") or {})}
@@ -199,7 +212,7 @@ def of_study(folder: Path) -> list[str]:
 
 
 def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quoted]:
-    """Yield the posterior intervals of damping coefficients under the true damping."""
+    """Yield the intervals of damping coefficients in posteriors.csv, for the posteriors under the true damping."""
     for row in read_rows(folder / "posteriors.csv").to_dict("records"):
         truth, name = truths.get(row["signal"]), row["parameter"]
         if truth is None or row["outcome"] != OK or math.isnan(row["q2.5"]):
@@ -210,7 +223,7 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quote
 
 
 def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
-    """Compare the true values in estimates.csv with those in the study."""
+    """Return a sentence for each true value in estimates.csv that differs from that in the study's settings."""
     wrong = set()
     for row in read_rows(folder / "estimates.csv").to_dict("records"):
         signal, name, stated = row["signal"], row["parameter"], row["truth"]
@@ -221,7 +234,10 @@ def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
 
 
 def _other_leaders(folder: Path, verdicts: Verdicts) -> list[str]:
-    """Compare the most probable damping of each verdict with that of each method in evidence.csv."""
+    """Return a sentence for each record and method of evidence.csv whose most probable damping is not the verdict's.
+
+    Differences of less than `TIE` are ignored.
+    """
     logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in read_rows(folder / "evidence.csv").to_dict("records"):
         if row["outcome"] == OK and not math.isnan(row["log_evidence"]):
@@ -240,7 +256,7 @@ def _other_leaders(folder: Path, verdicts: Verdicts) -> list[str]:
 
 
 def _not_quoted(folder: Path, verdicts: Verdicts) -> list[str]:
-    """Return the records whose verdict is not quoted on the page."""
+    """Return a sentence for each record whose verdict is not quoted in report.html of the folder."""
     page = folder / "report.html"
     if not verdicts or not page.is_file():
         return []
@@ -258,9 +274,10 @@ def of_many(
     p: str = "probability",
     own: str = "",
 ) -> list[str]:
-    """Test how many records of a table have a wrong damping named outright, or exclude the true damping.
+    """Return sentences if too many records of a table name a wrong damping outright, or exclude the true damping.
 
-    The first number is compared with the sum of 1 − probability, the second with 5 % of the records.
+    The first number is compared with its expectation, the sum of 1 − probability over the records that name a damping
+    outright, the second with 5 % of the records, each by a test with the false-alarm probability `ALARM`.
 
     Parameters
     ----------
@@ -286,14 +303,21 @@ def of_many(
 
 
 def quoted(rows: pd.DataFrame, what: str, record: str, low: str, high: str, truth: str) -> list[Quoted]:
-    """Return the intervals of the named columns, without rows that have none."""
+    """Return the intervals of a table, without rows that have none.
+
+    what: the value, in words. record, low, high, truth: names of the columns with the record, the ends of the interval
+    and the true value.
+    """
     stated = rows.dropna(subset=[low])
     columns = (stated[record], *(stated[name].astype(float) for name in (low, high, truth)))
     return [Quoted(name, what, *numbers) for name, *numbers in zip(*columns, strict=True)]
 
 
 def of_deviation(rows: pd.DataFrame, name: str) -> list[str]:
-    """Compare the records of the family in the report on the accuracy of the answer with their truth."""
+    """Return the contradictions in rows.csv of the report `deviation`, for its records of the family.
+
+    name: of the report, for the sentences.
+    """
     rows = where(rows, kind="family", outcome=OK)
     rows = rows.assign(record=rows["case"] + "/" + rows["mode"])
     intervals = quoted(rows, "ratio", "record", "low_2", "high_2", "ratio_2")
@@ -301,14 +325,14 @@ def of_deviation(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def of_laws(rows: pd.DataFrame, name: str) -> list[str]:
-    """Compare the rows of the report on further damping terms with their truth."""
+    """Return the contradictions of the table of the report `laws`, on further damping terms, with its truth."""
     exponents = where(rows, term="exponent")
     intervals = quoted(exponents, "exponent", "case", "exponent_low", "exponent_high", "truth")
     return of_many(rows.dropna(subset=["first"]), name) + misses(intervals)
 
 
 def of_misfit(rows: pd.DataFrame, name: str) -> list[str]:
-    """Compare the rows of the report on misfits with their truth: those called right, and those of clean records."""
+    """Return the contradictions in the table of the report `misfit`: of rows called right, and of clean records."""
     sentences = [
         f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}"
         for r in where(rows, outcome="right").to_dict("records")
@@ -320,7 +344,7 @@ def of_misfit(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def of_recovery(rows: pd.DataFrame, name: str) -> list[str]:
-    """Compare the probabilities of a model recovery with the true dampings of its records."""
+    """Return the contradictions between the probabilities of a model recovery and the true dampings in its table."""
     rows = where(rows, outcome=OK)
     by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]]
     own = [row[row["model"]] for row in rows.to_dict("records")]
@@ -330,7 +354,7 @@ def of_recovery(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def of_light(rows: pd.DataFrame, name: str) -> list[str]:
-    """Compare the rows of the report on light damping with their truth."""
+    """Return the contradictions of the table of the report `light`, on light damping, with its truth."""
     rows = where(rows, outcome=OK)
     intervals = quoted(rows, "ratio", "record", "low", "high", "true_ratio")
     return of_many(rows, name, p="p_first", own="p_truth") + misses(intervals)
@@ -348,13 +372,13 @@ NAMES = {"viscous": "viscous", "coulomb (dry friction)": "coulomb", "quadratic (
 
 
 def _values(pairs: str) -> dict[str, float]:
-    """Parse a text such as name=value,name=value to numbers by name."""
+    """Return the numbers by name in a text such as `zeta=0.1,mu_c=0.2`."""
     split = (pair.partition("=") for pair in pairs.split(",") if pair)
     return {name: float(value) for name, _, value in split}
 
 
 def of_document(page: Path) -> list[str]:
-    """Compare the verdicts that a page of the documentation quotes with the record that its command simulates.
+    """Return the contradictions between verdicts that a page of docs/ quotes and the record that its command simulates.
 
     A page without such a command is skipped. So is a page with several, because it is not clear which record a sentence
     describes.
@@ -391,11 +415,11 @@ TABLES: Mapping[str, Callable[[pd.DataFrame, str], list[str]]] = {
     "misfit/scored.csv": of_misfit,
     "model_recovery/recovery.csv": of_recovery,
 }
-"""Tables with many records, by folder and file, and the functions that compare them with the truth."""
+"""For each table with many records, its path below reports/ and the function that returns its contradictions."""
 
 
 def contradictions(page: Path) -> list[str]:
-    """Compare a folder under reports/, or a single page, with the truth of its records."""
+    """Return a sentence for each contradiction of a folder under reports/, or a page, with the truth of its records."""
     if not page.is_dir():
         return of_document(page) if page.suffix == ".md" else []
     wrong = []

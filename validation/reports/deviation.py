@@ -25,11 +25,13 @@ from validation.truth.records import FAMILY, KINDS, Case, case, name_of
 SEED = 903
 """Seed of the records. No threshold and no prior was chosen on them."""
 DENSE = 10
-"""Factor on the sampling rate of the dense records."""
+"""Factor by which the sampling rate of the records counted by `--dense` is higher."""
 NEAR = 0.1
-"""Largest relative difference between the amplitude of a damping ratio and the requested amplitude."""
+"""Largest relative difference that is allowed between the amplitude of an answered damping ratio and the requested
+one."""
 LEAST = 1e-12
-"""Smaller probabilities count as this value, so that the mean of their logarithms is finite."""
+"""Probabilities of the true sum below this value count as this value, so that the mean of their logarithms is
+finite."""
 COLUMNS = (
     "case", "kind", "oversample", "mode", "damping", "restoring", "cycles", "nats", "noise_sd", "outcome", "seconds",
     "decided", "named", "relation", "probability", "true_probability", "grade",
@@ -59,7 +61,11 @@ wide. Discrepant records, *auto*: coverage at least 0.92 (0.90 at ten times the 
 
 
 def row(kind: str, number: int, oversample: int, mode: str) -> dict[str, Any]:
-    """Simulate a record, answer it in a mode of deviations from the laws (none or auto), and return its row."""
+    """Simulate a record, answer it, and return its row.
+
+    kind, number, oversample: the record, as in `validation.truth.records.case`. mode: "none" (the laws hold exactly) or
+    "auto" (also approximate laws).
+    """
 
     def quick_verdict(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         return answer(signal, amplitudes, deviation=mode, measured=False, sample=False).verdict
@@ -211,7 +217,7 @@ def _geometric(values: np.ndarray) -> float:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page in Markdown."""
+    """Return the page on these rows in Markdown."""
     table = scores(rows)
     sentences = [
         f"If {condition}, 95 % intervals of the damping ratio contain the truth in {line['coverage']} of "

@@ -31,16 +31,17 @@ from validation.truth.oscillator import Oscillator
 from validation.truth.rivals import loss_rate
 
 MOTIONS, ENVELOPES = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
-"""Damping ratios for records of oscillations and of envelopes."""
+"""Nominal damping ratios of the simulated oscillations, and of the simulated envelopes."""
 LONG = 1e-4
-"""The damping ratio of the oscillations with the longest records, of which each takes half a minute."""
+"""The nominal damping ratio of the longest records of oscillations; to answer one takes half a minute."""
 SEED = 3141
 """Seed of the records. It is used only for this page: no prior and no threshold was chosen on these records."""
 DAMPINGS = ("viscous", "viscous+coulomb", "viscous+quadratic")
 SPREAD = 0.25
 """Largest difference, in decades, between the ratio of a record and the nominal ratio."""
 SHARES, FALLS = (0.2, 0.5), (5.0, 11.0)
-"""Ranges of the second term's fraction of the loss at the middle amplitude, and of first over last amplitude."""
+"""Range of the second term's fraction of the energy loss at the middle amplitude, and range of the first amplitude over
+the last."""
 NOISES = (0.003, 0.06)
 """Range of the standard deviation of the noise over the first amplitude, for a record of 40 cycles.
 
@@ -48,14 +49,15 @@ The noise grows with the square root of the number of samples, so that the infor
 ratio.
 """
 CYCLES, A_CYCLE, READINGS = 40.0, 30.0, 600
-"""Reference number of cycles, samples in a cycle, and number of readings of an envelope. The readings contain as much
-information on the amplitude as the samples of 40 cycles, of which half is information on the phase."""
+"""Number of cycles to which `NOISES` refers, number of samples in a cycle, and number of readings of an envelope. The
+600 readings contain as much information on the amplitude as the 1,200 samples of 40 cycles, half of whose information
+is on the phase."""
 SIZES, RATES = (1e-3, 0.1), (0.5, 20.0)
 """Ranges of the first amplitude in m and the frequency in Hz."""
 LEAST_LOG = -15.0
-"""Dampings whose log probability relative to the best is smaller are omitted from a row."""
+"""A row omits dampings whose log probability (nats) is below that of the most probable one by more than this."""
 OTHER_FACTORS = (0.5, 0.25, 0.0625)
-"""Other prior odds of a further term, instead of `FURTHER_TERM`."""
+"""Prior odds of a further term for which the page also computes the answers, instead of `FURTHER_TERM`."""
 DECIDED = 0.95
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 COLUMNS = (
@@ -122,7 +124,7 @@ class Drawn:
 
 
 def draw_record(decade: float, number: int) -> tuple[Drawn, np.random.Generator]:
-    """Draw the parameters of a record; return them and the generator of its noise."""
+    """Draw the parameters of record `number` of a nominal damping ratio; return them and the generator of its noise."""
     rng = np.random.default_rng([SEED, round(-math.log10(decade)), number])
     damping = DAMPINGS[number % len(DAMPINGS)]
     ratio = decade * 10 ** rng.uniform(-SPREAD, SPREAD)
@@ -144,7 +146,7 @@ def oscillation(draw: Drawn, rng: np.random.Generator) -> tuple[Signal, float]:
 
 
 def row_of(decade: float, number: int) -> dict[str, object]:
-    """Draw a record, answer it and compare the answer with the truth."""
+    """Draw record `number` of a nominal damping ratio, answer it, and return the row with answer and truth."""
     draw, rng = draw_record(decade, number)
     kind = "oscillation" if decade in MOTIONS else "envelope"
     row: dict[str, object] = {
@@ -200,14 +202,14 @@ def log_weights(result: Answer) -> pd.Series:
 
 
 def probabilities(logs: pd.Series, factor: float = FURTHER_TERM) -> pd.Series:
-    """Return the probability of each damping under other prior odds of a further term.
+    """Return the probability of each damping if a further term has the prior odds `factor` instead of the usual ones.
 
     Parameters
     ----------
     logs : Series
         Log weight of each damping with the usual odds, `FURTHER_TERM`.
     factor : float
-        The other odds.
+        Prior odds of each term after the first.
     """
     further = logs.index.str.count(r"\+")
     return pd.Series(softmax(logs + math.log(factor / FURTHER_TERM) * further), logs.index)
@@ -217,7 +219,7 @@ def probabilities(logs: pd.Series, factor: float = FURTHER_TERM) -> pd.Series:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page in Markdown."""
+    """Return the page on these rows in Markdown."""
     answered = where(rows, outcome=OK)
     named, right, coverage = _shares(answered)
     lines, bins = [], []
@@ -267,7 +269,7 @@ this report again.
 
 
 def _shares(answered: pd.DataFrame) -> tuple[str, str, str]:
-    """Format the share of records named outright, the share of correct names, and the coverage of the intervals."""
+    """Return three shares with their intervals as text: records named outright, of these correctly, and coverage."""
     sure = where(answered, decided=1)
     return (
         str(share(len(sure), len(answered))),
@@ -277,7 +279,7 @@ def _shares(answered: pd.DataFrame) -> tuple[str, str, str]:
 
 
 def _sensitivity(rows: pd.DataFrame) -> str:
-    """Return the table of how many named dampings change under other prior odds of a further term."""
+    """Return a Markdown table: how many dampings are named differently under `OTHER_FACTORS` as prior odds."""
     logs = [
         pd.Series({name: float(value) for name, _, value in (pair.rpartition(":") for pair in text.split())})
         for text in rows["logs"]

@@ -22,7 +22,7 @@ INITIAL, REFINED = "initial", "refined"
 
 
 def page(run: RunFolder) -> str:
-    """Return the page in Markdown, from the folder of a run."""
+    """Return the page in Markdown, from the folder of a run of the study `noise`."""
     every = error_series(run)
     along = next(s for s in every if s.factor == "noise")
     repeats = max(tried for own in along.answers.values() for _, tried in own)
@@ -50,7 +50,7 @@ def page(run: RunFolder) -> str:
 
 
 def _table(part: ErrorSeries) -> str:
-    """Return the table of errors and rank ranges of each method along one factor."""
+    """Return a Markdown table of each method's error (%) and range of ranks, along one factor such as the noise."""
     order = [rank_ranges(part, INITIAL, i) for i in range(len(part.values))]
     lines = []
     for method in sorted({m for m, s in part.errors if s == INITIAL}):
@@ -68,7 +68,7 @@ def _table(part: ErrorSeries) -> str:
 
 
 def main(folder: Path) -> None:
-    """Write README.md into the folder of a study."""
+    """Write README.md into the folder of a run of the study `noise`."""
     (folder / "README.md").write_text(page(RunFolder(folder)), encoding="utf-8")
 
 

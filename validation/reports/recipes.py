@@ -1,4 +1,4 @@
-"""The commands that make each folder under reports/, and the sources that its numbers depend on."""
+"""List the commands that make each report under reports/, and the sources that its numbers depend on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ENGINE = tuple(
         "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
     )
 )  # fmt: skip
-"""The code that computes answers, posteriors and evidence."""
+"""Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
 TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
 PYTHON = "{python} -m"
@@ -35,7 +35,7 @@ class Recipe:
     sources : tuple of str
         Files and folders, relative to the root, whose code the numbers depend on.
     full : tuple of str
-        Commands with enough records to decide small effects.
+        Commands, instead of `commands`, with enough records to decide small effects; empty if there are none.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Recipe:
 
     @property
     def whole(self) -> Recipe:
-        """The recipe with its full commands, if it has any."""
+        """The recipe with `full` as its commands; the recipe itself if `full` is empty."""
         return replace(self, commands=self.full, full=()) if self.full else self
 
 
@@ -63,7 +63,7 @@ def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
 
 
 def _page(name: str, cost: int, module: str, options: str, full: str, sources: tuple[str, ...]) -> Recipe:
-    """Return the recipe of a page that one module makes; `full` are the options for many records."""
+    """Return the recipe of a page that `module` makes; `full` are its command line options for many records."""
     command = f"{PYTHON} {module} {{work}}/rows.csv {{out}}"
     return Recipe(name, cost, (f"{command} {options}",), sources, (f"{command} {full}",))
 

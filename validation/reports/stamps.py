@@ -65,18 +65,18 @@ def stale(root: Path) -> list[Recipe]:
 
 
 def is_fresh(recipe: Recipe, stamp: Stamp, root: Path) -> bool:
-    """Return whether the current sources made a report, with its usual or its full number of records."""
+    """Return whether the report with this stamp was made from the current sources, by its usual or full commands."""
     return stamp.digest in (digest(recipe, root), digest(recipe.whole, root))
 
 
 def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
-    """Write the stamp of a report."""
+    """Write the stamp of a report into `reports/made.json`; the stamps of other reports stay unchanged."""
     stamp_of = stamps(reports) | {recipe.name: stamp}
     write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})
 
 
 class _Code(ast.NodeTransformer):
-    """Removes docstrings and imports from a syntax tree, and collects what is imported."""
+    """Removes docstrings and imports from a syntax tree, and collects in `imported` what the code imports."""
 
     def __init__(self) -> None:
         self.imported: set[tuple[str, str, str]] = set()
@@ -99,9 +99,10 @@ class _Code(ast.NodeTransformer):
 
 @cache
 def _without_words(text: str) -> str:
-    """Return the digest of code without comments and docstrings. It is cached because recipes share most files.
+    """Return the SHA-256 of the code in a source text, without comments and docstrings.
 
-    It does not depend on where in the file an import stands, only on what is imported.
+    Results are cached because recipes share most files. The digest does not depend on where in the file an import
+    stands, only on what is imported.
     """
     code = _Code()
     tree = code.visit(ast.parse(text))

@@ -1,5 +1,8 @@
 """Define ten small discrepancies between a record and every law that is compared, each with its size.
 
+Each function draws the random details of a discrepancy for an oscillator, and returns either the change of its equation
+of motion (`Discrepancy`) or a sensor (`Observe`) that reads its motion wrongly.
+
 Notation: A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
 """
 
@@ -20,7 +23,7 @@ CUBIC_SENSOR = 0.005
 DRIFT = 0.05
 POWER = 1.7
 SHARE = (0.15, 0.25)
-"""Share of |v|^1.7 or x²v in the loss at three quarters of A."""
+"""Range of the share of the further force, |v|^1.7 or x²v, in the energy loss at the amplitude 0.75 A."""
 STRIBECK_EXCESS, STRIBECK_SPEED = 0.5, 0.3
 FRICTION_BY_ANGLE = 0.1
 SECOND_MODE = 0.01
@@ -28,7 +31,7 @@ STIFFENING = 0.01
 LAG = 0.1
 JITTER, JITTER_CYCLES = 0.03, 2.0
 COULOMB = ("stribeck", "angle_friction")
-"""Kinds that require Coulomb friction in the sum."""
+"""Kinds that require Coulomb friction in the oscillator's damping sum, because they change it."""
 TAKING = ("power", "position_dependent")
 """Kinds that add a damping term, which dissipates part of the energy."""
 
@@ -37,7 +40,7 @@ Observe = Callable[[Motion, np.ndarray], np.ndarray]
 
 
 def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a sensor that reads x (1 ± 0.005 (x/A)²)."""
+    """Return a sensor that reads x (1 ± 0.005 (x/A)²) at the displacement x, with a random sign."""
     bend = CUBIC_SENSOR * rng.choice([-1.0, 1.0]) / draw.amplitude**2
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
@@ -48,7 +51,7 @@ def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Let all damping increase or decrease by 5 % over the record, linearly in time."""
+    """Return a factor on all damping that increases or decreases by 5 % over the record, linearly in time."""
     rate = DRIFT * float(rng.choice([-1.0, 1.0])) / draw.duration
     middle = draw.begin + 0.5 * draw.duration
     return Discrepancy(scale=lambda t: 1 + rate * (t - middle))
@@ -61,7 +64,7 @@ def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Add friction that increases at low velocities to Coulomb friction μ: μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
+    """Return a further friction at low velocities: μ/2 · exp(−(v/v_s)²), with Coulomb friction μ and v_s = 0.3 V."""
     more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
     speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
     return Discrepancy(
@@ -78,7 +81,10 @@ def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Vary Coulomb's μ with the angle, as in an uneven bearing: μ (1 + 0.1 sin(2πx/λ + φ)), λ from 0.7 to 3 A."""
+    """Return a change of Coulomb friction μ with the angle x, as in an uneven bearing: 0.1 μ sin(2πx/λ + φ).
+
+    λ is drawn from 0.7 to 3 A, and φ from 0 to 2π.
+    """
     depth = FRICTION_BY_ANGLE * draw.oscillator.damping["coulomb"]
     turns, phase = 2 * np.pi / (log_uniform(rng, 0.7, 3.0) * draw.amplitude), float(rng.uniform(0, 2 * np.pi))
     return Discrepancy(
@@ -88,7 +94,10 @@ def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Add a second decaying sinusoid to the reading: 1 % of A, 1.5 to 5 ω, the damping ratio of the first."""
+    """Return a sensor that adds a second decaying sinusoid, with an amplitude of 1 % of A and 1.5 to 5 times ω.
+
+    Its damping ratio is that of the oscillator at 0.75 A.
+    """
     frequency, phase = float(rng.uniform(1.5, 5.0)) * draw.frequency, float(rng.uniform(0, 2 * np.pi))
     rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
 
@@ -100,13 +109,13 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Add the restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains."""
+    """Return a further restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains, with a random sign."""
     c = STIFFENING * float(rng.choice([-1.0, 1.0])) * draw.frequency**2 / draw.amplitude**4
     return Discrepancy(spring=lambda x: c * x**5, potential=lambda x: c * x**6 / 6)
 
 
 def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a first-order sensor with the time constant τ = 0.1/ω. It reads 0.5 % too low, with a delay of τ.
+    """Return a first-order (low-pass) sensor with time constant τ = 0.1/ω. It reads 0.5 % too low, with a delay of τ.
 
     The integral of the past angle, weighted by exp(−s/τ)/τ, is computed by Gauss-Laguerre quadrature, which is exact to
     1e-9 for a harmonic motion and its harmonics. Before the release the angle is constant.
@@ -122,7 +131,10 @@ def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Let all damping vary by 3 % (sd): a smooth curve through independent normal values every two cycles."""
+    """Return a random factor on all damping, with mean 1 and sd 3 %, that varies smoothly over about two cycles.
+
+    It is a cubic spline through independent normal values every two cycles.
+    """
     gap = JITTER_CYCLES * 2 * np.pi / draw.frequency
     count = int((draw.begin + draw.duration) / gap) + 6
     curve = CubicSpline(gap * np.arange(count), 1 + JITTER * rng.standard_normal(count))
@@ -138,7 +150,10 @@ def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def _extra(draw: Draw, share: float, unit: Callable[[float, float], float]) -> float:
-    """Return the coefficient with which a damping force of (x, v) has this share of the loss at MIDDLE."""
+    """Return the coefficient with which a damping force has this share of the energy loss at `MIDDLE` times A.
+
+    unit: the force with the coefficient 1, as a function of displacement (rad) and velocity (rad/s).
+    """
     size, frequency = MIDDLE * draw.amplitude, draw.frequency
 
     def loss(phase: float) -> float:
@@ -156,4 +171,4 @@ KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] =
         sensor_lag, jitter,
     )
 }  # fmt: skip
-"""By name: functions of a random generator and a draw that return a changed motion or a sensor."""
+"""The functions of this module that draw a discrepancy, by name."""

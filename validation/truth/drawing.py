@@ -13,9 +13,11 @@ from validation.truth.rivals import loss_rate
 EPSILON = 0.02
 """Width of the smoothed sign in Coulomb friction, if it is smoothed, as a share of the peak velocity."""
 MIDDLE = 0.75
-"""Share of the first amplitude at which shares of the energy loss are drawn, because most energy is lost early."""
+"""Amplitude, as a fraction of the first, at which the terms' shares of the energy loss are drawn, because most energy
+is lost early."""
 FLOOR = 0.2
-"""Least share of a term at this amplitude; over the record a share may be somewhat less."""
+"""Least share of a term in the energy loss at the amplitude `MIDDLE`; over the record the share may be somewhat
+less."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Draw:
     noise : float
         Standard deviation of the noise as a share of the displacement.
     taken : float
-        Share of the loss at MIDDLE that is reserved for a further term.
+        Share of the energy loss at `MIDDLE` that is reserved for a further damping term; 0 without one.
     """
 
     oscillator: Oscillator
@@ -84,7 +86,7 @@ def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, take
     damping, restoring : str
         The damping sum, such as "viscous+coulomb", and the restoring law, one of `LAWS`.
     taken : float
-        Share of the loss at MIDDLE that is reserved for a further term, which the caller adds.
+        Share of the energy loss at `MIDDLE` that is reserved for a further damping term, which the caller adds.
     """
     frequency = log_uniform(rng, 0.5, 40.0)
     amplitude = log_uniform(rng, 0.1 if restoring == "pendulum" else 0.05, 1.0)
@@ -126,7 +128,11 @@ def _spring(rng: np.random.Generator, law: str, frequency: float, amplitude: flo
 def _coefficients(
     shares: Mapping[str, float], taken: float, amplitude: float, frequency: float, cycles: float, left: float
 ) -> dict[str, float]:
-    """Return coefficients with these shares of the loss at MIDDLE, so that the amplitude falls to `left`."""
+    """Return coefficients by term that give these shares of the energy loss at `MIDDLE`.
+
+    With them, and the share `taken` of a further term, the amplitude falls to `left` times the first in this number of
+    cycles.
+    """
     unit = {t: s / float(loss_rate(t, MIDDLE * amplitude, frequency)) for t, s in shares.items()}
     grid = np.geomspace(left, 1.0, 200) * amplitude
     ratio = taken + sum(np.asarray(c * loss_rate(t, grid, frequency)) for t, c in unit.items())
@@ -135,6 +141,6 @@ def _coefficients(
 
 
 def middle_ratio(draw: Draw) -> float:
-    """Return the equivalent damping ratio of the sum at MIDDLE of the first amplitude."""
+    """Return the equivalent damping ratio of the oscillator's damping sum at `MIDDLE` times the first amplitude."""
     at = MIDDLE * draw.amplitude
     return float(sum(c * loss_rate(t, at, draw.frequency) for t, c in draw.oscillator.damping.items()))

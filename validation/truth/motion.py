@@ -11,15 +11,17 @@ from scipy.integrate import solve_ivp
 from validation.truth.oscillator import Oscillator
 
 RTOL, ATOL = 1e-10, 1e-12
-"""Tolerances of the solver; the absolute tolerance is in units of the first amplitude and the frequency."""
+"""Relative and absolute tolerance of the solver. The absolute one is in units of the first amplitude A for the angle,
+and of ωA for the velocity."""
 HOLDS = 1.05
-"""A motion is rejected if the force at a turning point is below this multiple of the static friction."""
+"""A motion counts as sticking, and is rejected, if the force at a turning point is at most this multiple of the static
+friction."""
 PERIODS = 3.0
-"""Longest half cycle in periods of small motions; after that the motion escapes or creeps."""
+"""Longest half cycle, in periods of small motions; a longer one counts as a motion that escapes or creeps."""
 
 
 class NoMotionError(Exception):
-    """The motion sticks, creeps or escapes before the end of the record."""
+    """Raised if the motion sticks, creeps (too slow to turn) or escapes (is unbounded) before the end of the record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,7 @@ class Motion:
     equilibrium : float
         The equilibrium angle in rad.
     pieces : tuple of callable
-        The solution between each two successive turning points.
+        Between each two successive turning points, the function from times to angles and velocities, (2, n).
     """
 
     turn_times: np.ndarray
@@ -79,7 +81,7 @@ def solve_motion(oscillator: Oscillator, displacement: float, frequency: float, 
     Raises
     ------
     NoMotionError
-        The motion sticks, creeps or escapes earlier.
+        The motion sticks, creeps or escapes before the duration has passed.
     """
     zero, acceleration = oscillator.equilibrium(), oscillator.acceleration()
     atol = ATOL * abs(displacement) * np.array([1.0, frequency])

@@ -1,4 +1,4 @@
-"""The true oscillator of a simulated record, in plain Python for SciPy's solver."""
+"""Define the true oscillator of a simulated record in pure Python, for SciPy's solver."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Oscillator:
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
 
     def force(self) -> Function:
-        """Return F_rest(θ) of the law without the discrepancy, rad/s²."""
+        """Return the function F_rest(θ) of the restoring law, without the discrepancy, from rad to rad/s²."""
         k, rest, other = self._numbers()
         forces: dict[str, Function] = {
             "horizontal_pendulum": lambda theta: k * (theta - rest) - other * math.cos(theta),
@@ -87,7 +87,7 @@ class Oscillator:
         return forces[self.restoring]
 
     def equilibrium(self) -> float:
-        """Return the angle (rad) at which the force is zero; an extra spring has no force there either."""
+        """Return the angle (rad) at which the restoring force is zero; that of an extra spring is zero there too."""
         k, rest, other = self._numbers()
         if self.restoring != "horizontal_pendulum":
             return rest
@@ -95,7 +95,7 @@ class Oscillator:
         return float(brentq(self.force(), rest - reach, rest + reach, xtol=1e-14, rtol=1e-14))  # pyright: ignore[reportArgumentType]
 
     def potential(self) -> Function:
-        """Return the potential energy of all springs as a function of the displacement from the equilibrium.
+        """Return the potential energy of all springs as a function of the displacement from the equilibrium (rad).
 
         It is per unit of inertia, rad²/s². The expressions avoid differences of large numbers, so that they are
         accurate at small amplitudes.
@@ -144,7 +144,7 @@ class Oscillator:
         return plain if more is None and scale is None and spring is None else general
 
     def static_friction(self, x: float) -> float:
-        """Return the largest force that dry friction can balance at a displacement, rad/s²."""
+        """Return the largest force (rad/s²) that dry friction can balance, at a displacement x (rad) from rest."""
         more = self.discrepancy.static_friction
         return self.damping.get("coulomb", 0.0) + (more(x) if more is not None else 0.0)
 

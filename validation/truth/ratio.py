@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from validation.truth.motion import Motion
 
 PER_CYCLE = 24
-"""Points of the stored curve in a cycle; cubic interpolation between them adds an error of less than 1e-6."""
+"""Number of points of a `RatioCurve` in a cycle; cubic interpolation between them adds an error of less than 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,9 @@ class RatioCurve:
 
 
 def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCurve:
-    """Return the energy lost in a cycle over 4π times the potential energy at the amplitude, along a motion.
+    """Return the equivalent damping ratio along a motion, as a function of the amplitude.
+
+    It is the energy lost in a cycle over 4π times the potential energy at the amplitude.
 
     S is the square root of the energy at a turning point, and u = ln S. Quintic splines interpolate the number n of
     cycles as a function of u, separately for the turning points on each side. The loss in a cycle is −dS²/dn, so the
@@ -83,7 +85,10 @@ def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCur
 
 
 def _half_range(potential: Callable[[float], float], reach: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return half the distance between the two turning points (rad) as a function of the root of the energy (rad/s)."""
+    """Return the function from the square root of the energy (rad/s) to half the distance of its turning points (rad).
+
+    reach: largest displacement of the motion, rad.
+    """
     grid = 1.5 * reach * np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, 401))
     size = np.sign(grid) * np.sqrt([potential(x) for x in grid])
     rising = np.flatnonzero(np.diff(size) <= 0)  # beyond the energy barrier of a softening spring

@@ -19,13 +19,16 @@ from validation.truth.rivals import nats_ahead
 FAMILY = "family"
 KINDS = (FAMILY, *discrepancies.KINDS)
 NATS = 12.0
-"""Least difference in log likelihood between the truth of a family record and the best sum without one of its terms."""
+"""Least difference in log likelihood (nats) between the true sum of a record and the best sum that lacks one of its
+terms; otherwise the record is drawn again."""
 LEAST_SHARE, CYCLES, LEFT = 0.15, (8.0, 60.0), (0.1, 0.7)
-"""Required of a record: least share of a term, range of cycles, and range of the last amplitude over the first."""
+"""Required of a record: least share of each term in the lost energy, range of the number of cycles, and range of the
+last amplitude over the first."""
 FROM_END = 0.75
-"""Cycles from either end of the record to the first and the last amplitude at which answers are judged."""
+"""Number of cycles between an end of the record and the point where the first or last amplitude is taken at which
+answers are judged."""
 PER_CYCLE = 64
-"""Samples in a cycle for the shares of the energy loss."""
+"""Number of points in a cycle at which the power of each term is evaluated, for its share of the energy loss."""
 ATTEMPTS = 400
 
 
@@ -122,14 +125,14 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
 
 
 def name_of(kind: str, seed: int, number: int, oversample: int = 1) -> str:
-    """Return the name of a record."""
+    """Return the name of a record, such as `family-903-12`, or `family-903-12-x10` with ten times the sampling rate."""
     return f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
 
 
 def in_turn(kind: str, number: int) -> tuple[str, str]:
-    """Return the damping sum and the restoring law of a record.
+    """Return the damping sum and the restoring law of record `number` of a kind.
 
-    The records of a kind go through all pairs of these; each kind starts with another pair.
+    The records of a kind go through all pairs of sum and law in turn; each kind starts with another pair.
     """
     sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
     begin = KINDS.index(kind)
@@ -138,7 +141,7 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
 
 
 def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case | None:
-    """Simulate the record of a draw; return None if it breaks a rule."""
+    """Simulate the record of a draw; return None if it breaks a rule that `case` states."""
     ahead = nats_ahead(
         draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
         draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
@@ -184,7 +187,7 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
-    """Return the share of each term in the energy lost over the record."""
+    """Return the share of each term, by name, in the energy lost over the record, which ends at the time `end` (s)."""
     o, odd = draw.oscillator, draw.oscillator.discrepancy
     times = np.linspace(draw.begin, end, round(PER_CYCLE * draw.cycles))
     theta, v = motion.at(times)

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 NEPER = 20.0 / np.log(10.0)
 """Decibels in one neper."""
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
-"""Power of the amplitude in the loss of each term."""
+"""Power p of the amplitude in the decay rate dA/dt = −c Aᵖ of each damping term."""
 RESTED = np.exp(-60.0)
 """Smallest amplitude relative to the start; below it the oscillator counts as being at rest."""
 
@@ -109,12 +109,18 @@ def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.
 
 
 def decay_rate(x: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
-    """Return -dx/dt in 1/s at x = ln(A/A_start), shape (n,), for rates in 1/s at the start."""
+    """Return the decay rate −dx/dt in 1/s at x = ln(A/A_start), shape (n,).
+
+    rates: decay rate of each term in 1/s at the amplitude A_start.
+    """
     return sum((c * np.exp((POWERS[term] - 1.0) * x) for term, c in rates.items()), np.zeros_like(x))
 
 
 def free_decay(t: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
-    """Return ln(A/A_start) at times t in s from the start, shape (n,), for rates in 1/s at the start."""
+    """Return ln(A/A_start) at times t in s since the start of the decay, shape (n,).
+
+    rates: decay rate of each term in 1/s at the amplitude A_start.
+    """
 
     def slope(_: float, a: np.ndarray) -> np.ndarray:
         return -sum((c * np.maximum(a, 0.0) ** POWERS[term] for term, c in rates.items()), np.zeros(1))
@@ -124,7 +130,7 @@ def free_decay(t: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
 
 
 def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
-    """Simulate the reading of a spectrum analyser or a lock-in amplifier in dB."""
+    """Simulate the readings in dB of a spectrum analyser or a lock-in amplifier during a ring-down."""
     n_fall = ringdown.fall / NEPER
     # Time that the decay itself needs to reach the floor, by its own law.
     x = np.linspace(0.0, -n_fall, 4000)

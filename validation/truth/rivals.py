@@ -9,11 +9,14 @@ from validation.truth.oscillator import LAWS, TERMS, Oscillator
 from validation.truth.trajectory import trajectory
 
 PER_CYCLE, STEPS = 24, 3
-"""Compared samples in a cycle, and steps between two of them."""
+"""Number of samples in a cycle at which trajectories are compared, and of solver steps between two of these samples."""
 
 
 def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> float | np.ndarray:
-    """Return the equivalent damping ratio per unit of the coefficient of a term, for a harmonic motion (rad, rad/s)."""
+    """Return a term's equivalent damping ratio per unit of its coefficient, for a harmonic motion.
+
+    term: "viscous", "coulomb" or "quadratic". amplitude: in rad. frequency: in rad/s.
+    """
     if term == "viscous":
         return 1 / frequency + 0 * amplitude
     if term == "coulomb":

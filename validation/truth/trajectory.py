@@ -51,7 +51,7 @@ def _step(
 def _advance(
     law: int, theta: float, v: float, sign: float, law_values: np.ndarray, damping: np.ndarray, h: float
 ):
-    """Make one step of size h from a velocity of this sign; return angle, velocity and its sign, 0 after a stop."""
+    """Return angle, velocity and its sign one step of size h (s) later; the sign is 0 after the motion has stopped."""
     left = h
     for _ in range(4):  # one turning point in a step, or more just before the motion stops
         new_theta, new_v = _step(law, theta, v, sign, law_values, damping, left)

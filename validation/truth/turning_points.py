@@ -15,7 +15,7 @@ START = 0.2
 SHARP = 1e-4
 """Velocity in rad/s within which friction changes its sign."""
 FLOOR = 1e-3
-"""Noise floor relative to the amplitude at the start."""
+"""Noise floor as a fraction of the displacement at the release."""
 Force = Callable[[float, float], float]
 """Damping acceleration in rad/s² of angle (rad) and velocity (rad/s)."""
 
@@ -40,12 +40,14 @@ FORCES: dict[str, Force] = {
 
 
 def turning_points(force: Force, cycles: int = 120, least: float = 0.04) -> tuple[np.ndarray, np.ndarray]:
-    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0 from START, until the amplitude is `least` of START, or for `cycles` cycles.
+    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0, released at `START`, and return the envelope through the turning points.
+
+    The solution ends when the amplitude is below `least` times `START`, or after this number of cycles.
 
     Returns
     -------
     t, amplitude : (n,) array
-        Times in s, and half the distances of successive turning points in rad.
+        Half the distance of each two successive turning points in rad, and the time in s midway between them.
     """
     result = solve_ivp(
         lambda t, y: [y[1], -(OMEGA**2) * y[0] - force(y[0], y[1])], (0.0, 2 * np.pi / OMEGA * cycles), [START, 0.0],
@@ -59,7 +61,7 @@ def turning_points(force: Force, cycles: int = 120, least: float = 0.04) -> tupl
 
 
 def readings(force: Force, seed: int | Sequence[int], noise: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and noisy amplitudes in rad, shape (n,).
+    """Return times in s and noisy amplitudes in rad of the envelope of a decay, shape (n,) each.
 
     Parameters
     ----------
