@@ -140,7 +140,7 @@ def specimen(
         p = pool_records(
             np.array([i.value for i in known]), np.array([(i.high - i.low) / (2 * NORMAL_95) for i in known])
         )
-        frequency = Interval(p.mean, p.low, p.high, known[0].unit)
+        frequency = Interval(p.mean, p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd, known[0].unit)
     verdict = replace(
         common_verdict(name, own, damping, others),
         restoring=next(iter(restoring)),

@@ -198,14 +198,16 @@ def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
 
 
 def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
-    """As numbers with the sds of their intervals; `pooled` has tests of its own."""
+    """The interval is that of the mean; control: that of one more record is wider (`pooled` has tests of its own)."""
     one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
     places, sd = [2.0, 2.3], 0.1 / 1.959963984540054
     second = replace(two, verdict=replace(two.verdict, frequency=Interval(2.3, 2.2, 2.4, "Hz")))
     expected = pool_records(np.array(places), np.full(2, sd))
     frequency = specimen("rig", [one, second]).frequency
-    ends = (expected.mean, expected.low, expected.high)
+    half = 1.959963984540054 * expected.sd
+    ends = (expected.mean, expected.mean - half, expected.mean + half)
     assert (frequency.value, frequency.low, frequency.high) == pytest.approx(ends, rel=1e-9)
+    assert expected.low < frequency.low < frequency.high < expected.high
     assert frequency.unit == "Hz"
     given = Interval(2.0, 2.0, 2.0, "Hz")
     stated = [replace(a, verdict=replace(a.verdict, frequency=given)) for a in (one, two)]

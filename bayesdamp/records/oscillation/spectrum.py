@@ -40,17 +40,16 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the number of values in a cycle of the strongest spectral line; NaN if no line has most of the power.
+    """Return the number of samples in a cycle of the strongest spectral line; NaN if no line has most of the power.
 
-    Values are the samples, or block averages in records of more than `MOST_SAMPLES` samples (see `on_grid`). With fewer
-    than 4 a cycle, a record is too coarse to follow its oscillation.
+    With fewer than 4 a cycle, a record is too coarse to follow its oscillation.
 
     Parameters
     ----------
     t, y
         Times in s and values, each (n,).
     """
-    _, values = on_grid(t, y)
+    values = np.interp(np.linspace(t[0], t[-1], t.size), t, y)
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size + 2)[1:-1])) ** 2
     power[:2] = 0.0
     top = int(np.argmax(power))

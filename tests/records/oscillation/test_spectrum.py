@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.records.oscillation.spectrum import coarse_period, samples_a_cycle
 
 
 def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarray]:
@@ -35,3 +35,8 @@ def test_a_slow_period_under_noise_is_that_of_the_averages() -> None:
     period, share = coarse_period(t, y)
     assert period == pytest.approx(1.0, rel=0.03)
     assert share > 0.5
+
+
+def test_samples_a_cycle_are_those_of_the_record_not_of_block_averages() -> None:
+    """32 samples a cycle in a record that is searched in blocks of ten."""
+    assert samples_a_cycle(*record(160_000, 5_000, 0.1)) == pytest.approx(32, rel=0.01)
