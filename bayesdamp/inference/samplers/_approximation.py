@@ -1,4 +1,4 @@
-"""Build a `Posterior` from draws of an approximation, and judge the approximation by importance weights."""
+"""Build a `Posterior` from draws of an approximation of it, and judge the approximation by importance weights."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from bayesdamp.numerics.weights import effective_size, normalise, pareto_k
 from bayesdamp.types import OK, Posterior
 
 K_LIMIT = 0.7
-"""Pareto shape of the importance weights above which an approximation is called poor (Vehtari et al., JMLR 25,
-2024)."""
+"""An approximation is called poor if the Pareto shape of its importance weights is at least this (Vehtari et al., JMLR
+25, 2024)."""
 
 MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
-"""Largest effect of the importance weights on a mean, in standard deviations, and on a standard deviation, as a factor
-(conventional)."""
+"""An approximation is called poor if its importance weights change a parameter's mean by more than `MEAN_LIMIT`
+standard deviations, or its standard deviation by more than the factor `SD_LIMIT` (conventional)."""
 
 
 def approximate_posterior(
@@ -33,30 +33,31 @@ def approximate_posterior(
 ) -> Posterior:
     """Return the posterior from independent draws of an approximation, which are not reweighted.
 
-    The effective sample sizes of all summaries are that of the importance weights. The outcome reports a poor
-    approximation: a large Pareto shape of the weights, or weights that change a mean or standard deviation too much.
+    The effective sample sizes of all summaries are that of the importance weights. The outcome is not "ok" if the
+    approximation is poor: a large Pareto shape of the weights, or weights that change a mean or standard deviation too
+    much.
 
     Parameters
     ----------
     sampler : str
-        Name of the sampler.
+        Name of the sampler, which the result contains.
     target : Target
-        The posterior that is approximated.
+        The model with its record and priors.
     mode : Mode
         Mode of the posterior.
     z : ndarray, shape (chains · draws, d)
-        Draws of the standard normal scores.
+        Draws of the approximation, as standard normal scores.
     log_density : ndarray, shape (chains · draws,)
         Log density of the approximation at z, up to a constant.
     settings : Settings
-        Number of chains and draws.
+        Numbers of chains and draws, into which the draws are divided.
     more : mapping, optional
-        Further diagnostics.
+        Further entries of the diagnostics.
 
     Returns
     -------
     Posterior
-        The draws in natural units, with their log weights among the statistics.
+        The draws of the parameters, with their log weights (`log_weight`) among the statistics.
     """
     likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
@@ -86,9 +87,10 @@ def approximate_posterior(
 
 
 def _large_change(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
-    """Return a clause on the first parameter whose mean or sd the weights (n,) change too much, else "".
+    """Return a text on the first parameter whose mean or sd the importance weights, (n,), change too much; "" if none.
 
-    values: draws by parameter. The limits are `MEAN_LIMIT` and `SD_LIMIT`.
+    values: n draws of each parameter, by name. The limits are `MEAN_LIMIT` and `SD_LIMIT`. The text is a clause that
+    can follow a colon.
     """
     for name, draws in values.items():
         x = draws.reshape(-1)

@@ -19,29 +19,35 @@ if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
 LINEAR_WARMUP = 50
-"""Warm-up draws of chains that start with draws of a linear model (conventional)."""
+"""Greatest number of warm-up draws with deviations from the laws: chains then start with draws from the posterior of
+the linearised model, which is close to the actual one (conventional)."""
 START_SCATTER = 1.5
-"""Standard deviation of starts about a seed, in posterior sds: starts are scattered more widely than the posterior."""
+"""Standard deviation of the normal scatter that is added to a seed to get the start of a chain, in posterior standard
+deviations. It is above 1, because starts must be scattered more widely than the posterior."""
 START_NATS = 5.0
-"""The log density of a start is at most this many nats per parameter below that of the centre (conventional)."""
+"""The log density at the start of a chain is at most this many nats per parameter below that at the centre of the
+whitened coordinates, which is near the mode (conventional)."""
 SEED_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
-"""Fractions of the way from the centre to a seed at which a start is tried; the first one within reach is used."""
+"""The start of a chain is moved from its seed (1) towards the centre of the whitened coordinates (0) by trying these
+fractions of the way; the first one with a large enough log density is used."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Number of chains and draws, and the seed.
+    """Settings of a sampler: numbers of chains and draws, and the seed.
 
     Attributes
     ----------
     chains : int
-        Number of chains.
-    warmup, draws : int
-        Number of draws of each chain that are discarded (emcee: half as many), and that are returned.
+        Number of chains (emcee: an ensemble has at least four times as many walkers).
+    warmup : int
+        Number of first draws of each chain that are discarded (emcee: half of this number).
+    draws : int
+        Number of draws of each chain after the warm-up.
     seed : int
         Seed of all random numbers.
     grows : bool
-        Whether the sampler adds draws if these are too few.
+        Whether the sampler makes more draws if these are too few.
     """
 
     chains: int = 4
@@ -51,14 +57,18 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the number of warm-up draws: few if chains start with draws of a linear model (nothing is adapted)."""
+        """Return the number of warm-up draws: `warmup`, or at most `LINEAR_WARMUP` with deviations from the laws.
+
+        Few are enough there, because chains start with draws from the posterior of the linearised model, and nothing is
+        tuned.
+        """
         return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
 
 
 class Sampler(ABC):
-    """A method that draws from the posterior of a target, starting at its mode.
+    """A method that draws from the posterior of a target, given its mode.
 
-    `approximate` states whether the draws are independent draws of an approximation of the posterior.
+    approximate: whether the draws are independent draws of an approximation of the posterior instead of a Markov chain.
     """
 
     name: str
@@ -66,15 +76,16 @@ class Sampler(ABC):
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws in natural units with their diagnostics. The outcome reports unreliable draws.
+        """Return posterior draws of the parameters with their diagnostics.
 
-        Raises Refusal if the method cannot be applied to this target.
+        The outcome of the result is "ok", or says why the draws are unreliable. Raises Refusal if the method cannot be
+        applied to this target.
         """
 
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return the result of `sample` with its duration.
+        """Return the result of `sample`, with the time that it took (in s).
 
-        If the sampler returns no summaries, add a summary of each parameter, and an outcome that follows from these.
+        If the sampler gives no summaries, they are computed for each parameter, and the outcome follows from them.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)
@@ -91,7 +102,11 @@ class Sampler(ABC):
 
 @dataclass(frozen=True)
 class Start:
-    """The start of a chain: its seed, and the distances of seed and start from the centre, in posterior sds."""
+    """The start of a chain.
+
+    seed: origin of the point from which it was derived. seed_distance, distance: distances of that point and of the
+    start from the centre of the whitened coordinates (near the mode), in posterior standard deviations.
+    """
 
     seed: Seed
     seed_distance: float
@@ -101,16 +116,17 @@ class Start:
 def seeded_starts(
     target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, list[Start]]:
-    """Return starts of chains or walkers, over-dispersed about the seeds of the search for the mode.
+    """Return starting points of chains or walkers, scattered more widely than the posterior.
 
-    A start is a seed plus scatter. If its log density is too low (`START_NATS`), it is moved towards the centre. Seeds
-    that are far from each other come first, so that few chains cover their range; one of the first two is a draw from
-    the prior, if there is one. With deviations from the laws, starts are draws of the linear model.
+    A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
+    density of the start is too low (`START_NATS`), the seed is moved towards the centre. Seeds that are far from each
+    other come first, so that few chains cover their range; one of the first two is a draw from the prior, if there is
+    one. With deviations from the laws, starts are draws from the posterior of the linearised model instead.
 
     Parameters
     ----------
     target : Target
-        The posterior that is sampled.
+        The model with its record and priors.
     mode : Mode
         Mode of the posterior, with the searches that found it.
     at : Whitening
@@ -118,16 +134,17 @@ def seeded_starts(
     count : int
         Number of starts.
     settings : Settings
-        The settings, with the seed of the random numbers.
+        The settings, of which only the seed of the random numbers is used.
 
     Returns
     -------
     u : ndarray, shape (count, d)
         The starts in whitened coordinates.
     log_density : ndarray, shape (count,)
-        Log posterior density of the starts, in whitened coordinates unless they are draws of the linear model.
+        Log posterior density at the starts: of the whitened coordinates, or of the scores if they are draws of the
+        linearised model.
     starts : list of Start
-        Seed and distances of each start.
+        Origin and distances of each start.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:
@@ -166,10 +183,11 @@ def seeded_starts(
 
 
 def _order_seeds(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
-    """Return the order in which seeds, (m, d), are used: far apart first.
+    """Return indices of seeds in the order in which they are used: those that are far from each other first.
 
-    The seed farthest from the centre comes first, then a draw from the prior, then in each step the seed that is
-    farthest from all before it. drawn: whether each seed is a draw from the prior.
+    seeds: whitened coordinates, (m, d). drawn: whether each seed is a draw from the prior. The first seed is the one
+    farthest from the centre that is not a draw from the prior; then comes a draw from the prior; then in each step the
+    seed that is farthest from all before it.
     """
     size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
     prior = [i for i, from_prior in enumerate(drawn) if from_prior]
@@ -184,14 +202,20 @@ def _order_seeds(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
 
 
 def compare_chains(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
-    """Return for each chain its start, and the largest difference of its means from those of all chains, in sds.
+    """Describe each chain: its start, and how far its means are from the means over all chains.
 
     Parameters
     ----------
     starts : sequence of Start
         Start of each chain.
     draws : ndarray, shape (chains, draws, d)
-        Draws in natural units.
+        Draws of the d parameters.
+
+    Returns
+    -------
+    tuple of ChainStart
+        For each chain its start, and the largest distance of a parameter's mean in this chain from the mean over all
+        chains, in posterior standard deviations.
     """
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd

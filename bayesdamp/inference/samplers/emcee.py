@@ -1,4 +1,4 @@
-"""The affine-invariant ensemble sampler emcee, in independent ensembles, run until there are enough draws."""
+"""The affine-invariant ensemble sampler emcee: two independent ensembles that run until there are enough draws."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from bayesdamp.numerics.orthant import ReflectedT
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
-"""Number of independent ensembles."""
+"""Number of independent ensembles of walkers."""
 STEPS_PER_BLOCK = 200
-"""Number of steps between checks of whether there are enough draws."""
+"""Number of steps of each walker between checks of whether there are enough draws."""
 OUTSIDE_LOG_DENSITY = -1e300
-"""Log density outside the support. It is finite because emcee computes differences."""
+"""Log density outside the support of the posterior. It is finite, because emcee computes differences."""
 MOST_BLOCKS = 40
-"""Greatest number of blocks of steps."""
+"""Greatest number of blocks of `STEPS_PER_BLOCK` steps."""
 
 
 class Emcee(Sampler):
-    """Ensembles of walkers (Goodman and Weare 2010) with a mixture of moves and batches of likelihoods.
+    """Two independent ensembles of walkers (Goodman and Weare 2010) with a mixture of moves.
 
     Half of the moves are proposals from a Student t about the mode, which is close to a regular posterior; differential
     evolution and stretch moves are for other posteriors. (emcee's snooker move, up to release 3.1.6, is not used: it
     does not preserve the posterior; alone it makes the sd of a normal a fifth too small.)
 
-    Two independent ensembles of at least `chains` walkers run until each parameter has 1,000 effective draws and the
-    chains are fifty autocorrelation times long; otherwise the outcome says so. If the settings do not allow further
-    draws, each walker makes the requested number of draws.
+    The ensembles, each of at least 4 · `settings.chains` walkers, run until each parameter has 1,000 effective draws
+    and the chains are fifty autocorrelation times long; if this is not reached, the outcome says so. With
+    `settings.grows` False each walker makes just `settings.draws` steps after the warm-up.
     """
 
     name = "emcee"
@@ -55,7 +55,10 @@ class Emcee(Sampler):
             return np.where(inside, values, OUTSIDE_LOG_DENSITY)
 
         def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-            """Return draws from the Student t about the mode, (n, d), and log Metropolis–Hastings factors, (n,)."""
+            """Return a proposal for each of n walkers at u, (n, d), and the log Metropolis–Hastings factors, (n,).
+
+            Proposals are draws from the Student t about the mode, in whitened coordinates, (n, d).
+            """
             old, new = at.straight(u), proposal.draw(rng, len(u))
             moved = np.linalg.solve(at.factor, (new - at.centre).T).T
             return moved, proposal.log_density(old) - proposal.log_density(new)

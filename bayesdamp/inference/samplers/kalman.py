@@ -1,4 +1,4 @@
-"""An unscented Kalman filter that estimates static parameters online, and its repetition until it converges."""
+"""A sampler that estimates constant parameters by an unscented Kalman filter, which is repeated until it converges."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Posterior, Refusal
 
 HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
-"""Mean and standard deviation of a reflected score under its half-normal prior."""
+"""Mean and standard deviation of the half-normal prior of a score that cannot be negative, with which the filter
+starts."""
 MOST_PASSES = 20
-"""Greatest number of passes over the record."""
+"""Greatest number of passes of the repeated filter over the record."""
 SETTLED_SDS = 0.01
-"""The filter has converged if the final mean changes from one pass to the next by less than this, in standard
-deviations."""
+"""The filter has converged if the mean after the last sample changes from one pass to the next by less than this, in
+posterior standard deviations."""
 STORED_TIMES = 300
-"""Number of times at which running estimates are stored."""
+"""Number of times at which the running estimates of the parameters are stored."""
 
 
 @dataclass(frozen=True)
 class OnlineEstimates:
-    """Online estimates of the k parameters that determine the motion, as scores (normalised, with normal priors).
+    """Estimates of the k parameters of the motion while a record of n samples goes on.
 
-    means, sds (n, k): of the scores after each sample; nan from where the filter diverged. covariance (k, k): of the
-    scores after the last sample.
+    Parameters are represented by scores, which have a standard normal prior. means, sds: of the scores after each
+    sample, (n, k); nan from the sample at which the filter diverged. covariance: of the scores after the last sample,
+    (k, k).
     """
 
     means: np.ndarray
@@ -42,14 +44,15 @@ class OnlineEstimates:
 
 
 def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
-    """Return the estimates of the k scores after each sample, by one pass of the unscented Kalman filter.
+    """Estimate the k parameters of the motion after each sample, by one pass of an unscented Kalman filter.
 
-    It starts from the priors. The estimates are nan from where it diverges.
+    The filter starts from the priors. The estimates are nan from the sample at which it diverges.
 
-    The state is (scores, θ, θ̇) without process noise. After each sample, 2(k + 2) sigma points at √(k + 2) standard
-    deviations with equal weights (Julier and Uhlmann, κ = 0) are computed and propagated to the next sample by the ODE
-    solver. A reflected score starts with the mean and sd of a half-normal prior, because at zero its derivative is
-    zero. The common scale of coefficients is fixed at 1 (a damping ratio of 0.1). The noise has its value at the mode.
+    The state consists of the parameters as standard normal scores, θ and θ̇, without process noise. After each sample,
+    2(k + 2) sigma points at √(k + 2) standard deviations with equal weights (Julier and Uhlmann, κ = 0) are computed
+    and propagated to the next sample by the ODE solver. The score of a coefficient that cannot be negative starts with
+    the mean and sd of a half-normal prior, because the derivative by it is zero at zero. The common prior scale of
+    coefficients is fixed at 1 (a damping ratio of 0.1). The parameters of the noise have their values at the mode.
     """
     index, signal = target.moving, target.signal
     k, order = index.size, QUANTITIES.index(signal.quantity)
@@ -97,16 +100,16 @@ def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
 
 @dataclass(frozen=True)
 class LastPass:
-    """The last pass of the filter, which is repeated over the record until its final mean converges.
+    """The last of the passes of the repeated filter over the record, in which its final mean converged.
 
-    It estimates the k parameters that determine the motion, as scores: normalised parameters with normal priors.
+    It estimates the k parameters on which the motion depends, as scores (parameters with a standard normal prior).
 
     Attributes
     ----------
     means, covariances : ndarray, shapes (n, k) and (n, k, k)
-        Mean and covariance of the scores after each of the n samples of the record, without truncation at zero.
+        Mean and covariance of the scores after each of the n samples of the record, before the truncation at zero.
     final : TruncatedNormal
-        Distribution of the scores after the last sample, truncated at zero.
+        Distribution of the scores after the last sample; coefficients that cannot be negative are truncated at zero.
     passes : int
         Number of passes until the final mean converged.
     """
@@ -118,7 +121,7 @@ class LastPass:
 
 
 class Kalman(Sampler):
-    """A Kalman filter that estimates static parameters while the record goes on, and their posterior at its end.
+    """Kalman filter that estimates constant parameters while the record goes on, and their posterior at its end.
 
     The first pass gives the online estimates, by an unscented Kalman filter that starts from the priors. Because the
     priors are wide, its linearisation in the early samples is poor, and its damping is wrong by up to several standard
@@ -137,10 +140,10 @@ class Kalman(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from the final distribution of the filter. Raises Refusal if the filter does not apply.
+        """Return draws from the distribution of the parameters after the last sample, and the running estimates.
 
-        It does not apply to exact friction (ε = 0), deviations from the laws, or other than Gaussian noise, and if it
-        diverges or does not converge.
+        Raises Refusal under exact friction (ε = 0), deviations from the laws, or noise that is not Gaussian, and if the
+        filter diverges or does not converge.
         """
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
@@ -179,9 +182,10 @@ class Kalman(Sampler):
 
 
 def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
-    """Return the last pass of the filter, which is repeated from the priors until its final mean converges.
+    """Repeat the filter over the record from the priors until its final mean converges; return the last pass.
 
-    The sigma points of a pass are about the result of the pass before. Raises Refusal if it does not converge.
+    online: estimates of the first pass, about whose result the sigma points of the next pass are. Raises Refusal if the
+    first pass diverged, if a motion is unbounded, or if the filter does not converge in `MOST_PASSES`.
     """
     index = target.moving
     k, y = len(index), target.signal.y
@@ -222,9 +226,10 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
 
 
 def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and sd, (m,), in natural units of a parameter whose score is normal with this mean and sd, (m,).
+    """Return mean and sd, (m,) each, of a parameter whose score is normal with means `mean` and sds `sd`, (m,) each.
 
-    The score is truncated at zero if it is reflected.
+    The results are in the unit of the parameter. The score is truncated at zero if the parameter cannot be negative
+    (`prior.reflected`).
     """
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean

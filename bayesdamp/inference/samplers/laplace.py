@@ -13,11 +13,12 @@ from bayesdamp.types import Posterior
 
 
 class LaplaceSampler(Sampler):
-    """Draws from the normal distribution with the log posterior's gradient and full Hessian at the mode.
+    """Draws from Laplace's approximation: the normal distribution with the gradient and Hessian of the log posterior.
 
-    It is a distribution of the scores, truncated where a reflected score is zero. For a mode at zero, where the
-    gradient is not zero, its mean is negative and only the tail remains. If the Hessian changes within the width of the
-    posterior, the approximation is poor, which its importance weights show.
+    Both are taken at the mode, and the full Hessian is used. The distribution is one of standard normal scores,
+    truncated at zero for coefficients that cannot be negative. If a coefficient is zero at the mode, its gradient is
+    not zero: the mean of its normal distribution is negative and only the tail remains. If the Hessian changes within
+    the width of the posterior, the approximation is poor, which its importance weights show.
     """
 
     name = "laplace"
