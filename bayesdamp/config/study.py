@@ -30,7 +30,8 @@ SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
 DEVIATIONS: tuple[str, ...] = get_args(Deviation)
-"""Whether laws hold exactly ("none") or with deviations ("law"). "auto": deviations for measured records only."""
+"""Valid values of the setting `deviation`: laws hold exactly ("none") or with deviations ("law"). "auto" allows
+deviations for measured records only."""
 MOST_SAMPLES = 10_000_000
 """Greatest number of samples of a record, and of draws of a chain (conventional)."""
 MOST_RECORDS = 1_000_000
@@ -38,7 +39,7 @@ MOST_RECORDS = 1_000_000
 MOST_CHAINS = 1000
 """Greatest number of chains (conventional)."""
 MOST_COLUMNS = 100_000
-"""Largest number of a column (conventional)."""
+"""Largest number, counted from 1, by which a study may select a column of a file (conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
 _A_COUNT = "a whole number from 1 to 1,000,000"
@@ -223,8 +224,8 @@ class EvidenceTable(StudySection):
 class CalibrationTable(StudySection):
     """[calibration]: settings of `calibrate`.
 
-    records: number for each model. draws: number of thinned draws among which a true value is ranked. bins: number of
-    bins of the ranks.
+    records: number of simulated records for each model. samplers: samplers whose intervals are checked. draws: number
+    of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of ranks.
     """
 
     records: int = Field(500, ge=1, le=MOST_RECORDS, description=_A_COUNT)

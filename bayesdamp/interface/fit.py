@@ -537,10 +537,10 @@ def check_times(t: ArrayLike, quantity: str) -> Vector:
 
 
 def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Return the motion `wanted` of the best fit, for a fit with exact laws, and its standard deviation.
+    """Predict the motion of the best fit and its standard deviation, for a fit that assumes exact laws.
 
-    times (m,): in s from the first sample, within the record, after it, or before it. wanted: "angle", "velocity" or
-    "acceleration".
+    times: (m,), in s from the first sample, within the record, after it, or before it. wanted: the quantity to predict,
+    "angle", "velocity" or "acceleration".
     """
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
@@ -563,9 +563,10 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
 
 
 def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Return the motion `wanted` of the best fit, for a fit with deviations, and its standard deviation.
+    """Predict the motion of the best fit and its standard deviation, for a fit with deviations from the laws.
 
-    Raises InputError if one of the times (m,), in s, is outside the part of the record that was fitted.
+    times: (m,), in s from the first sample. wanted: the quantity to predict, "angle", "velocity" or "acceleration".
+    Raises InputError if a time is outside the part of the record that was fitted.
     """
     end = float(law.knots[-1])
     if not times.size:

@@ -68,10 +68,11 @@ Starts = Mapping[Seed, Mapping[str, float]]
 REGRESSION = "least_squares"
 """The estimator from whose estimate searches start; in a study only if its own estimators gave no values."""
 FROM_FEATURES = Seed("frequency and decay")
-"""The starting point from the record's turning points. It is needed because a regression on derivatives fails if noise
-dominates the derivatives, as in a record of the acceleration."""
+"""Name of the starting point that is computed from the record's turning points. It is needed because a regression on
+derivatives fails if noise dominates the derivatives, as in a record of the acceleration."""
 FROM_ALL_TERMS = Seed("fit of all dampings")
-"""The starting point from the fit of all damping terms, whose motion stays in phase with the record."""
+"""Name of the starting point that is taken from the fit of all damping terms, whose motion stays in phase with the
+record."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -207,7 +208,7 @@ class Model(Result):
 
     @property
     def _coefficients(self) -> dict[str, str]:
-        """The damping term of each coefficient, by the coefficient's name."""
+        """The name by which `priors` may contain each damping coefficient, by the coefficient's name."""
         return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:

@@ -427,9 +427,9 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
 def _along(
     post: Posterior, variables: dict[str, Any], coords: Mapping[str, np.ndarray] = MappingProxyType({})
 ) -> Group:
-    """Return variables and coordinates with the coordinate time added: that of the record.
+    """Return variables and coordinates of a group, with the coordinate `time` added, in s from the first sample.
 
-    If the fit has deviations, the times are those of the data that were fitted.
+    It contains the times of the record; for a fit with deviations from the laws, those of the data that were fitted.
     """
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times

@@ -38,7 +38,10 @@ def asks_for_answers(study: Study) -> bool:
 
 
 def is_approximate(study: Study, spec: SignalSpec) -> bool:
-    """Return whether the answer on a record allows deviations from the laws; by default only for a measured record."""
+    """Return whether the answer on a record allows deviations from the laws.
+
+    If the study's setting `deviation` is "auto" (the default), it does so only for a measured record.
+    """
     deviation = study.posterior.deviation
     return deviation == "law" or (deviation == "auto" and isinstance(spec.source, Recording))
 

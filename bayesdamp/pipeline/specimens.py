@@ -48,9 +48,9 @@ from bayesdamp.units import UNITS
 NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
 NOT_COMPARED = Status.PRUNED.because("not compared in the answer on any record")
 LOCATION_SCALE = 3.0
-"""Scale of the half-normal prior of m, as a multiple of the largest coefficient of a specimen; a coefficient is normal
-about m over the population, truncated at 0. It is used if the study states no prior of the coefficient. A convention:
-much wider than the intervals of single specimens."""
+"""Scale of the half-normal prior of a population's location, as a multiple of the largest coefficient of a specimen.
+The population of a coefficient is a normal distribution about this location, truncated at 0. The value is used if the
+study states no prior of the coefficient. A convention: much wider than the intervals of single specimens."""
 Arrays = dict[str, np.ndarray]
 
 

@@ -139,7 +139,8 @@ def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tupl
 def label_with_plain_numbers(axis: Axis, decades: bool = True) -> None:
     """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten.
 
-    `decades`: whether the axis is so long that there is room for only a few numbers between two powers of ten.
+    `decades`: whether the axis spans several decades. Then only 2, 4 and 6 times a power of ten are labelled between
+    two powers of ten, otherwise every multiple from 2 to 9.
     """
     for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
         set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))

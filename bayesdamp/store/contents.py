@@ -180,10 +180,10 @@ class PosteriorContent(Content):
     """The draws of one sampler (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
     posterior: without its arrays; the result has `draws`, (chain, draw, parameter). summary, units: of parameters and
-    derived quantities. reference_amplitude: amplitude of the derived quantities, in the unit of displacement. without:
-    derived quantities without a summary, with the number of draws for which they are not defined. file: path of the
-    whole posterior in the run's folder. ratios: with deviations from the laws, damping ratios at the verdict's
-    amplitudes.
+    derived quantities. reference_amplitude: amplitude at which derived quantities are computed, in the unit of the
+    displacement. without: derived quantities without a summary, with the number of draws for which they are not
+    defined. file: path of the netCDF file with all draws, in the run's folder. ratios: damping ratios at the verdict's
+    amplitudes, if deviations from the laws are allowed.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -442,8 +442,9 @@ class JointContent(Content):
     The arrays of the result are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), of the log
     density of their priors (`CANDIDATE/NAME/log_prior`) and of the spread (`CANDIDATE/spread`).
 
-    records: labels. members: signal and repeat of each record. reference: amplitude and frequency with which priors
-    scale. deviation: "law" if the answers on all records allow deviations, else "none". candidates: results by name.
+    records: labels. members: signal and repeat of each record. reference: amplitude and frequency to which default
+    priors are scaled. deviation: "law" if the answers on all records allow deviations from the laws, else "none".
+    candidates: results by name.
     best: the most probable candidate. others: probabilities of forms of damping that the study does not compare.
     spread: standard deviation of the logarithm of the damping between records, over all models. no_spread: log Bayes
     factor of equal damping in all records against an inferred spread, for the best candidate; NaN if it has no summary.

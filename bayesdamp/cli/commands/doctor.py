@@ -69,7 +69,7 @@ def cache() -> CheckResult:
 
 
 def kernels() -> CheckResult:
-    """Load the compiled kernels, or compile them if necessary."""
+    """Load the compiled equations of motion (kernels), or compile them if necessary, and state how long this took."""
     from bayesdamp.physics.kernel.solve import warm
 
     began = time.perf_counter()

@@ -21,7 +21,7 @@ from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.types import InputError
 
 DAMPING_DEFAULTS = {"viscous": 0.1}
-"""Default damping in 1/s, with a Q of about 30."""
+"""Default damping: viscous, with a coefficient of 0.1/s, which gives a Q of about 30 at 1 Hz."""
 RESTORING_DEFAULTS = {
     "stiffness": 40.0,
     "gravity": 4.0,

@@ -105,15 +105,19 @@ class StudyCandidate:
 
     @property
     def epsilon(self) -> float | None:
-        """The width ε of friction (rad/s) that the answer assumes; None if ε is inferred or there is no answer."""
+        """The velocity ε (rad/s or m/s) within which friction changes its sign, as the answer on the record assumes.
+
+        None if ε is inferred or was given, or if there is no answer.
+        """
         inferred = "epsilon" in self.spec.under(self.restoring).free
         return self.answer.epsilon if self.answer and not inferred else None
 
     @cached_property
     def fit(self) -> Fit:
-        """The fit that samplers and evidence methods use: at the mode, or with deviations from the answer.
+        """The fit that samplers and evidence methods use.
 
-        Raises Refusal if there is no fit.
+        Under exact laws it is at the stored posterior mode. If the study allows deviations from the laws, it is the fit
+        that the answer on the record has stored. Raises Refusal if there is no fit.
         """
         signal, deviation = self.record.signal, likelihood_of(self.study)
         if deviation != "none":

@@ -130,7 +130,7 @@ def evidence_by_method(
 
 
 LEAST_COVERED = 0.95
-"""Least total probability of the models in the average (conventional)."""
+"""Smallest total probability of the models with a damping curve from which their average is computed (conventional)."""
 ENOUGH_COVERED = 0.99
 """Total probability of the models in the average from which no further model is added (conventional)."""
 

@@ -29,7 +29,8 @@ from bayesdamp.types import OK, Ratio
 CURVE = "equivalent_ratio"
 QUANTILE_LEVELS = np.array([0.025, 0.5, 0.975])
 STORED_LEVELS = (np.arange(100) + 0.5) / 100
-"""Levels of 100 quantiles that represent the draws of a curve with equal weight."""
+"""Levels of the 100 quantiles that are stored at each point of a curve. They represent the draws by 100 values of equal
+weight."""
 CURVE_POINTS = 25
 """Number of amplitudes at which curves of the damping against amplitude are computed."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")

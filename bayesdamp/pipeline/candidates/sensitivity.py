@@ -94,7 +94,7 @@ def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Prod
 
 
 def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the evidence with the specified damping priors made wider and narrower."""
+    """Return the evidence with wider and narrower priors of the damping coefficients, from reweighted draws."""
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     law, (target, mode) = candidate.fit.law, candidate.fit.engine
 
@@ -108,7 +108,7 @@ def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the evidence of the first half of the record, and how well it predicts the second half."""
+    """Return the evidence of the first half of the record, and how well the fit to this half predicts the second."""
     law, (_, mode), signal = candidate.fit.law, candidate.fit.engine, candidate.record.signal
     if law is None:
         t, half = signal.t, first_half(mode)
@@ -136,7 +136,10 @@ def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> P
 
 
 def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return Laplace's log evidence under each noise model. Each search starts at the mode under the chosen one."""
+    """Return Laplace's log evidence (nats) under each noise model of the study.
+
+    Each search for a mode starts at the mode under the chosen noise model.
+    """
     del source, seed
     content = ModeContent.of(candidate.store.read(f"mode/{candidate.path}"))
     start, (whole, *_) = content.values, content.windows

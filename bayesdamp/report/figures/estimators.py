@@ -24,7 +24,8 @@ HALF_AXIS = 3.0
 """Half the length of the axis of a coefficient in `estimate_panels`, as a multiple of half the posterior's 95 %
 interval; the interval then fills the middle third of the axis."""
 HALF_AXIS_ALONE = 0.06
-"""Half the length of this axis if there is no posterior, as a fraction of the true value or of the median estimate."""
+"""Half the length of the axis of a coefficient in `estimate_panels` if there is no posterior, as a fraction of the true
+value or of the median estimate."""
 ROW, ROW_PUBLISHED = 0.31, 0.40
 """Height in inches of the row of a method in `estimate_panels`: without and with a mark for the published error."""
 _MARKS = "osD^vP*Xph<>"

@@ -211,7 +211,7 @@ def _zoom(
 
 
 def _finish(ax: Axes, ylabel: str, title: str) -> None:
-    """Set title and label of y, and few ticks of y."""
+    """Set the title of the axes and the label of the y axis, and limit the number of ticks on the y axis."""
     ax.set(title=title, ylabel=ylabel)
     ax.locator_params(axis="y", nbins=5)
 

@@ -431,7 +431,10 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 
 
 def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
-    """Return the stored answer on a record before sampling; None if it is missing or contains no damping law."""
+    """Return the stored answer on a record from linear approximations, before sampling.
+
+    Return None if it is missing or contains no damping law.
+    """
     task_result = run.task_result("answer", signal, run.repeats(signal)[0])
     content = AnswerContent.of(task_result) if task_result is not None and task_result.outcome == OK else None
     return None if content is None or content.verdict.get("law_free") else content

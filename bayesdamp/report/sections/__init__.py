@@ -85,7 +85,7 @@ class Section(ABC):
     """A section of the report."""
 
     order: int
-    """Number by which the sections are sorted."""
+    """Number by which the sections of a report are sorted, the smallest first."""
     name: str
     """Name of the section, which is also its anchor in the page."""
     title: str

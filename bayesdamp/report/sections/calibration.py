@@ -60,7 +60,7 @@ class CalibratedSection(Section):
         return run.info.get("kind") == "calibration"
 
     def render(self, run: RunFolder) -> str:
-        """Return tests of uniform ranks, and the coverage with its bands."""
+        """Return the section's HTML: how many checks failed, and the ranks and coverage of each model's intervals."""
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
         names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
@@ -217,7 +217,11 @@ class RecoveredSection(Section):
         return run.info.get("kind") == "model recovery"
 
     def render(self, run: RunFolder) -> str:
-        """Return expected against observed probabilities, and the confusion of models, of each series."""
+        """Return the section's HTML, with a part for each series of simulated records (`SERIES`).
+
+        Each part says how often the most probable model was the true one, how often the probabilities let expect this,
+        and which models were confused.
+        """
         result = run.info["result"]
         parts: list[object] = [paragraph(sentence) for sentence in MODELS_EXPLAINED]
         for name, title in SERIES.items():

@@ -172,7 +172,7 @@ class RunningSection(SignalSection):
         return any("running/t" in task_result.arrays for task_result in run.task_results("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return figures of the coefficients against time, with their bands."""
+        """Return figures of the estimated damping coefficients against time, with bands of ± 2 standard deviations."""
         repeat = run.repeats(signal)[0]
         parts: list[Markup] = []
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
