@@ -170,7 +170,8 @@ class Fit(Result, Storable):
         If laws may hold approximately: relative deviations of damping and frequency from their laws, averaged over the
         record.
     law
-        If laws may hold approximately: the fit in the form that replaces target and mode.
+        If laws may hold approximately: the fit with deviations, linearised about the best motion, from which samplers
+        start instead of target and mode; otherwise None.
     """
 
     _STORED = StoredFit
