@@ -1,4 +1,4 @@
-"""The search for the highest mode from several starts, and the modes that the searches reach."""
+"""The search for the highest posterior mode from several starts, and the maxima that the searches reach."""
 
 from __future__ import annotations
 
@@ -15,23 +15,29 @@ from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
 SAME_MODE = 1.0
-"""Two searches whose ends are closer than this, in posterior sds, reached the same mode (conventional)."""
+"""Two searches reached the same maximum if their ends are less than this apart, in posterior standard deviations
+(conventional)."""
 COARSEST_ERROR = 1.0
-"""Tolerance of a motion in a search, in standard errors of the mean of all samples (conventional)."""
+"""Largest error of the motion in the first search, in units of the noise's standard deviation divided by √n for a
+record of n samples (conventional)."""
 MOST_RESIDUAL = 1.5
-"""Largest root mean square residual of a mode, in standard deviations of the record. A motion without phase relation to
-the record has √2; it is larger if correlated noise replaces an offset of the sensor."""
+"""A maximum is not a mode if its root mean square residual is more than this many standard deviations of the record. A
+motion of the right amplitude but without phase relation has √2. If it is more, correlated noise explains the
+oscillation instead of the motion."""
 IN_PHASE_RESIDUAL = 0.3
-"""Largest root mean square residual of a motion in phase with the record, in standard deviations of the record; 1.5
-times the noise is always allowed."""
+"""A motion counts as in phase with the record if its root mean square residual is below this many standard deviations
+of the record, or below 1.5 times the noise."""
 LEAST_SAMPLES = 8
-"""Fewest samples in a window that grows (see `_grow_windows`)."""
+"""A part of the record with fewer samples is skipped while the fitted part grows (see `_grow_windows`)."""
 SAME_START = 1e-4
-"""Two results of growing windows whose scores differ by less than this count as the same start."""
+"""Two results of `_grow_windows` are the same start if no score differs by as much as this."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
-    """Draw `count` starts from the prior; return for each, by its `Seed`, parameter values in natural units by name."""
+    """Draw `count` starts of searches from the prior; return the values of each start's parameters, by its `Seed`.
+
+    The values are in the units of the parameters, by their names.
+    """
     draws = target.prior_draws(count, np.random.default_rng(seed))
     return {
         Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
@@ -45,10 +51,10 @@ def group_searches(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[in
     Returns
     -------
     modes : list of (LocalSearch, float)
-        The best search of each maximum, the highest first, and the maximum's fraction of the posterior probability by
-        Laplace's approximation.
+        For each maximum, the highest first: its best search, and its fraction of the total posterior probability of the
+        maxima, by Laplace's approximation.
     where : list of int or None
-        Index of the maximum that each search reached; None if it reached none.
+        For each search of `mode.searches`: index in `modes` of the maximum that it reached; None if it reached none.
     """
     reached = [i for i, c in enumerate(mode.searches) if c.converged and np.isfinite(c.end)]
     tops: list[int] = []
@@ -73,8 +79,9 @@ def group_searches(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[in
 class _Start(NamedTuple):
     """A start of a search.
 
-    seeds: origins with this start. z (d,): scores; those of the noise parameters are estimated from the residuals.
-    likelihood: the likelihood near z. value: log posterior at z. rms: root mean square residual at z.
+    seeds: all seeds that have this start. z: scores of the start, (d,), with the parameters of the noise estimated from
+    the residuals. likelihood: the likelihood near z. value: log posterior at z. rms: root mean square residual at z, in
+    the unit of the record.
     """
 
     seeds: list[Seed]
@@ -97,28 +104,29 @@ def find_mode(
     Parameters
     ----------
     target : Target
-        The target, whose posterior is maximised.
+        The model with its record and priors.
     seeds : mapping of Seed to mapping of str to float
-        Parameter values of each seed, in natural units.
+        Starts of the searches: for each seed the values of the parameters, by name.
     noise_level : float
-        Sd of the record's noise, in its unit, which determines the first accuracy of motions.
+        Standard deviation of the record's noise, in its unit. It determines how accurately motions are computed in the
+        search, and which motions are in phase.
     period : float, optional
-        Period of the oscillation in s. If it is given, and no seed leads to a motion in phase with the record, further
-        searches use a window that grows from two cycles.
+        Period of the oscillation in s. If it is given, and no seed leads to a motion in phase with the record (see
+        `IN_PHASE_RESIDUAL`), starts are improved by fits to a part of the record that grows from two cycles on.
     thrifty : bool
-        Whether to stop at the first motion in phase with the record. Seeds are then tried in this order: those whose
-        motion is in phase already, the others with growing windows, the others with the whole record.
+        Whether to stop at the first motion in phase with the record. Starts are then tried in this order: those whose
+        motion is in phase already, then all after fits to a growing part of the record, then the others unchanged.
 
     Returns
     -------
     Mode
-        The highest mode, with all searches.
+        The highest mode, with the results of all searches.
 
     Raises
     ------
     Refusal
-        If no seed leads to a finite posterior with a positive definite information, or if at all modes the noise model
-        explains the oscillation instead of the motion.
+        If no seed leads to a finite posterior with a positive definite information matrix, or if at all maxima the
+        noise model explains the oscillation instead of the motion.
     """
     # A first tolerance; `refine_mode` then measures the effect of the error on the likelihood.
     tolerance = COARSEST_ERROR * noise_level / np.sqrt(target.signal.t.size)
@@ -130,7 +138,7 @@ def find_mode(
     replaced_by_noise = in_phase = False
 
     def distinct_starts() -> Iterator[_Start]:
-        """Yield the starts of all seeds; seeds with equal values have one start."""
+        """Yield the starts of all seeds; seeds with equal values are combined into one start."""
         distinct: list[tuple[list[Seed], np.ndarray]] = []
         for seed, values in seeds.items():
             z = target.scores(values)
@@ -144,7 +152,7 @@ def find_mode(
             yield starts[-1]
 
     def stages() -> Iterator[Iterable[_Start]]:
-        """Yield groups of starts; a group is searched only if no earlier one led to a motion in phase."""
+        """Yield groups of starts in the order of trial; none is tried after a motion in phase with the record."""
         if thrifty:
             yield (start for start in distinct_starts() if start.rms < largest_in_phase)
         else:
@@ -190,7 +198,10 @@ def find_mode(
 
 
 def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
-    """Return the start at scores z, (d,), with noise parameters from the residuals there if they are finite."""
+    """Return the start at scores z, (d,); parameters of the noise are estimated from the residuals there, if finite.
+
+    tolerance: largest error of the motion, in the unit of the record.
+    """
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
     if np.all(np.isfinite(r)):
@@ -204,10 +215,11 @@ def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
 def _grow_windows(
     target: Target, starts: Sequence[_Start], tolerance: float, period: float | None
 ) -> Iterator[_Start]:
-    """Improve each start by searches in a window that grows from two cycles to the whole record.
+    """Improve each start by fits to a part of the record that grows from the first two cycles to the whole.
 
     A motion with a slightly wrong frequency loses the phase over many cycles, and a search in the whole record cannot
-    recover it. Without a period, or if a search fails, there is no result; equal results are yielded once.
+    recover it. tolerance: largest error of a motion, in the unit of the record. Nothing is yielded without a period,
+    for a start whose fit fails, or for a result that equals an earlier one.
     """
     if period is None:
         return

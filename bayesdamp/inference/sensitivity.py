@@ -1,7 +1,7 @@
-"""The sensitivity of the evidence.
+"""The sensitivity of the evidence to priors and data.
 
-It is computed with wider and narrower priors of the damping, for the first half of the record only, and without one
-coefficient (by the Savage–Dickey ratio, from the posterior of the larger model).
+The evidence is computed with wider and narrower priors of the damping, for the first half of the record only, and
+without one damping coefficient (by the Savage–Dickey ratio, from the posterior of the model with it).
 """
 
 from __future__ import annotations
@@ -31,38 +31,40 @@ from bayesdamp.types import OK, Evidence, NestedRatio, Refusal
 PRIOR_FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors by which the scales of the priors of damping coefficients are multiplied: two decades."""
 LEAST_EFFECTIVE = 400.0
-"""Effective number of reweighted draws below which new draws are made under the scaled prior (conventional)."""
+"""The evidence under a scaled prior is computed from the draws under the original prior, reweighted, if their effective
+number is at least this and the Pareto shape of their weights is small; otherwise from new draws (conventional)."""
 MOST_NATS = 5.0
-"""If the absolute log Bayes factor of a coefficient is larger, the draws do not determine the density at zero
-(conventional)."""
+"""If the log Bayes factor of a model without a coefficient has at least this absolute value (nats), the posterior draws
+do not determine the density at zero (conventional)."""
 POLYNOMIAL_DEGREE = 3
-"""Degree of the polynomial that approximates the log density near zero."""
+"""Degree of the polynomial that approximates the log density of a coefficient between zero and the median."""
 LOWER_FRACTION = 0.5
-"""Fraction of the draws, the smallest ones, to which the polynomial is fitted."""
+"""The polynomial is fitted to the smallest draws; this is their fraction of all draws."""
 FAR_FROM_ZERO = 0.5
-"""If the smallest draw is larger than this fraction of the median, the density at zero is not determined."""
+"""If the smallest draw is larger than this fraction of the median, the draws do not determine the density at zero."""
 QUADRATURE_NODES = 400
-"""Number of quadrature nodes for the normalisation of the polynomial density."""
+"""Number of Gauss–Legendre nodes of the integral that normalises the exponential of the polynomial."""
 MOST_NEWTON_STEPS = 100
 """Greatest number of Newton steps in the fit of the polynomial."""
 
 
 @dataclass(frozen=True)
 class Widths:
-    """Log evidence for several factors of the scale of the priors, in arrays of shape (m,).
+    """Log evidence with the scales of the damping priors multiplied by each of m factors; arrays have the shape (m,).
 
     Attributes
     ----------
     varied : tuple of str
-        Coefficients whose priors are scaled.
+        Coefficients whose priors are scaled; () if no prior can be scaled, and the values are then all equal.
     factors, log_evidence, stderr : ndarray
-        The factors, and the log evidence with its standard error in nats.
+        The factors, and for each of them the log evidence and its standard error in nats.
     effective : ndarray
-        Effective number of the reweighted draws.
+        Effective number of the original importance draws, reweighted for the scaled priors.
     anew : ndarray of bool
-        Where new importance draws were made instead of reweighting.
+        Whether the evidence is from new importance draws instead of the reweighted ones.
     trusted : ndarray of bool
-        Where the diagnostics are good; where no mode was found they are not, and the log evidence is nan.
+        Whether the importance weights are reliable. False also where no mode was found; log evidence and standard error
+        are then nan.
     """
 
     varied: tuple[str, ...]
@@ -91,9 +93,10 @@ def evidence_by_prior_width(
     fit_under: Callable[[Mapping[str, Prior]], Mode],
     seed: int,
 ) -> Widths:
-    """Compute the evidence with all priors of damping coefficients scaled by each of `PRIOR_FACTORS`.
+    """Compute the evidence with the priors of all damping coefficients scaled by each of `PRIOR_FACTORS`.
 
-    The importance draws are reweighted by the ratio of the prior densities, which needs no new likelihoods.
+    The given draws are reweighted by the ratio of the prior densities, which needs no new likelihoods. If too few of
+    them have weight, new draws are made under the scaled priors. Only half-normal and lognormal priors are scaled.
 
     Parameters
     ----------
@@ -102,18 +105,18 @@ def evidence_by_prior_width(
     coefficients : sequence of str
         Names of the damping coefficients.
     y : ndarray, shape (n, d)
-        Importance draws of the scores, in the order of the priors.
+        Importance draws of the parameters as scores, in the order of `priors`.
     log_weights : ndarray, shape (n,)
-        Their log weights under the given priors.
+        Log importance weights of the draws under the given priors.
     fit_under : callable
-        Function that returns the mode under other priors, or raises Refusal.
+        Function that returns the mode under given other priors, or raises Refusal if there is none.
     seed : int
         Seed of new draws.
 
     Returns
     -------
     Widths
-        The log evidence by factor.
+        The log evidence for each factor.
     """
     varied = tuple(n for n in coefficients if scale_prior(priors[n], 2.0) is not None)
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in varied}
@@ -142,7 +145,10 @@ def evidence_by_prior_width(
 
 
 def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
-    """Return the mode under other priors of the same parameters, under exact laws. Raises Refusal if there is none."""
+    """Return the mode of the same model and record under other priors of the same parameters.
+
+    The model must have exact laws (no deviations). Raises Refusal if the posterior is not finite at its mode.
+    """
     target = mode.likelihood.target
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in priors.items()])
@@ -150,7 +156,11 @@ def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
 
 
 def first_half(mode: Mode) -> Mode:
-    """Return the mode for the first half of the samples, under exact laws. Raises Refusal if there is none."""
+    """Return the mode given only the first half of the samples.
+
+    The model must have exact laws (no deviations). Raises Refusal if the half has no more samples than there are
+    parameters, or if the posterior is not finite at its mode.
+    """
     target = mode.likelihood.target
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
@@ -170,9 +180,10 @@ def predict_from_half(
     model : str
         Name of the model.
     half : Mode
-        Mode of the posterior for the first half.
+        Mode of the posterior given the first half.
     carry : callable
-        Function that predicts the second half from draws of the scores, (m, d), or raises Refusal.
+        Function that predicts the second half from draws of the scores, (m, d); it raises Refusal if no draw has a
+        finite motion in the second half.
     seed : int
         Seed of the draws.
 
@@ -184,7 +195,7 @@ def predict_from_half(
     Raises
     ------
     Refusal
-        If no draw has a finite motion in the second half.
+        If `carry` raises it.
     """
     evidence = Importance().evidence(model, half.likelihood.target, half, seed)
     rows = resample(evidence.arrays["log_weights"], PREDICTIVE_DRAWS, np.random.default_rng(seed))
@@ -192,9 +203,10 @@ def predict_from_half(
 
 
 def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:
-    """Return the log density of the second half given the first, and its standard error.
+    """Return the log density of the second half of a record given the first, and its standard error, in nats.
 
-    It is the difference of two log evidences; nan if one of them is unreliable.
+    whole, half: evidence of the whole record and of its first half, of which this is the difference. Both results are
+    nan if one of them is unreliable.
     """
     if not whole.outcome == half.outcome == OK:
         return float("nan"), float("nan")
@@ -209,26 +221,27 @@ def savage_dickey(
 ) -> NestedRatio:
     """Return the log Bayes factor of the model without a coefficient against the model with it.
 
-    It is the log of the ratio of posterior to prior density of the coefficient at zero (Savage and Dickey). If the
-    coefficient has a common prior scale with others, their prior given that it is zero differs from their prior in the
-    smaller model. The draws are then weighted by the ratio of both, which depends on the sum of squares of the others.
+    It is the log of the ratio of posterior to prior density of the coefficient at zero (Savage and Dickey).
+    Coefficients with a common, unknown prior scale need a correction: given that one of them is zero, the prior of the
+    others is not their prior in the smaller model. The draws are then weighted by the ratio of these two priors, which
+    depends on the sum of squares of the other coefficients' scores.
 
     Parameters
     ----------
     priors : mapping of str to Prior
         Priors of the parameters of the larger model.
     name : str
-        The coefficient. Its prior must be half-normal, with a given or a common scale.
+        Name of the coefficient. Its prior must be half-normal, with a given or a common scale.
     scores : mapping of str to ndarray
-        Posterior draws of the scores of the parameters, (chain, draw) each.
+        Posterior draws of the parameters of the larger model as scores, (chain, draw) each.
     scales : array_like, shape (s,)
-        Values of the common prior scale, in scores.
+        Possible values of the common prior scale (standard deviation of the scores), equally probable.
 
     Returns
     -------
     NestedRatio
-        The log Bayes factor in nats. Its outcome says that it does not apply beyond 5 nats, because no draw is near
-        zero then, or for another prior.
+        The log Bayes factor in nats and its standard error. The outcome is "not applicable" if the coefficient has
+        another prior, or beyond 5 nats, because no draw is near zero then.
 
     References
     ----------
@@ -257,17 +270,17 @@ def savage_dickey(
 def density_at_zero(
     x: np.ndarray, effective: float, weights: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Estimate the log density of non-negative draws at zero.
+    """Estimate the log of the probability density of non-negative draws at zero.
 
-    The log density on [0, median] is a cubic polynomial, fitted by maximum likelihood. (That of a truncated normal
-    distribution is a polynomial too.)
+    Between zero and the median the log density is a cubic polynomial, fitted by maximum likelihood. (The log density of
+    a truncated normal distribution is a polynomial too.)
 
     Parameters
     ----------
     x : ndarray, shape (n,)
         The draws.
     effective : float
-        Their effective number.
+        Effective number of the draws (they may be autocorrelated).
     weights : ndarray, shape (n,), optional
         Weights of the draws with mean 1; equal by default.
 
@@ -291,7 +304,10 @@ def density_at_zero(
     c = np.zeros(POLYNOMIAL_DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log ∫ exp(c·basis) over [0, 1], and mean (k,) and covariance (k, k) of the basis under its density."""
+        """Return log ∫ exp(c·basis) over [0, 1], and the mean (k,) and covariance (k, k) of the basis.
+
+        Mean and covariance are under the density that is proportional to exp(c·basis). c: coefficients, (k,).
+        """
         log_f = c @ basis
         most = log_f.max()
         mass = node_weights * np.exp(log_f - most)

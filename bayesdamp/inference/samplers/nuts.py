@@ -20,39 +20,46 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings, Start, comp
 from bayesdamp.types import OK, Posterior
 
 MOST_DOUBLINGS = 7
-"""Greatest number of doublings of a trajectory, which has at most 2⁷ leapfrog steps."""
+"""Greatest number of times that a trajectory is doubled; it then has at most 2⁷ leapfrog steps."""
 DIVERGENCE_NATS = 1000.0
-"""Increase of the energy, in nats, at which a trajectory counts as divergent (conventional)."""
+"""A trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
 MOST_REFLECTIONS = 4
-"""Greatest number of reflections in a leapfrog step, for each wall; a step with more is rejected."""
+"""Greatest number of reflections in a leapfrog step, per wall (4 k in total for k walls); a step with more is
+rejected."""
 LEAPFROG_STEP = 1.05
-"""Step in whitened coordinates, slightly above π/3: four points then span half of a circle, where a trajectory ends.
-With a shorter step trajectories are twice as long, and the draws are not better."""
+"""Length of a leapfrog step in whitened coordinates, in which the posterior is nearly standard normal and trajectories
+are nearly circles with a period of 2π. With slightly more than π/3, four points span half of a circle, after which a
+trajectory turns back and ends. Shorter steps make trajectories twice as long, and the draws are not better."""
 LEAST_ACCEPTANCE = 0.5
-"""Mean acceptance probability below which sampling is repeated with another step or force (conventional)."""
+"""If the mean acceptance probability is below this, sampling is repeated with a curved ridge straightened, with shorter
+steps, or with the exact gradient (conventional)."""
 MOST_DIVERGENT = 0.002
-"""Fraction of divergent transitions above which sampling is repeated; above 1 % the outcome reports them."""
+"""If a larger fraction of the transitions diverges, sampling is repeated. (The outcome reports divergences only above 1
+%.)"""
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
-"""If the draws are poor, sampling is repeated with the exact gradient and `LEAPFROG_STEP` times each of these factors,
-one after the other, until the draws are good (conventional)."""
+"""If the draws are poor (`is_poor`), sampling is repeated with the exact gradient and a step of `LEAPFROG_STEP` times
+each of these factors in turn, until they are not (conventional)."""
 MOST_DRAWS_FACTOR = 3
-"""Draws are added up to about this multiple of the requested number."""
+"""If the draws are too few, more are made, until they suffice or each chain has this multiple of the requested
+number."""
 
 
 @dataclass(frozen=True)
 class WhitenedPosterior:
-    """The log posterior density in whitened coordinates u, (d,), and the force of the leapfrog steps.
+    """The log posterior density in whitened coordinates u, (d,), and the force of the leapfrog steps in them.
+
+    The force is the gradient of the log density by u, exact or for a linearised motion.
 
     Attributes
     ----------
     likelihood : Likelihood
         The likelihood with its target.
     at : Whitening
-        Map from the coordinates to scores.
+        Map from the coordinates u to scores.
     line : Line or None
         The linearised motion from which the force is computed; None for the exact gradient.
     walls, offsets : ndarray, shapes (k, d) and (k,)
-        The support is where walls @ u + offsets ≥ 0.
+        The k bounds where a coefficient is zero: the posterior is limited to walls @ u + offsets ≥ 0.
     """
 
     likelihood: Likelihood
@@ -63,7 +70,10 @@ class WhitenedPosterior:
 
     @classmethod
     def of(cls, mode: Mode, at: Whitening, exact: bool) -> WhitenedPosterior:
-        """Return the posterior density at a mode. exact: whether the force is the exact gradient."""
+        """Return the posterior density in the coordinates `at`.
+
+        exact: whether the force is the exact gradient, instead of that for the motion linearised at the centre of `at`.
+        """
         likelihood = mode.likelihood
         line = None if exact else likelihood.line(at.shear.scores(at.centre))
         reflected = likelihood.target.reflected
@@ -74,7 +84,7 @@ class WhitenedPosterior:
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
-        """Return the force of a leapfrog step: the gradient of the log density by u, (d,), exact or approximate."""
+        """Return the gradient of the log density by u, (d,), at u, (d,): exact, or for the linearised motion."""
         at, shear = self.at, self.at.shear
         away = at.factor @ u
         if self.line is None:
@@ -91,7 +101,7 @@ class WhitenedPosterior:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a trajectory: position u, momentum p and force, (d,) each, and the log density."""
+    """A point of a trajectory: position u, momentum p and force, (d,) each, and the log density at the position."""
 
     u: np.ndarray
     p: np.ndarray
@@ -100,7 +110,7 @@ class Point:
 
     @property
     def joint(self) -> float:
-        """Joint log density of position and momentum."""
+        """Log density of position and momentum: that of the position minus the kinetic energy."""
         return self.log_density - 0.5 * float(self.p @ self.p)
 
 
@@ -108,8 +118,9 @@ class Point:
 class _Subtree:
     """A part of a trajectory.
 
-    first, last: its ends in time. chosen: the point that was sampled from it. weight: log of the sum of the joint
-    densities. momentum: sum of the momenta. goes_on: whether it neither turns back nor diverges.
+    first, last: its first and last point in time. chosen: the point that was drawn from its points. weight: log of the
+    sum of the densities of position and momentum over its points. momentum: sum of the momenta of its points. goes_on:
+    whether it has neither diverged nor turned back.
     """
 
     first: Point
@@ -121,16 +132,16 @@ class _Subtree:
 
 
 class Chain:
-    """A Markov chain of NUTS with a fixed step."""
+    """A Markov chain that the no-U-turn sampler (NUTS) generates with a fixed leapfrog step."""
 
     def __init__(self, space: WhitenedPosterior, step: float, rng: np.random.Generator) -> None:
         self.space, self.step, self.rng = space, step, rng
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
-        """Run NUTS for `count` draws from position u, (d,), with its log density.
+        """Make `count` draws by NUTS, starting from position u, (d,).
 
-        Returns positions (count, d), log densities, whether a trajectory diverged, numbers of leapfrog steps, and mean
-        acceptances, (count,) each.
+        log_density: log density at u. Returns, for each draw: position (count, d), log density, whether its trajectory
+        diverged, number of leapfrog steps, and mean acceptance probability, (count,) each.
         """
         rows = []
         at = Point(u, np.zeros(u.size), self.space.force(u), log_density)
@@ -140,10 +151,10 @@ class Chain:
         return tuple(map(np.array, zip(*rows, strict=True)))
 
     def transition(self, at: Point) -> tuple[Point, bool, int, float]:
-        """Return the next point, whether the trajectory diverged, its number of steps, and its mean acceptance.
+        """Make one transition of NUTS from the point `at`, whose momentum is not used (a new one is drawn).
 
-        at: the present point; its momentum is not used. The acceptance is the mean probability of accepting a point of
-        the trajectory.
+        Returns the next point, whether the trajectory diverged, its number of leapfrog steps, and its acceptance: the
+        mean over its points of the probability of accepting them.
         """
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.force, at.log_density)
         self._initial_joint, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
@@ -161,9 +172,9 @@ class Chain:
         return tree.chosen, self._diverged, self._steps, self._accepted / max(self._steps, 1)
 
     def _build(self, end: Point, direction: int, depth: int) -> _Subtree:
-        """Return a new part of the trajectory of 2^depth points beyond `end`; fewer if it turns back or diverges.
+        """Extend a trajectory by 2^depth points beyond its point `end`; return the new part.
 
-        direction: 1 forwards in time, −1 backwards.
+        direction: 1 forwards in time, −1 backwards. The new part is shorter if it turns back or diverges.
         """
         if depth == 0:
             # A leapfrog step. Any function of the position may serve as the force: the step is reversible and preserves
@@ -191,9 +202,11 @@ class Chain:
 
     @staticmethod
     def _join(tree: _Subtree, new: _Subtree, forwards: bool, chosen: Point) -> _Subtree:
-        """Return the join of two parts. It goes on unless it, or a part across the join, turns back (U-turn criterion).
+        """Join two adjacent parts of a trajectory.
 
-        forwards: whether `new` is later than `tree`. chosen: the point that is sampled from the join.
+        forwards: whether `new` is later than `tree`. chosen: the point that was drawn from both parts together. The
+        result goes on unless it, or one of its parts together with the nearest point of the other, turns back (U-turn
+        criterion).
         """
         early, late = (tree, new) if forwards else (new, tree)
         momentum = early.momentum + late.momentum
@@ -207,14 +220,17 @@ class Chain:
 
 
 def _ends_move_apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
-    """Return whether both ends still move apart. momentum: sum of the momenta of all points from first to last."""
+    """Return whether both ends of a part of a trajectory still move away from each other.
+
+    momentum: sum of the momenta of all points from first to last.
+    """
     return float(first.p @ momentum) > 0 and float(last.p @ momentum) > 0
 
 
 def drift(
     u: np.ndarray, p: np.ndarray, time: float, walls: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position and momentum after a straight motion that is reflected at walls.
+    """Move a point along a straight line that is reflected at walls; return its new position and momentum.
 
     Reflection is reversible and preserves volume, so leapfrog steps with it are valid (Afshar and Domke, NeurIPS 28,
     2015).
@@ -222,17 +238,16 @@ def drift(
     Parameters
     ----------
     u, p : ndarray, shape (d,)
-        Position and momentum at the start.
+        Position and momentum at the start. The velocity is equal to the momentum.
     time : float
         Duration of the motion, which may be negative.
     walls, offsets : ndarray, shapes (k, d) and (k,)
-        The support is where walls @ u + offsets ≥ 0.
+        The k walls: the motion is limited to walls @ u + offsets ≥ 0.
 
     Returns
     -------
     u, p : ndarray, shape (d,)
-        Position and momentum at the end. The position is nan after more than `MOST_REFLECTIONS` reflections for each
-        wall.
+        Position and momentum at the end. The position is nan after more than `MOST_REFLECTIONS` · k reflections.
     """
     straight = u + time * p
     if np.all(walls @ straight + offsets >= 0.0):  # both points are inside, and the support is convex
@@ -254,29 +269,30 @@ def drift(
 
 
 def is_poor(posterior: Posterior) -> bool:
-    """Return whether sampling had too many rejections (`LEAST_ACCEPTANCE`) or divergences (`MOST_DIVERGENT`)."""
+    """Return whether draws have a low mean acceptance (`LEAST_ACCEPTANCE`) or many divergences (`MOST_DIVERGENT`)."""
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
 
 
 @dataclass(frozen=True)
 class ChainRun:
-    """Chains with the same step and force, and their draws.
+    """Chains with the same leapfrog step and kind of force, and their draws.
 
     Attributes
     ----------
     at : Whitening
-        Coordinates of the chains.
+        Map from the coordinates of the chains to scores.
     exact : bool
         Whether the force is the exact gradient.
     warmup : int
-        Number of draws of each chain that are discarded.
+        Number of first draws of each chain that are discarded.
     starts : list of Start
         Start of each chain.
     chains : list of Chain
         The chains.
     results : tuple of ndarray
-        Results of `Chain.sample` with the warm-up: positions (chain, draw, d), and the others (chain, draw).
+        What `Chain.sample` returned, stacked over the chains, with the warm-up: positions (chain, draw, d), and log
+        densities, divergences, numbers of steps and acceptances (chain, draw).
     """
 
     at: Whitening
@@ -292,7 +308,7 @@ class ChainRun:
         return self.results[0].shape[1] - self.warmup
 
     def posterior(self, mode: Mode) -> Posterior:
-        """Return the draws after the warm-up, with their diagnostics."""
+        """Return the posterior of the parameters from the draws after the warm-up, with diagnostics of the chains."""
         target = mode.likelihood.target
         u, log_density, diverging, steps, accept = (x[:, self.warmup :] for x in self.results)
         z = self.at.scores(u)
@@ -318,7 +334,7 @@ class ChainRun:
         )
 
     def continue_chains(self, count: int) -> ChainRun:
-        """Return the run with `count` more draws of each chain after those that it has."""
+        """Return a run in which each chain has `count` more draws, made from its last one."""
         more = [
             chain.sample(u[-1], float(log_density[-1]), count)
             for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)
@@ -328,19 +344,20 @@ class ChainRun:
 
 
 class MixtureChain(Chain):
-    """A chain in a posterior that is a mixture over the hyperparameters of deviations (their sizes and lengths).
+    """A chain in a posterior that is a mixture over hyperparameters (sizes and lengths of deviations from the laws).
 
-    It draws a combination of hyperparameters given the position, then a position given the combination (Gibbs
-    sampling), because the components of the mixture can have very different widths.
+    It alternately draws a combination of hyperparameters given the position, and a position given the combination
+    (Gibbs sampling), because the components of the mixture can have very different widths.
 
     Attributes
     ----------
     mode : Mode
         Mode of the posterior.
     whole : WhitenedPosterior
-        The whole mixture, with the coordinates of the positions that the chain returns.
+        The whole mixture, with the coordinates of the positions that `sample` takes and returns.
     given : dict of int to WhitenedPosterior
-        The posterior given each combination that was drawn, with its own coordinates; all chains share it.
+        Cache: the posterior given a combination, with its own coordinates, by index of the combination; all chains
+        share it.
     """
 
     def __init__(
@@ -355,7 +372,7 @@ class MixtureChain(Chain):
         self.mode, self.whole, self.given = mode, whole, given
 
     def under(self, combination: int) -> WhitenedPosterior:
-        """Return the posterior given the combination of hyperparameters with this index; it is kept in `given`."""
+        """Return the posterior given the combination of hyperparameters with this index; the result is cached."""
         if combination not in self.given:
             at = whitening_under(self.mode, combination, self.whole.at.shear)
             conditional = replace(self.mode, likelihood=self.mode.likelihood.under(combination))
@@ -363,9 +380,9 @@ class MixtureChain(Chain):
         return self.given[combination]
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
-        """Sample like `Chain.sample`, with a new combination of the hyperparameters of deviations before each draw.
+        """Make draws as `Chain.sample` does, but with a new combination of hyperparameters before each draw.
 
-        The positions and log densities that are returned are those of the mixture of all combinations.
+        Positions and log densities, at the start and in the result, are those of the mixture of all combinations.
         """
         likelihood, rows = self.mode.likelihood, []
         assert likelihood.target.deviation is not None
@@ -384,18 +401,18 @@ class MixtureChain(Chain):
 
 
 class Nuts(Sampler):
-    """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates, bounded where a coefficient is zero.
+    """The no-U-turn sampler (Hoffman and Gelman, JMLR 15, 2014) in whitened coordinates.
 
-    The energies that decide on acceptance are exact. The force of the leapfrog steps is the gradient for the linearised
-    motion, which is cheap; any function of the position is valid as a force. Draws are added if they are too few. If
-    that does not help, or too many proposals are rejected, sampling is repeated with a curved ridge straightened, with
-    shorter steps, and with the exact gradient.
+    Coefficients are bounded at zero. The energies that decide on acceptance are exact. The force of the leapfrog steps
+    is the gradient for the linearised motion, which is cheap; any function of the position is valid as a force. Draws
+    are added if they are too few. If that does not help, or too many proposals are rejected, sampling is repeated: with
+    a curved ridge of the posterior straightened, with shorter steps, and with the exact gradient.
     """
 
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of chains that start near the mode; extend or repeat the chains if they are not good enough."""
+        """Return draws from chains that start near the mode; extend or repeat chains that are not good enough."""
         at = whitening_of(target, mode)
         run, posterior = self._extend(mode, settings, self.run_chains(mode, at, settings, not at.good))
         if posterior.outcome != OK or is_poor(posterior):
@@ -417,20 +434,20 @@ class Nuts(Sampler):
     def run_chains(
         self, mode: Mode, at: Whitening, settings: Settings, exact: bool = False, factor: float = 1.0
     ) -> ChainRun:
-        """Run chains with the requested number of draws.
+        """Run chains with the requested number of draws and a given kind of force and step.
 
         Parameters
         ----------
         mode : Mode
             Mode of the posterior.
         at : Whitening
-            Coordinates of the chains.
+            Map from the coordinates of the chains to scores.
         settings : Settings
-            Numbers of chains and draws, and the seed.
+            Numbers of chains, of warm-up and of other draws, and the seed.
         exact : bool
             Whether the force is the exact gradient.
         factor : float
-            Factor of `LEAPFROG_STEP`.
+            Length of the leapfrog step, as a multiple of `LEAPFROG_STEP`.
 
         Returns
         -------
@@ -457,7 +474,10 @@ class Nuts(Sampler):
         return ChainRun(at, exact, warmup, starts, chains, tuple(map(np.stack, zip(*results, strict=True))))
 
     def _extend(self, mode: Mode, settings: Settings, run: ChainRun) -> tuple[ChainRun, Posterior]:
-        """Add draws while they are too few and more may be enough. Return the run and its posterior."""
+        """Add draws to a run while they are too few but not poor; return the run and its posterior.
+
+        At most about `MOST_DRAWS_FACTOR` times the requested number is made, and none is added unless `settings.grows`.
+        """
         posterior, count = run.posterior(mode), run.results[0].shape[1]
         most = MOST_DRAWS_FACTOR * settings.draws if settings.grows else settings.draws
         while posterior.outcome != OK and not is_poor(posterior) and run.draws < most:

@@ -1,4 +1,4 @@
-"""Variational inference: the full-rank normal distribution nearest to the posterior, in unbounded coordinates."""
+"""Variational inference: the normal distribution, with full covariance, that is nearest to the posterior."""
 
 from __future__ import annotations
 
@@ -15,36 +15,37 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior, Refusal
 
 FIRST_DECAY, SECOND_DECAY = 0.9, 0.999
-"""Decay rates of Adam's first and second moments (the values of its authors)."""
+"""Decay rates of the running means of the gradient and of its square in Adam (the values of its authors)."""
 GRADIENT_DRAWS = 8
-"""Number of draws from which a gradient is estimated."""
+"""Number of draws from which each gradient is estimated."""
 STEPS_PER_BLOCK = 50
-"""Number of Adam steps between checks of convergence."""
+"""Number of Adam steps in a block; after each block convergence is checked."""
 MOST_BLOCKS = 60
 """Greatest number of blocks of Adam steps."""
 FIRST_RATE = 0.04
 """Adam's first learning rate."""
 SETTLED_CHANGE = 0.1
-"""Largest difference between the means over two successive blocks at which the learning rate is halved: of a mean in
-standard deviations of the start, of a width in its logarithm."""
+"""If, from one block to the next, the mean values of all parameters of the normal distribution change by less than
+this, the learning rate is halved. The parameters are its mean, in standard deviations of Laplace's approximation, and
+its Cholesky factor, whose diagonal is logarithmic."""
 MOST_HALVINGS = 3
-"""Number of halvings of the learning rate after which training ends."""
+"""Number of times that the learning rate is halved; at the next convergence the optimisation ends."""
 
 
 @dataclass(frozen=True)
 class MappedPoints:
-    """Points v mapped to scores, with the derivatives and the change of volume of the map.
+    """Points v mapped to standard normal scores z, with the derivatives of the map.
 
     Attributes
     ----------
     z : ndarray, shape (n, d)
         The scores.
     slopes : ndarray, shape (n, d, d)
-        Derivatives of the scores by v.
+        Derivatives of the scores (second axis) by v (third axis).
     log_volume : ndarray, shape (n,)
-        Log determinant of the derivatives.
+        Log determinant of the derivatives, by which the log density changes.
     volume_slopes : ndarray, shape (n, d)
-        Derivative of `log_volume` by v.
+        Derivatives of `log_volume` by v.
     """
 
     z: np.ndarray
@@ -55,19 +56,23 @@ class MappedPoints:
 
 @dataclass(frozen=True)
 class UnboundedMap:
-    """A triangular map from v in R^d to scores (Genz, Journal of Computational and Graphical Statistics 1, 1992).
+    """A map from unbounded coordinates v in R^d to scores, of which some are ≥ 0 (triangular; Genz, JCGS 1, 1992).
 
-    It maps a standard normal v to a given truncated normal distribution; exactly if at most one wall is near. A wall is
-    the bound where a reflected score is zero.
+    If v is standard normal, the scores have a given truncated normal distribution: exactly if it is close to at most
+    one of its bounds, else nearly. A bound (wall) is at zero, for each score of a coefficient that cannot be negative.
 
     Attributes
     ----------
     order : ndarray of int, shape (d,)
-        Indices of the scores, those with walls first.
+        Indices of the scores in the order of v: those with walls first.
     mean, factor : ndarray, shapes (d,) and (d, d)
-        Mean and Cholesky factor of the normal distribution in this order.
+        Mean and Cholesky factor of the covariance of the normal distribution before its truncation, in this order.
     walls : int
         Number of walls.
+
+    References
+    ----------
+    A. Genz, Journal of Computational and Graphical Statistics 1, 1992.
     """
 
     order: np.ndarray
@@ -77,7 +82,7 @@ class UnboundedMap:
 
     @staticmethod
     def of(normal: TruncatedNormal) -> UnboundedMap:
-        """Return the coordinates in which a truncated normal is (nearly) standard normal."""
+        """Return the map under which a standard normal v has (nearly) this truncated normal distribution."""
         rest = np.setdiff1d(np.arange(normal.mean.size), normal.walls)
         # The wall that truncates most comes first: the others then truncate little.
         near = normal.walls[np.argsort((normal.mean / np.sqrt(np.diag(normal.covariance)))[normal.walls])]
@@ -86,10 +91,10 @@ class UnboundedMap:
         return UnboundedMap(order, normal.mean[order], factor, normal.walls.size)
 
     def to_scores(self, v: np.ndarray) -> MappedPoints:
-        """Map points v, (n, d), to scores.
+        """Map points v, (n, d), to scores, with derivatives.
 
-        For each score with a wall in turn, the standard normal v becomes the same quantile of the conditional normal
-        distribution that is truncated at the wall.
+        For each score with a wall in turn, the standard normal v is replaced by the same quantile of a standard normal
+        distribution that is truncated at the wall, given the scores before. Mean and Cholesky factor are then applied.
         """
         n, d = v.shape
         factor = self.factor
@@ -114,16 +119,16 @@ class UnboundedMap:
 
 
 def _hazard(x: np.ndarray) -> np.ndarray:
-    """Return the hazard φ(x)/Φ(−x) of the standard normal distribution."""
+    """Return φ(x)/Φ(−x), the hazard function of the standard normal distribution, at each x."""
     return np.exp(-0.5 * x**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(-x))
 
 
 class Variational(Sampler):
-    """The normal distribution with the largest evidence lower bound, in the coordinates v of `UnboundedMap`.
+    """Draws from the normal distribution with the largest evidence lower bound, in the coordinates v of `UnboundedMap`.
 
-    It starts at Laplace's approximation, which is standard normal in these coordinates, and is optimised by Adam with
-    reparameterised gradients without the score term (Roeder, Wu and Duvenaud, NeurIPS 30, 2017). It has converged if
-    the means of all parameters over two successive blocks agree, at each of four learning rates.
+    The optimisation starts at Laplace's approximation, which is standard normal in these coordinates, and uses Adam
+    with reparameterised gradients without the score term (Roeder, Wu and Duvenaud, NeurIPS 30, 2017). It has converged
+    if the means of its parameters over two successive blocks of steps agree, at each of four learning rates.
 
     For a posterior that is not normal, the result is too narrow; its importance weights show by how much. It needs more
     than a thousand gradients and is not faster than NUTS.
@@ -133,7 +138,7 @@ class Variational(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of the nearest normal distribution, with importance weights.
+        """Return draws from the nearest normal distribution, with their importance weights.
 
         Raises Refusal if the optimisation does not converge.
         """
@@ -148,10 +153,10 @@ class Variational(Sampler):
 
 
 def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
-    """Optimise the normal distribution in unbounded coordinates.
+    """Optimise the normal distribution in the unbounded coordinates of the map `at`.
 
-    Returns its mean (d,), its Cholesky factor (d, d), the number of steps and the evidence lower bound in nats. Raises
-    Refusal if it does not converge or reaches unbounded motions.
+    Returns its mean (d,), the Cholesky factor of its covariance (d, d), the number of Adam steps, and the evidence
+    lower bound in nats. Raises Refusal if the optimisation does not converge or reaches unbounded motions.
     """
     d = at.mean.size
     rng = np.random.default_rng(seed)
@@ -187,9 +192,10 @@ def _train(mode: Mode, at: UnboundedMap, seed: int) -> tuple[np.ndarray, np.ndar
 def _bound_gradient(
     mode: Mode, at: UnboundedMap, x: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
-    """Return estimates of the gradient of the evidence lower bound by the parameters x, (k,), and of the bound in nats.
+    """Estimate the gradient, (k,), of the evidence lower bound by the parameters x, (k,), and the bound itself in nats.
 
-    Both are nan if a motion is unbounded.
+    Both are nan if a motion is unbounded. x: parameters of the normal distribution: the mean, the logarithms of the
+    diagonal of the Cholesky factor of the covariance, and the elements of this factor below the diagonal.
     """
     d = at.mean.size
     factor = _factor(x, d)
@@ -212,7 +218,10 @@ def _bound_gradient(
 
 
 def _factor(x: np.ndarray, d: int) -> np.ndarray:
-    """Return the Cholesky factor, (d, d), of the covariance, from the parameters x, (k,), of a normal distribution."""
+    """Return the Cholesky factor, (d, d), of the covariance of the normal distribution with parameters x, (k,).
+
+    x: as in `_bound_gradient`.
+    """
     factor = np.diag(np.exp(x[d : 2 * d]))
     factor[np.tril_indices(d, -1)] = x[2 * d :]
     return factor
