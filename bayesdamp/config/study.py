@@ -375,8 +375,8 @@ class Models:
     """The models that a study compares.
 
     compare: damping sums such as `viscous+coulomb`. prior: stated priors by damping term. restoring: restoring laws
-    that each sum is combined with; empty if each signal has only its own. prune: distance to the best log evidence
-    (nats, by Laplace's approximation) from which a candidate is left out; None to keep all.
+    that each sum is combined with; empty if each signal has only its own. prune: a candidate is left out if its log
+    evidence by Laplace's approximation is at least this many nats below the largest; None to keep all.
     """
 
     compare: tuple[str, ...]

@@ -341,7 +341,7 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
 def amplitudes_in_base_unit(
     amplitudes: Sequence[float] | None, comparison: ModelComparison, unit: Unit
 ) -> tuple[float, ...] | None:
-    """Convert amplitudes to the base unit of a record, and check that the record contains them.
+    """Convert amplitudes to the base unit of a record, and check that they are in or near the record's range.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def amplitudes_in_base_unit(
     Raises
     ------
     InputError
-        If an amplitude is outside the range of the record.
+        If an amplitude is outside the range of the record by more than the factor `BEYOND`.
     """
     if amplitudes is None:
         return None

@@ -201,7 +201,7 @@ def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) ->
     signal, repeat
         Name and repeat of the record.
     nats
-        Greatest distance from the largest log evidence.
+        A candidate is returned if its log evidence is less than this many nats below the largest one.
     law
         Whether to take the evidence with deviations from the laws, if there is one, instead of that under exact laws.
 

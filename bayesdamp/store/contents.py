@@ -333,10 +333,10 @@ class NoiseEvidence:
 
 @dataclass(frozen=True)
 class StoredFit:
-    """The fit of a candidate with deviations.
+    """The fit of a candidate with deviations from its laws.
 
-    found: an `inference.deviation.single.FitState`, as `bayesdamp.serial` splits it; its arrays are
-    `found/DAMPING@RESTORING/...`.
+    found: the scalar fields of the fit, an `inference.deviation.single.FitState`. Its array fields are the arrays
+    `found/DAMPING@RESTORING/...` of the result.
     """
 
     damping: str
