@@ -254,21 +254,21 @@ def draw_exponent(
 def draw_envelope(
     axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
 ) -> None:
-    """Draw the readings of an envelope with the fit, the residual, and the exponent of the damping force.
+    """Draw the level of an envelope with the fit, the residual, and the exponent of the damping force.
 
-    If the record contains no free decay, only the readings are drawn.
+    If the record contains no free decay, only the level is drawn.
 
     Parameters
     ----------
     axes
         Three axes, for record, residual and exponent. Axes without content are switched off.
     arrays
-        The record: times `t` in s and readings `level` in `unit`. The decay, if there is one: `curve/...`, the fields
-        of `inference.envelope.decay.Curve`.
+        The record: times `t` in s and the `level` of the readings in dB. The decay, if there is one: `curve/...`, the
+        fields of `inference.envelope.decay.Curve`.
     verdict
         The verdict on the record.
     unit
-        Unit of the readings, for the label of their axis.
+        Unit of the level for the label of its axis, such as "dB" or "dB of 1 V".
     """
     whole, rest, below = axes
     whole.plot(*thin_line(arrays["t"], arrays["level"], MOST_POINTS), color=MUTED, lw=0.7)
