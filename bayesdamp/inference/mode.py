@@ -25,29 +25,30 @@ from bayesdamp.priors import shared_precision
 from bayesdamp.types import NORMAL_95, Refusal, Seed
 
 LAST_STEP = 1e-3
-"""A search ends if a step is shorter than this, in posterior sds, and gains less than its cube, in nats
-(conventional)."""
+"""A search ends if a step is shorter than this, in posterior sds, and increases the log density by less than the cube
+of this, in nats (conventional)."""
 ROUGH_LAST_STEP = 0.1
-"""Limit in place of `LAST_STEP` for a mode that only serves as a start or for a comparison."""
+"""Used in place of `LAST_STEP` for a mode that only serves as a start of a search or for a comparison."""
 SMALLEST_SCORE = 1e-9
-"""Lower bound of a reflected score in a search, instead of zero, where the derivative vanishes."""
+"""Lower bound, in a search, of the score of a parameter with a half-normal prior (a reflected score), instead of 0,
+where the derivative vanishes."""
 LONGEST_STEP = 3.0
-"""Largest change of a score in one step, in prior standard deviations."""
+"""Largest change of a standard normal score in one step of a search."""
 HOPELESS_GAIN = 1e-7
-"""After a failed step whose expected gain of the log density is smaller than this, in nats, no shorter step is
-tried."""
+"""After a failed step whose expected gain of the log density is smaller than this, in nats, the search ends instead of
+trying a shorter step."""
 MOST_STEPS = 60
 """Greatest number of steps of a search."""
 MOST_CHANGE = 0.01
 """Largest change of the log likelihood (nats) by a more accurate solution of the motion, within `NEAR_SDS` posterior
 sds of the mode; farther from the mode the limit is proportional to the decrease of the log posterior."""
 NEAR_SDS = 3.0
-"""Distance from the mode within which motions must be accurate, in posterior sds."""
+"""Distance from the mode within which motions must be accurate (`MOST_CHANGE`), in posterior sds."""
 FINER_FACTOR = 0.01
-"""The error of a motion is measured against one with this fraction of its tolerance."""
+"""The error of a motion is its difference from a motion that is solved with its tolerance times this factor."""
 NEGLIGIBLE_NATS = 15.0
-"""Values of the common prior scale whose log evidence is this far below the best one (nats) are left out; together they
-add less than 1e-5."""
+"""In the evidence, values of the coefficients' common prior scale are left out whose log evidence is this many nats
+below the best one; together they add less than 1e-5."""
 
 
 def maximise_posterior(
@@ -70,9 +71,10 @@ def maximise_posterior(
     z : ndarray, shape (d,)
         Start of the search.
     retract : callable
-        Map from a point and a step to the end of the step.
+        Function of a point, (d,), and a step, (d,), that returns the end of the step, (d,), which may follow a curve;
+        by default it returns their sum.
     close : float
-        Length of the last step, in posterior sds (see `LAST_STEP`).
+        The search ends when a step is shorter than this, in posterior sds (see `LAST_STEP`).
 
     Returns
     -------
@@ -92,12 +94,13 @@ def maximise(
     retract: Retract = straight_on,
     close: float = LAST_STEP,
 ) -> Maximum:
-    """Search for the maximum of a log density of scores.
+    """Search for the maximum of a log density of scores by Levenberg–Marquardt.
 
     Parameters
     ----------
     curvature : callable
-        Map from z, (d,), to the log density, its gradient, (d,), and its information (negative Hessian), (d, d).
+        Function that returns, at scores z, (d,), the log density, its gradient, (d,), and its information (negative
+        Hessian or an approximation of it), (d, d).
     reflected : ndarray of bool, shape (d,)
         Which scores must not be negative.
     z : ndarray, shape (d,)
@@ -139,13 +142,13 @@ class LocalSearch:
     Attributes
     ----------
     seed : Seed
-        Origin of its start.
+        The estimate or guess from which the start comes.
     same : tuple of Seed
         Other seeds with the same start, for which the search is not repeated.
     start, end : float
-        Log posterior at start and end.
+        Log posterior density at the start and at the end, in nats.
     evaluations : int
-        Number of likelihoods.
+        Number of evaluations of the likelihood.
     origin, z : ndarray, shape (d,)
         Scores at the start and the end.
     volume : float
@@ -170,8 +173,9 @@ class LocalSearch:
 class StoredMode:
     """The values from which `restore_mode` rebuilds a mode.
 
-    z: scores at the mode, (d,). log_posterior: in nats. information: minus the Hessian there, (d, d). tolerance: of
-    motions, in the record's unit. searches: all local searches for the mode.
+    z: scores at the mode, (d,). log_posterior: log posterior density there, in nats. information: negative Gauss–Newton
+    Hessian there, (d, d). tolerance: largest allowed error of a motion, in the record's unit. searches: all local
+    searches for the mode.
     """
 
     z: np.ndarray
@@ -183,12 +187,12 @@ class StoredMode:
 
 @dataclass(frozen=True)
 class LinearDraws:
-    """The posterior of the linear model, in which the record is linear in parameters and deviations of the laws.
+    """The posterior of the linear model: the record is linear in the scores and in the deviations from the laws.
 
     Attributes
     ----------
     draws : ndarray, shape (m, d)
-        Draws of the scores. Chains start at them, and their moments define whitened coordinates.
+        Draws of the scores. Chains start at them, and their mean and covariance define the coordinates of samplers.
     log_evidence : float
         Log evidence of the linear model in nats.
     """
@@ -214,8 +218,8 @@ class Mode:
     searches : tuple of LocalSearch
         The searches that led to this and to other modes.
     step_error, likelihood_error : float
-        Largest change by a more accurate motion within three sds of the mode: of a sample, in the unit of the record,
-        and of the log likelihood, in nats.
+        Largest error of the motion within three sds of the mode, measured by a more accurate motion: change of a
+        sample, in the unit of the record, and of the log likelihood, in nats.
     linear : LinearDraws or None
         Posterior of the linear model, with deviations from the laws; None under exact laws.
     """
@@ -236,12 +240,15 @@ class Mode:
 
     @property
     def near(self) -> Likelihood:
-        """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode."""
+        """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode.
+
+        All coefficients with a shared half-normal prior have the same, unknown scale.
+        """
         return self._normal[0]
 
     @property
     def factor(self) -> np.ndarray:
-        """Cholesky factor of the posterior's covariance with the scale of `near`, (d, d).
+        """Cholesky factor of the posterior's covariance, (d, d), with the common prior scale of `near`.
 
         Raises Refusal if the information is not positive definite.
         """
@@ -339,8 +346,8 @@ def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
 def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
     """Return the largest changes of a sample (unit of the record) and of the log likelihood by a more accurate motion.
 
-    They are evaluated at z and at points three sds away in each direction of `factor`, (d, d). Points with an unbounded
-    motion are left out.
+    They are evaluated at z, (d,), and at points three sds away in the direction of each column of the covariance's
+    `factor`, (d, d). Points with an unbounded motion are left out.
     """
     finer = likelihood.within(FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
@@ -377,15 +384,16 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode from its stored values, without its errors, which are nan."""
+    """Rebuild a mode from its stored values; the errors of its motion, which are not stored, are nan."""
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
 
 def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
-    """Return Laplace's log evidence from the expansion of the log likelihood at scores z, (d,), at or near a mode.
+    """Return the log evidence by Laplace's approximation about scores z, (d,), at or near a mode, in nats.
 
-    The evidence is averaged over the values of the common prior scale of coefficients.
+    The log likelihood is expanded to second order at z; the evidence is averaged over the values of the common prior
+    scale of coefficients.
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
@@ -410,7 +418,7 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
 
 
 def log_evidence_about(mode: Mode) -> float:
-    """Return Laplace's log evidence at a mode, or the log evidence of the linear model if it has one."""
+    """Return the log evidence at a mode, in nats: that of the mode's linear model if it has one, else Laplace's."""
     return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
 
 
@@ -428,12 +436,12 @@ def log_integral(
     at : ndarray, shape (d,)
         Point of expansion.
     reflected : ndarray of int
-        Indices of the reflected scores.
+        Indices of the reflected scores, those of half-normal priors.
 
     Returns
     -------
     float
-        Log of the integral, times two for each reflected score.
+        Log of 2ʳ times the integral, for r reflected scores: a half-normal density is twice the normal one.
     """
     covariance = np.linalg.inv(information)
     mean = at + covariance @ gradient
@@ -447,15 +455,19 @@ def log_integral(
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """Return the sds of the parameters in natural units, by name, at scores z with this covariance, (d, d)."""
+    """Return the sds of the parameters in their units, by name, for scores with mean z, (d,), and a covariance.
+
+    They are from error propagation to first order. covariance: (d, d).
+    """
     sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
     return dict(zip(target.names, sds.tolist(), strict=True))
 
 
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Return the ends of the 95 % interval of each parameter, by name, for normal scores with mean z and these sds.
+    """Return the ends of the 95 % interval of each parameter in its unit, by name.
 
-    Intervals of parameters with half-normal priors do not go below zero.
+    The scores are assumed normal with mean z, (d,), and standard deviations sd, (d,). Intervals of parameters with
+    half-normal priors do not go below zero.
     """
     low, high = z - NORMAL_95 * sd, z + NORMAL_95 * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)

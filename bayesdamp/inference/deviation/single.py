@@ -1,4 +1,8 @@
-"""One candidate on one record, with deviations from its laws: its posterior density, draws and motions."""
+"""One candidate on one record, with deviations from its laws: its posterior density, draws and motions.
+
+A candidate is a sum of damping terms under a restoring law. The deviations are g (log damping) and h (relative
+frequency), with values at knots in time. u = (scores, g, h) are all unknowns of the candidate.
+"""
 
 from __future__ import annotations
 
@@ -53,11 +57,13 @@ Array = NDArray[np.float64]
 ESCAPED = (
     'the equation of motion cannot be solved near the fit with deviations from its laws; use deviation "none"'
 )
-"""Message of the Refusal if a `Single` cannot be computed."""
+"""Message of the Refusal when a `Single` cannot be computed, because its motion is unbounded."""
 NEGLIGIBLE_PROBABILITY = 1e-8
-"""Grid points with a smaller probability under the linear posterior are left out of the density in `Single.mode`."""
+"""`Single.mode` leaves out combinations of the deviations' hyperparameters that have a smaller probability than this
+under the linear posterior."""
 LINEAR_DRAWS = 4000
-"""Number of draws of the linear posterior: an end of an interval is accurate to a thirtieth of its width."""
+"""Number of draws of the linear posterior in `Single.scores`: the ends of a 95 % interval are then accurate to a
+thirtieth of its width."""
 SEED_STEP = 1_000_003
 """Difference between the seeds of independent chains."""
 
@@ -72,7 +78,7 @@ class DeviatingTrajectories(Trajectories):
     deviations : tuple of ndarray, shape (n,)
         Relative deviations of damping and frequency at the knots.
     given : mapping of str to float
-        Values of the kernel's parameters that are not inferred.
+        Values of the parameters of the motion that are not inferred.
     """
 
     def __init__(
@@ -100,7 +106,7 @@ class FitState:
     Attributes
     ----------
     terms : tuple of str
-        Terms of the solver; the candidate has those with an inferred coefficient.
+        Terms of the solver; the candidate's terms are those of them with an inferred coefficient.
     reference : Reference
         Amplitude and frequency with which default priors scale.
     priors, known : mapping
@@ -110,19 +116,21 @@ class FitState:
     u : ndarray, shape (K,)
         Scores, g and h at the mode with deviations.
     variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ of correlated residuals that it contains.
+        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
+        residuals (see `sample_noise.inflation`).
     exact_variance : float
         Variance of the noise if laws are exact, in the record's unit squared.
     epsilon : float
-        Width of the smoothed sign in friction, in rad/s or m/s.
+        Width ε of the velocity in which dry friction changes its sign, in rad/s or m/s.
     frictions : tuple of Friction
-        Possible widths of the smoothed sign and their probabilities.
+        Possible values of ε and their probabilities.
     averaged : bool
         Whether the record is reduced to amplitudes and phases.
     noise : FittedNoise
         Noise model of the samples.
     working : ndarray, shape (n,), optional
-        The record with working residuals, where the noise is not Gaussian (see `sample_noise`).
+        The values to which the motion is fitted by least squares, if the noise is not Gaussian: the motion plus
+        working residuals (see `sample_noise`).
     """
 
     terms: tuple[str, ...]
@@ -148,7 +156,7 @@ class Single:
     Attributes
     ----------
     comparison, result
-        A comparison of this candidate alone, and its result.
+        A `ModelComparison` of this candidate alone, and its `CandidateResult`.
     state : FitState
         The stored result of the fit.
     """
@@ -159,9 +167,9 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """Return the posterior mode of the parameters, with the likelihood from which deviations are integrated out.
+        """Return the mode of the posterior of the parameters, with a likelihood in which deviations are integrated out.
 
-        Raises Refusal where the motion with deviations escapes.
+        Raises Refusal if the motion with deviations escapes.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -203,7 +211,7 @@ class Single:
         )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Return u, (n, K): each row of scores z, (n, d), with a draw of g and h given these scores."""
+        """Return u = (scores, g, h), (n, K): scores z, (n, d), with deviations drawn from their posterior given z."""
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
         assert deviation is not None
@@ -212,7 +220,7 @@ class Single:
 
     @cached_property
     def scores(self) -> Array:
-        """Return draws of u = (scores, g, h) from the linear posterior, (n, K)."""
+        """Return draws of u from the linear posterior, (n, K): scores, and the deviations g and h at the knots."""
         positive = self.result.fit.parameters.positive
         return self.result.posterior.draws(positive, LINEAR_DRAWS, np.random.default_rng(0))[0]
 
@@ -229,7 +237,11 @@ class Single:
 
     @property
     def known(self) -> dict[str, float]:
-        """Return by name the known parameters, those of the noise, and the width of friction if a term switches."""
+        """Return, by name, the values of parameters that are not inferred.
+
+        They are the known parameters of the motion, the parameters of the noise (for Gaussian noise `noise_sd`), and,
+        if a term is dry friction, the width `epsilon` of the velocity in which it changes its sign.
+        """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
         known = {n: v for n, v in self.state.known.items() if n in own}
@@ -240,14 +252,16 @@ class Single:
         return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
-        """Return the inferred parameters at draws u, (..., K): (..., p)."""
+        """Return the inferred parameters, (..., p), at draws of u, (..., K)."""
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def complete(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
-        """Add `sd_noise` and `sd_law` to a posterior's summaries; return it and its draws of u, (chain, draw, K).
+        """Add two parts of each parameter's sd to the summaries of a posterior; return it and its draws of u.
 
-        Where the posterior has no draws of g and h, they are drawn given the parameters.
+        The draws have the shape (chain, draw, K). `sd_noise` is the part that noise alone would cause under exact laws;
+        `sd_law` = √(sd² − sd_noise²) is from deviations from the laws. Where the posterior has no draws of the
+        deviations g and h, they are drawn given the parameters.
         """
         summaries = {}
         for n, summary in posterior.summaries.items():
@@ -264,7 +278,10 @@ class Single:
         return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return median and 95 % interval of each inferred parameter under the linear posterior, by name."""
+        """Return median, 95 % interval and parts of the sd of each inferred parameter, by name.
+
+        They are from draws of the linear posterior.
+        """
         values, noise = self.values(self.scores), self.noise_sds
         return {
             n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
@@ -277,38 +294,47 @@ class Single:
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
-        """Return g (log deviation) and h at the knots of draws u, (n, K): (n, k) each."""
+        """Return g (log damping) and h (relative frequency) at the knots, (n, k) each, of draws u, (n, K)."""
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
     @property
     def knots(self) -> Array:
-        """Return the times of the knots in the record, in s from the first sample, (k,)."""
+        """Return the times of the deviations' knots in the record, in s from the first sample, (k,)."""
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Return the energy-weighted means over the record of |g − mean| and |h − mean|, (n,) each; u: draws (n, K)."""
+        """Return the energy-weighted means over the record of |g − mean of g| and |h − mean of h|, (n,) each.
+
+        u: draws, (n, K).
+        """
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
-        """Return medians and intervals of equivalent damping ratios at amplitudes (rad or m), from draws u (n, K).
+        """Return median, 95 % interval and parts of the sd of the damping ratio at each amplitude (rad or m).
 
-        They include the deviations and the sensor's relative error `sensor`.
+        They are from draws u, (n, K), and include the deviations. sensor: relative sd of the sensor's linearity and
+        clock, which is added.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
 
     def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
-        """Return draws of the damping ratios of `ratios`, (n, m); NaN at amplitudes without an orbit."""
+        """Return draws of the equivalent damping ratio, (n, m), at m amplitudes in rad or m.
+
+        They are NaN where no orbit has the amplitude. u: draws of the unknowns, (n, K). sensor: relative sd of the
+        sensor's linearity and clock, which is added.
+        """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         columns = [draw_ratios(self.comparison, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
         return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Return the motions of draws u (n, K) at times t (m,), (n, m); NaN where a motion escapes.
+        """Return the motions, (n, m), of draws u, (n, K), at times t, (m,); NaN where a motion escapes.
 
-        t, in s, must be within the knots; by default motions have the times, the quantity and the form of the data.
+        t: in s, between the first and the last knot. quantity: angle, velocity or acceleration. By default motions have
+        the times, the quantity and the form of the fitted data (samples, means, or amplitudes and phases).
         """
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
@@ -321,8 +347,8 @@ class Single:
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
         """Predict the second half of the record from draws of scores, (n, d), for the first half.
 
-        half: this candidate on the first half (`first_half`). Its deviations over the whole record are drawn given the
-        scores. Draws whose motion escapes are left out; raises Refusal if none remains.
+        half: the same candidate on the first half (`first_half`). Given the scores and the first half, its deviations
+        over the whole record are drawn. Draws whose motion escapes are left out; raises Refusal if none remains.
         """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
@@ -344,8 +370,8 @@ class Single:
     def log_likelihoods(self, motions: Array) -> Array:
         """Return the log likelihood of each value of the record under motions (..., n), in nats, (..., n).
 
-        The sum over the values is the log likelihood in the evidence: with κ > 1 the variance is κ times larger, and a
-        value counts as 1/κ of an independent one.
+        The sum over the values is the log likelihood that the evidence uses. If residuals are correlated (κ > 1), the
+        variance of the noise is κ times larger, and the normalisation of each value counts only 1/κ.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
@@ -353,7 +379,7 @@ class Single:
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """Draw u = (scores, g, h) from the prior, (count, K)."""
+        """Draw u from the prior, (count, K): scores, and the deviations g and h at the knots."""
         grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
         z = self.result.fit.parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
@@ -375,7 +401,24 @@ def fit_single(
     """Fit one candidate and compute its evidence.
 
     The noise and the width of friction are chosen with the sum of all terms, as in a comparison, so that two dampings
-    under one restoring law are compared under the same noise. Parameters as of `compare_candidates`.
+    under one restoring law are compared under the same noise.
+
+    Parameters
+    ----------
+    data : Data
+        The record.
+    damping : sequence of str
+        Names of the candidate's damping terms.
+    restoring : str
+        Name of its restoring law.
+    known : mapping of str to float
+        Values of parameters that are not inferred, by name.
+    priors : mapping of str to Prior
+        Priors by parameter; the others have default priors.
+    reference : Reference
+        Amplitude and frequency with which default priors scale.
+    noises : sequence of str
+        Names of the noise models from which one is chosen.
 
     Raises
     ------
@@ -400,7 +443,10 @@ def fit_single(
 
 
 def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
-    """Return the stored form of a candidate's result. Raises Refusal where it has no deviations."""
+    """Return the values from which `rebuild_single` restores a candidate's result without fitting again.
+
+    Raises Refusal if the result has no deviations from the laws.
+    """
     if result.linearisation is None:
         raise Refusal(ESCAPED)
     parameters, solver = result.fit.parameters, result.solver
@@ -435,10 +481,11 @@ def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
 
 
 def first_half(single: Single) -> Single:
-    """Return the candidate on the first half of its record, with the knots, the noise and the motion of the whole.
+    """Return the candidate on the first half of its record, linearised about the motion of the whole record.
 
-    Then the evidence of the whole record is that of this half times the predictive density of the second half. Raises
-    Refusal where the record is reduced to amplitudes and phases, or has too few samples.
+    Knots and noise are those of the whole record, so that its evidence is that of this half times the predictive
+    density of the second half. Raises Refusal if the record is reduced to amplitudes and phases, or has too few
+    samples.
     """
     data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:
@@ -454,7 +501,10 @@ def first_half(single: Single) -> Single:
 
 
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
-    """Return the candidate of a stored fit on its record, without fitting. Raises Refusal where the motion escapes."""
+    """Restore a candidate on its record from its stored fit, without fitting. Raises Refusal where the motion escapes.
+
+    signal: the record. restoring: name of the candidate's restoring law.
+    """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
         prepare_data(signal, state.averaged, SampleNoise(state.noise)),
@@ -466,9 +516,10 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(
     data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
 ) -> Single:
-    """Return the candidate of a stored fit; knots: their times in s from the start, by default those of the data.
+    """Restore a candidate on a record from its stored fit, linearised about the stored motion.
 
-    Raises Refusal where the motion escapes, for example because the fit is of another record.
+    knots: times of the deviations' knots in s from the start, by default those of the data. Raises Refusal where the
+    motion escapes, for example because the fit is of another record.
     """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
     if state.working is not None:
@@ -513,8 +564,9 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     Returns
     -------
     Posterior
-        `arrays["u"]`: draws with their deviations, (chain, draw, K). `diagnostics`: log of the mean evidence of the
-        chains in nats, and its standard error. Effective sample sizes count copies of a draw (from resampling) once.
+        Its `arrays["u"]` are draws of u = (scores, g, h), (chain, draw, K). Its `diagnostics` are the log of the mean
+        evidence of the chains in nats, and the standard error of this. Effective sample sizes are at most the number
+        of different draws, because resampling makes copies.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):

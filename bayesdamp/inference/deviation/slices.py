@@ -4,6 +4,10 @@ The motion is far from linear in a Stribeck velocity or in the exponent of a pow
 parameter it is nearly linear in all others. So the range of its standard normal score, a, is cut into slices of equal
 width. At the middle of each slice we find the mode of all other parameters and linearise the motion about it (compare
 the integration over hyperparameters by H. Rue, S. Martino and N. Chopin, J. R. Stat. Soc. B 71, 319, 2009).
+
+Letters in this module: c is the score of the coefficient of the term with the parameter a. s is the score of a further
+parameter of this term that multiplies c, if there is one (see `SlicedProposal`), and t = s c / pivot, where the pivot
+is c at the mode; without s, t = c.
 """
 
 from __future__ import annotations
@@ -20,21 +24,25 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
 
 SLICE_WIDTH = 1.0
-"""Width of a slice, in posterior sds of a. At this spacing the sum over slices has no visible error: for a normal
-density the relative error of the sum is 2 exp(−2π²)."""
+"""Width of a slice, in posterior sds of the sliced parameter's score. At this spacing the sum over slices has no
+visible error: for a normal density the relative error of the sum is 2 exp(−2π²)."""
 ONE_SLICE_SD = 0.05
-"""Posterior sd of a, in prior sds, below which one linear model is enough (measured at 0.01: 98 % of draws count)."""
+"""If the posterior sd of the parameter's standard normal score is below this, in prior sds, one linear model is enough
+and `slice_proposal` returns None (measured at 0.01: the effective number of draws is 98 %)."""
 LARGEST_SCORE = 4.0
-"""Largest |a|, in prior sds (conventional)."""
+"""Largest absolute standard normal score of the sliced parameter at the middle of a slice (conventional)."""
 LAST_NATS = 8.0
-"""Slices are added on a side until the log evidence of one is this many nats below the best slice (conventional)."""
+"""On each side of the mode, slices are added until the log evidence of one, with its prior, is this many nats below the
+best slice (conventional)."""
 MOST_SLICES = 12
 """Largest number of slices on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
-"""Largest change of log t across a slice. Slopes are reduced to this where the record determines only a combination of
-a and t (conventional)."""
+"""Largest change of log t across a slice, where t is the score of the term's size (its coefficient c, or s c / pivot).
+Slopes are reduced to this where the record determines only a combination of the sliced parameter and t
+(conventional)."""
 LEAST_COEFFICIENT = 1e-3
-"""Smallest c, relative to its pivot, for which s is computed: below it s would overflow (conventional)."""
+"""Smallest score c of the coefficient, relative to its value at the mode, for which s = t pivot / c is computed; at
+smaller ones s would overflow (conventional)."""
 MOVING_SDS = 3.0
 """The mode of a coefficient is shifted with the score a of the sliced parameter only if it is more than this many
 posterior sds above zero (conventional)."""
@@ -42,18 +50,19 @@ posterior sds above zero (conventional)."""
 
 @dataclass(frozen=True)
 class Slice:
-    """A slice with the linear model at its middle, where a is fixed.
+    """A slice of the range of a parameter's score a, with the linear model at its middle, where a is fixed.
 
     Attributes
     ----------
     middle : float
         The value of a at which the motion is linearised.
     model, posterior
-        The linear model of the other scores and the deviations, and its posterior.
+        The linear model as a function of the other scores and the deviations g and h, and its posterior.
     slopes : ndarray, shape (d − 1,)
-        Derivatives by a of the mode of the other scores, divided by t (see `SlicedProposal`).
+        Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
+        `SlicedProposal`).
     pivot : float
-        Score of the coefficient c at the mode.
+        Score of the term's coefficient at the mode.
     """
 
     middle: float
@@ -65,15 +74,16 @@ class Slice:
 
 @dataclass(frozen=True)
 class SlicedProposal:
-    """The mixture of the linear posteriors of all slices.
+    """The mixture of the linear posteriors of all slices, from which sampling starts.
 
-    u, (K,), are a candidate's scores and deviations. Draws are made in other coordinates w, (K,), in which the motion
-    is more nearly linear. w contains a too, at the middle of a slice; `redraw_within_slice` moves it within the slice.
-    Two transformations lead from w to u:
+    u, (K,), are a candidate's standard normal scores and deviations; a is the score of the sliced parameter, which
+    belongs to one damping term. Draws are made in other coordinates w, (K,), in which the motion is more nearly linear.
+    w contains a too, at the middle of a slice; `redraw_within_slice` moves it within the slice. Two transformations
+    lead from w to u:
 
-    - c and t instead of c and s. c is the coefficient of the term with the parameter a. If the term has a further
-      parameter s that multiplies c (such as the static excess of friction), the force is linear in c and t = s c /
-      pivot, but not in c and s. Without such a parameter t is c.
+    - c and t instead of c and s. c is the score of the coefficient of the term with the parameter a. If the term has a
+      further parameter with the score s that multiplies c (such as the static excess of friction), the force is linear
+      in c and t = s c / pivot, but not in c and s. Without such a parameter t is c.
     - The mode of the other scores depends on a. If a is not at the middle, they are shifted by their slopes times t:
       a changes the force in proportion to t.
 
@@ -106,24 +116,28 @@ class SlicedProposal:
 
     @property
     def _logs(self) -> np.ndarray:
-        """Return the log evidence of each slice plus the log prior probability of a in the slice, (k,)."""
+        """Return the log evidence of each slice plus the log prior probability of the slice, in nats, (k,)."""
         prior = -0.5 * self._middles**2 - 0.5 * np.log(2 * np.pi)
         return np.array([s.posterior.log_evidence for s in self.slices]) + prior + np.log(self.width)
 
     @property
     def log_evidence(self) -> float:
-        """Log evidence of the sum of all slices, in nats."""
+        """Log of the sum of the evidences of all slices, each times its prior probability, in nats."""
         return float(np.logaddexp.reduce(self._logs))
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of the most probable slice under its most probable hyperparameters, (K,)."""
+        """Posterior mean of w, (K,), in the most probable slice, under its most probable hyperparameters."""
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Yield for each slice: the indices of its rows of w, (n, K), the slice, and the rows' a − middle and rest."""
+        """Split draws w, (n, K), by slice.
+
+        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the sliced parameter's
+        score from the middle of the slice, (m,), and the other elements of these draws, (m, K − 1).
+        """
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
             rows = np.flatnonzero(which == i)
@@ -131,9 +145,9 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K); return also the index of each draw's mixture component in its slice, (count,).
+        """Draw w, (count, K); return also the index of each draw's mixture component within its slice, (count,).
 
-        All draws have their a at the middle of a slice, and are ordered by slice.
+        In all draws the score of the sliced parameter is at the middle of a slice. They are ordered by slice.
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
@@ -147,10 +161,11 @@ class SlicedProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws w after a Crank–Nicolson step at fixed a, (n, K), which leaves this proposal unchanged.
+        """Return draws w, (n, K), after a Crank–Nicolson step, with the score of the sliced parameter unchanged.
 
-        u: the draws w before the step. combos: index of each draw's component in its slice, (n,). Scores may become
-        negative (see `inside`).
+        The step leaves this proposal unchanged as a distribution. u: the draws w before the step. combos: index of each
+        draw's mixture component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores may
+        become negative (see `inside`).
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -159,22 +174,25 @@ class SlicedProposal:
         return new
 
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return w, (n, K), with a new a, drawn uniformly from its slice."""
+        """Return draws w, (n, K), in which the sliced parameter's score is drawn again, uniformly in its slice."""
         new = w.copy()
         for rows, part, *_ in self._split(w):
             new[rows, self.place] = part.middle + self.width * rng.uniform(-0.5, 0.5, rows.size)
         return new
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
+        """Return a mask, (n,), of the draws u, (n, K), that have no negative value in a score that must be ≥ 0."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:
-        """Return u for draws w, both (n, K)."""
+        """Convert draws w to the candidate's scores and deviations u, both (n, K)."""
         return self._scores(w)[0]
 
     def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u for draws w, both (n, K), and the log determinant of the Jacobian ∂u/∂w, (n,)."""
+        """Convert draws w to the candidate's scores and deviations u, both (n, K).
+
+        Return also the log determinant of the Jacobian ∂u/∂w, (n,).
+        """
         u, log = w.copy(), np.zeros(len(w))
         others = np.delete(np.arange(self.parameters.free.size), self.place)
         own = self.size - (self.size > self.place)
@@ -195,7 +213,8 @@ class SlicedProposal:
     def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
 
-        squares: sums of squared residuals of their motions, (n,). variance: of the noise.
+        Neither density is normalised, so the mean weight is the ratio of the evidences. squares: sums of squared
+        residuals of the exact motions, (n,). variance: variance of the noise, in the record's unit squared.
         """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)
@@ -212,8 +231,8 @@ def slice_proposal(
 ) -> SlicedProposal | None:
     """Build the proposal in slices of the damping parameter that the record determines least.
 
-    Return None if no damping term has a parameter of its own, if the record determines it well (`ONE_SLICE_SD`), or if
-    no motion stays in phase.
+    Return None if no damping term has a parameter of its own (with a prior that is not half-normal), if the record
+    determines it well (`ONE_SLICE_SD`), or if no motion stays in phase with the record.
 
     Parameters
     ----------
@@ -265,9 +284,10 @@ def slice_proposal(
 def _product_and_size(
     result: CandidateResult, base: Parameters, place: int
 ) -> tuple[tuple[int, int] | None, int]:
-    """Return the attributes `product` and `size` of `SlicedProposal` for the parameter with index `place`.
+    """Return the attributes `product` and `size` of `SlicedProposal` for the sliced parameter with the index `place`.
 
-    The product is None if the term has no simpler term in the sum to which it reduces.
+    product: indices of the term's coefficient and of another parameter that multiplies it; None if the term has no such
+    parameter. size: index of the score that t replaces.
     """
     names = base.free_names
     term = next(
@@ -281,13 +301,20 @@ def _product_and_size(
 
 
 def _log_weight(part: Slice) -> float:
-    """Return a slice's log evidence plus the log prior density of a at its middle, up to a constant."""
+    """Return the log evidence of a slice plus the log prior density of the sliced parameter's score at its middle.
+
+    In nats, up to a constant.
+    """
     return part.posterior.log_evidence - 0.5 * part.middle**2
 
 
 @dataclass(frozen=True)
 class _Search:
-    """Builds slices: finds the mode of all other scores at a fixed a. Attributes as in `SlicedProposal`."""
+    """The search for the slices of a proposal.
+
+    It finds the mode of all other scores at a fixed score of the sliced parameter. base: priors and names of the
+    scores. The other attributes are those of `SlicedProposal`.
+    """
 
     comparison: ModelComparison
     result: CandidateResult
@@ -298,10 +325,10 @@ class _Search:
     width: float
 
     def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
-        """Return the slice with its middle at a, and the mode of the other unknowns there, (K − 1,).
+        """Return the slice with its middle at the score a, and the mode of the other unknowns there, (K − 1,).
 
-        start: where the search for the mode starts, (K − 1,). None if no motion can be linearised there, or the
-        coefficient c is 0 at the mode of a product.
+        These are scores and deviations. start: where the search for the mode starts, (K − 1,). None if no motion can be
+        linearised there, or if the coefficient is 0 at the mode and has another parameter as a factor (`product`).
         """
         result, data, solver = self.result, self.comparison.data, self.result.solver
         name = self.base.free_names[self.place]

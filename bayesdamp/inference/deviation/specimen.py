@@ -18,14 +18,16 @@ from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
 DERIVATIVE_STEP = 1e-4
-"""Step of numerical derivatives by a term's own parameter, relative to its value (at least 1e-3) or in its unit."""
+"""Step of numerical derivatives by a term's own parameter: times the parameter's absolute value (at least 1e-3) for the
+derivative of a damping ratio, and in the parameter's unit for the conversion to another reference."""
 NO_EVIDENCE = -60.0
-"""Log evidence in nats, relative to the best on a record, that a candidate without evidence on this record gets."""
+"""Least log evidence of a candidate on a record, in nats relative to the best candidate; also that of a candidate that
+could not be evaluated on this record."""
 NATS_BEHIND = 25.0
-"""A candidate is not fitted jointly if even the product of its largest likelihoods on all records is this many nats
-behind the best."""
+"""A candidate is not fitted jointly to all records if even the product of its maximum likelihoods on the single records
+is this many nats behind the best."""
 Model = tuple[str, str]
-"""Names of a damping sum and of a restoring law."""
+"""A damping sum (names joined by +) and a restoring law, by name."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class RatioLikelihood(RecordLikelihood):
     Attributes
     ----------
     per_unit : ndarray, shape (a, k)
-        Equivalent damping ratio per unit of each parameter, at the amplitudes of the record's damping curve; 0 for own
-        parameters.
+        Equivalent damping ratio per unit of each coefficient, at the a amplitudes of the record's damping curve; 0 for
+        the terms' own parameters (such as exponents).
     growth : ndarray, shape (a, k)
         Derivative of the log damping ratio by each own parameter; 0 for coefficients.
     """
@@ -45,10 +47,10 @@ class RatioLikelihood(RecordLikelihood):
     growth: np.ndarray
 
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
-        """Return the log damping ratio at an amplitude for draws of the parameters, (n, k): (n,).
+        """Return the log damping ratio at an amplitude (rad or m), (n,), for draws of the parameters, (n, k).
 
-        It is interpolated between the `amplitudes` of the record's damping curve, (a,); beyond them it is that at the
-        nearest one.
+        It is interpolated between the `amplitudes` of the record's damping curve, (a,). Outside their range it is that
+        at the nearest one.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -62,7 +64,7 @@ class RatioLikelihood(RecordLikelihood):
         return (1 - share) * ends[0] + share * ends[1]
 
     def with_order(self, names: tuple[str, ...]) -> RatioLikelihood:
-        """Return this likelihood with its parameters in the order of `names`, or with only some of them."""
+        """Return a copy with its parameters in the order of `names`, without those that are not in `names`."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
@@ -70,10 +72,10 @@ class RatioLikelihood(RecordLikelihood):
 
 
 def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLikelihood | None:
-    """Return the likelihood of a candidate's damping parameters on one record, with its damping ratio per unit of each.
+    """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
 
-    None if no damping parameter is inferred. amplitudes: those of the record's damping curve, in rad or m, (a,); rows
-    of the result are nan where no orbit has the amplitude.
+    amplitudes: those of the record's damping curve, in rad or m, (a,); where no orbit has an amplitude, the row of
+    `per_unit` is nan. None if no damping parameter is inferred.
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping_likelihood is None:
@@ -120,7 +122,7 @@ class OtherForm:
     log_evidence : float
         Its log evidence minus that of the best compared sum, in nats.
     place : str
-        Name of the compared sum that the rival becomes in a limit of its own parameters; "" if there is none.
+        Name of the compared sum to which the rival reduces in a limit of its own parameters; "" if there is none.
     """
 
     damping: str
@@ -140,11 +142,11 @@ class RunComparison:
     others : tuple of OtherForm
         The rivals.
     runs : mapping of Model to RatioLikelihood
-        Damping likelihood of each probable candidate and rival, relative to the same best evidence.
+        Likelihood of the damping parameters of each probable candidate and rival, relative to the same best evidence.
     reference : Reference
         Amplitude and frequency with which the record's default priors scale.
     amplitudes : ndarray, shape (a,)
-        Falling amplitudes at which damping ratios per unit are known.
+        Falling amplitudes, in rad or m, to which the damping ratios in `runs` belong.
     """
 
     log_evidence: Mapping[Model, float]
@@ -154,13 +156,17 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best sum under a restoring law; `NO_EVIDENCE` if no sum has this law."""
+        """Return the log evidence of the best sum under a restoring law, in nats relative to the best candidate.
+
+        `NO_EVIDENCE` if no sum has this law.
+        """
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
-        """Return the likelihood of a damping under a restoring law; None if this record has no such candidate.
+        """Return the likelihood of a damping sum under a restoring law; None if it was not computed on this record.
 
-        A rival is evaluated under one law only; under another law, the same distance to the best sum is assumed.
+        A rival is evaluated under one law only. Under another law, its evidence is assumed to differ by as much from
+        that of the law's best sum.
         """
         run = self.runs.get((damping, restoring))
         if run is not None:
@@ -172,10 +178,12 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence on this record of a damping for which `run_of` is None, in nats relative to the best.
+        """Return the log evidence of a damping whose likelihood was not computed on this record.
 
-        If the damping has no evidence on this record, return that of the sum `limit` (see `OtherForm.place`). The
-        result is at least `NO_EVIDENCE`.
+        It is in nats relative to the best candidate.
+
+        If the damping has no evidence on this record, return that of the sum `limit`, to which it reduces (see
+        `OtherForm.place`). The result is at least `NO_EVIDENCE`.
         """
         own = self.log_evidence.get((damping, restoring))
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
@@ -191,7 +199,8 @@ class SpecimenComparison:
     records : tuple of RunComparison
         The comparisons on the single records.
     log_evidence : mapping of Model to float
-        Log evidence in nats, integrated once over the coefficients that all records have in common.
+        Log evidence of each model on all records together, in nats; the coefficients, which the records have in common,
+        are integrated out once.
     probability : mapping of Model to float
         Posterior probability of each damping (rivals included) and law.
     repeats : mapping of Model to Repeats
@@ -210,9 +219,9 @@ class SpecimenComparison:
     reference: Reference
 
     def spread(self) -> dict[str, float]:
-        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the joint fits.
+        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the models.
 
-        The spread is the sd of the records' log factors.
+        The spread is the sd of the log factors by which a record's coefficients differ from those of the specimen.
         """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
@@ -220,7 +229,7 @@ class SpecimenComparison:
         return summarise(every, weight / weight.sum())
 
     def others(self) -> dict[str, float]:
-        """Return the total probability of each rival over all restoring laws, by its damping."""
+        """Return the total probability of each rival over all restoring laws, by the name of its damping sum."""
         sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
         for (damping, _), p in self.probability.items():
             if damping in sums:
@@ -228,9 +237,10 @@ class SpecimenComparison:
         return sums
 
     def under(self, model: Model) -> list[RunComparison]:
-        """Return comparisons of the records that contain only one model, each with log evidence 0.
+        """Return a comparison for each record in which `model` is the only candidate, with log evidence 0.
 
-        Their likelihoods are at the specimen's reference.
+        Its likelihoods are for coefficients at the specimen's reference. With these, several specimens can be compared
+        under one model.
         """
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
@@ -238,9 +248,9 @@ class SpecimenComparison:
         ]
 
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the specimen's damping ratio at an amplitude, over all models; return also the spreads, both (count,).
+        """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), over all models, (count,).
 
-        The ratio is the geometric mean over the records.
+        The ratio is the geometric mean over the records. Return also the spread between records of each draw, (count,).
         """
         rng = np.random.default_rng(seed)
         models = [m for m in self.probability if m in self.repeats]
@@ -324,7 +334,7 @@ def compare_runs(
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:
-    """Return the geometric means of the amplitudes and the frequencies of the records' references."""
+    """Return a `Reference` with the geometric means of amplitude and frequency of the records' references."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
         for n in ("amplitude", "frequency")
@@ -335,7 +345,7 @@ def common_reference(records: Sequence[RunComparison]) -> Reference:
 def priors_of(
     damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
 ) -> dict[str, Prior]:
-    """Return the prior of each parameter of a damping: the given one, else the default one at the reference."""
+    """Return the prior of each parameter of a damping sum: that in `given`, else the default one for the reference."""
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
@@ -351,10 +361,10 @@ def _largest(run: RecordLikelihood) -> float:
 
 
 def _at_reference(run: RatioLikelihood, damping: str, own: Reference, common: Reference) -> RatioLikelihood:
-    """Convert the coefficients of a record's likelihood from its own reference to the common one.
+    """Convert the coefficients of a record's likelihood from the record's own reference to the common one.
 
-    The force of a term such as a power of the velocity contains a reference velocity. At another one its coefficient
-    changes by a factor that depends on the exponent; this is linearised about the record's mode.
+    The force of a term such as a power of the velocity contains a reference velocity. With another reference its
+    coefficient changes by a factor that depends on the exponent; this dependence is linearised about the record's mode.
     """
     names = run.names
     jacobian, mode = np.eye(len(names)), run.mode.copy()

@@ -21,23 +21,24 @@ from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 SMC_DRAWS = 300
 """Default number of draws (conventional)."""
 EFFECTIVE_FRACTION = 0.5
-"""β is increased until the effective number of draws has fallen to this fraction of the draws (conventional)."""
+"""β is increased until the effective number of draws is this fraction of their number (conventional)."""
 LEAST_EFFECTIVE = 0.15
-"""If the effective fraction of the first draws is at least this, importance sampling with more draws costs less than
-moves (conventional)."""
+"""If the effective fraction of the first draws of the linear posterior is at least this, importance sampling with more
+draws costs less than moves, and is used instead (conventional)."""
 SAFETY_FACTOR = 1.2
-"""Factor by which more draws are made for importance sampling than the first draws show to be needed."""
+"""For importance sampling, this many times more draws are made than the effective fraction of the first draws
+requires."""
 LARGEST_PARETO_K = 0.7
-"""Importance sampling is not reliable if the Pareto shape of the largest weights is above this (Vehtari et al.,
-2024)."""
+"""Importance sampling is not used if the Pareto shape of the largest weights is above this, because it is then not
+reliable (Vehtari et al., 2024)."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
 """Number of moves of every draw at each β < 1, and number at β = 1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
-"""Initial and smallest step of a move, in posterior standard deviations."""
+"""Initial and smallest step of a Crank–Nicolson move, in posterior standard deviations."""
 WANTED_ACCEPTANCE = 0.35
-"""Acceptance rate to which the step is adapted."""
+"""Acceptance rate of the moves to which their step is adapted."""
 MOST_TEMPERATURES = 30
-"""Largest number of values of β; if they do not reach 1, the draws are not trusted."""
+"""Largest number of increases of β; if β has not reached 1 by then, the draws are not trusted."""
 LEAST_RISE = 1e-6
 """Smallest increase of β."""
 LEAST_ACCEPTANCE = 0.05
@@ -59,7 +60,8 @@ class TemperedDraws:
     temperatures : int
         Number of increases of β.
     acceptance : float
-        Acceptance rate of the last moves.
+        Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves, and 0 if β did
+        not reach 1.
     """
 
     draws: np.ndarray
@@ -71,28 +73,32 @@ class TemperedDraws:
 
     @property
     def trusted(self) -> bool:
-        """Return whether enough of the last moves were accepted for the draws to have converged."""
+        """Return whether the draws may be used: the last moves had an acceptance rate of at least `LEAST_ACCEPTANCE`.
+
+        It is False if β did not reach 1, because `acceptance` is then 0.
+        """
         return self.acceptance >= LEAST_ACCEPTANCE
 
 
 class Proposal(Protocol):
-    """A linear posterior from which draws are made, with random steps that leave it unchanged."""
+    """A distribution from which sampling starts: a linear posterior, with random steps that leave it unchanged."""
 
     @property
     def log_evidence(self) -> float:
-        """Log evidence of the linear posterior, in nats."""
+        """Log evidence of the linear model, in nats."""
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u, (count, K); return also the index of each draw's hyperparameters, (count,)."""
+        """Draw the unknowns, (count, K); return also the index of each draw's hyperparameters, (count,)."""
         ...
 
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws (n, K) after a random step at fixed hyperparameters, of which `combos` (n,) are the indices.
+        """Return draws, (n, K), after a random step from the draws u with unchanged hyperparameters.
 
-        step: size of the step, up to 1, in posterior standard deviations.
+        combos: index of each draw's combination of hyperparameters, (n,). step: size of the step, up to 1, in posterior
+        standard deviations.
         """
         ...
 
@@ -108,14 +114,15 @@ def sample_posterior(
     draws: int = SMC_DRAWS,
     seed: int = 0,
 ) -> TemperedDraws:
-    """Draw from the posterior with exact motions, and compute its evidence.
+    """Draw from the posterior with exact motions, starting from a linear posterior, and compute its evidence.
 
     If the motions of all first draws escape, the log evidence is −∞ and the draws are not trusted.
 
     Parameters
     ----------
     ratio : callable
-        Returns the log ratio of exact and linear likelihood for draws (n, K): (n,), −∞ where a motion escapes.
+        Function that returns the log of (exact likelihood / likelihood of the linear model), (n,), for draws (n, K); −∞
+        where a motion escapes.
     start : Proposal
         The linear posterior.
     draws, seed : int
@@ -166,8 +173,8 @@ def _importance_resampled(
 ) -> TemperedDraws | None:
     """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
 
-    Return None if too many more draws are needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight
-    (`LARGEST_PARETO_K`).
+    u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. Return None if too many more
+    draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight (`LARGEST_PARETO_K`).
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < LEAST_EFFECTIVE:
@@ -189,7 +196,10 @@ def _importance_resampled(
 
 
 def _next_rise(ratios: np.ndarray, most: float) -> float:
-    """Return the increase of β, at most `most`, that reduces the effective fraction to `EFFECTIVE_FRACTION`."""
+    """Return the increase of β, at most `most`, that reduces the effective fraction to `EFFECTIVE_FRACTION`.
+
+    ratios: log importance weights at β = 1, (n,); at an increase δ the log weights are δ times these.
+    """
 
     def excess(rise: float) -> float:
         return _effective_share(ratios, rise) - EFFECTIVE_FRACTION
@@ -202,5 +212,8 @@ def _next_rise(ratios: np.ndarray, most: float) -> float:
 
 
 def _effective_share(ratios: np.ndarray, rise: float) -> float:
-    """Return the effective fraction of the draws after an increase `rise` of β (Kong 1992)."""
+    """Return the effective number of draws after an increase `rise` of β, divided by their number (Kong 1992).
+
+    ratios: log importance weights of the draws at β = 1, (n,).
+    """
     return effective_size(rise * np.maximum(ratios, -1e300)) / ratios.size
