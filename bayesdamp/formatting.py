@@ -272,7 +272,8 @@ class Table:
     ) -> Self:
         """Make a table with a line for each row.
 
-        columns: header, and function that returns the cell of a row. kind: function that returns the `TableLine` kind.
+        columns: for each header, the function that returns the cell of a row. kind: function that returns the `kind` of
+        a row's `TableLine`.
         """
         lines = [TableLine((cell(row) for cell in columns.values()), kind(row)) for row in rows]
         return cls(list(columns), lines, left, caption)

@@ -84,7 +84,7 @@ each collection traverses the 100,000 objects of JAX (measured)."""
 def collect_garbage_rarely() -> None:
     """Let Python collect garbage only after `OBJECTS_PER_COLLECTION` new objects, and not when the process ends.
 
-    At the end it would take 0.3 s in a process that has drawn figures.
+    At the end it would take up to 0.3 s.
     """
     gc.set_threshold(OBJECTS_PER_COLLECTION)
     atexit.register(gc.freeze)

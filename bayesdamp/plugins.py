@@ -87,15 +87,18 @@ class Registry(Generic[T]):
         _REGISTRIES[package] = self
 
     def names(self) -> list[str]:
-        """Return all names, sorted, without importing anything."""
+        """Return the names of all plug-ins, shipped, added or in installed packages, sorted; nothing is imported."""
         return sorted({*self._modules, *self._added, *self._entries})
 
     def present(self) -> list[str]:
-        """Return shipped and added names, sorted, but not unused ones of installed packages; nothing is imported."""
+        """Return the names of shipped and added plug-ins, sorted; nothing is imported.
+
+        A plug-in of an installed package counts as added as soon as `get` has been called for it.
+        """
         return sorted({*self._modules, *self._added})
 
     def added(self) -> list[str]:
-        """Return the names of added plug-ins, which do not ship with bayesdamp; nothing is imported."""
+        """Return the names of added plug-ins (see `present`), sorted; none of them ships with bayesdamp."""
         return sorted(self._added)
 
     @cached_property

@@ -20,7 +20,8 @@ from bayesdamp.types import OK, InputError
 RECORDS_PER_TASK = 16
 """Number of records that one task simulates."""
 LIKELIHOOD = "log_likelihood"
-"""The log likelihood is ranked too: it can show an error that no parameter shows (Modrák et al., 2023)."""
+"""Name of the log likelihood among the ranked quantities: its rank at the true parameters can show an error that the
+rank of no parameter shows (Modrák et al., 2023)."""
 
 
 def compute_chunk(study: Study, model: str, first: int) -> Product:

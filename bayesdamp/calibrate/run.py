@@ -170,7 +170,10 @@ def run_calibration(
 
 
 def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult]], models: bool) -> None:
-    """Write the tables and run.json."""
+    """Write run.json and the tables into the folder of the store.
+
+    The tables are recovery.csv if `models`, else calibration.csv and ranks.csv.
+    """
     if models:
         columns, rows = tables.recovery_table(results)
         write_table(store.folder / "recovery.csv", columns, rows)
@@ -215,7 +218,7 @@ def compute_series(
 
 
 def count_usable(results: Sequence[TaskResult]) -> int:
-    """Return how many records in these results are usable."""
+    """Return how many records in these results are usable: those with the outcome `ok`."""
     return sum(sum(ChunkContent.of(r).accepted) for r in results)
 
 
@@ -234,7 +237,7 @@ def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
 
 
 def is_failed(result: TaskResult) -> bool:
-    """Return whether the program failed in a task."""
+    """Return whether the whole task failed by a fault of the program (not only single records)."""
     return status_of(result.outcome) is Status.FAILED
 
 

@@ -23,9 +23,9 @@ def thin(draws: np.ndarray, count: int) -> np.ndarray:
 
 
 def histogram(ranks: np.ndarray, draws: int, bins: int) -> np.ndarray:
-    """Return the numbers of ranks (n,) in bins of equal size, (bins,).
+    """Count ranks (n,) in bins of equal size; return the counts, (bins,).
 
-    The ranks are among `draws` draws, from 0 to draws. bins must divide draws + 1.
+    The ranks are whole numbers from 0 to `draws`, the number of draws. bins must divide draws + 1.
     """
     return np.bincount(np.asarray(ranks, int) * bins // (draws + 1), minlength=bins)
 
@@ -46,9 +46,9 @@ def uniformity_p(counts: np.ndarray) -> float:
 
 @lru_cache(maxsize=256)
 def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a band for the cumulative counts of n uniform ranks: lower and upper limits, (bins − 1,) each.
+    """Return a band for the cumulative counts of n uniform ranks in bins: lower and upper limits, (bins − 1,) each.
 
-    All cumulative counts together are in the band with at least this probability.
+    The probability that all cumulative counts are in the band is at least `probability`.
     """
     low, high = 0.0, 1.0 - probability
     for _ in range(20):  # bisection: the band changes in steps with the tail, and the wider one is used
@@ -77,7 +77,7 @@ def _range_inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarra
 
 @lru_cache(maxsize=4096)
 def _p_of_tail(tail: float, n: int, bins: int) -> float:
-    """Return the probability that uniform ranks have a two-sided tail as small as this at the end of some bin."""
+    """Return the probability that n uniform ranks have a two-sided tail as small as this at the end of some bin."""
     # A tail that equals the limit apart from rounding is not beyond it.
     low, high = _range_inside(tail * (1 + 1e-9), n, bins)
     if np.any(low > high):
@@ -91,10 +91,10 @@ def _p_of_tail(tail: float, n: int, bins: int) -> float:
 
 
 def holm(tests: Sequence[float]) -> np.ndarray:
-    """Return p values adjusted by Holm's method, (k,).
+    """Return the p values of k tests adjusted by Holm's method, (k,).
 
     If tests with adjusted p values below α are rejected, the probability of any false rejection is at most α. A test
-    without a p value (nan) is ignored.
+    without a p value (nan) keeps nan and does not count.
     """
     p = np.asarray(tests, float)
     adjusted = np.full(p.size, np.nan)
@@ -125,7 +125,10 @@ def hits_p(hits: int, p: np.ndarray) -> float:
 
 
 def hits_band(p: np.ndarray, probability: float) -> tuple[int, int]:
-    """Return the range of the number of hits, with equal tails, that has at least this probability."""
+    """Return the least and greatest number of hits of a range that has at least this probability, with equal tails.
+
+    A hit is one of n independent events with probabilities p (n,).
+    """
     cumulative = np.cumsum(hits_distribution(p))
     tail = 0.5 * (1.0 - probability)
     return int(np.searchsorted(cumulative, tail, side="right")), int(np.searchsorted(cumulative, 1.0 - tail))

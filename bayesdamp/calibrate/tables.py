@@ -62,8 +62,7 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     records: number of tested records. without: number of further records, without an interval. value: for "ranks" the
     largest difference (with its sign) of their distribution function from the uniform one; for "coverage" the fraction
     of intervals that contain the truth. low, high: range that contains this fraction with 99 % probability if the
-    intervals are right. The verdict is "wrong"
-    if p_holm is below `FALSE_ALARM`.
+    intervals are right. The verdict is "wrong" if p_holm is below `FALSE_ALARM`.
     """
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
@@ -111,9 +110,9 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
 
 
 def points(draws: int) -> int:
-    """Return the number of bins into which the test of ranks sorts them, at most 64.
+    """Return the number of bins into which the test of ranks among `draws` draws sorts the ranks.
 
-    It is the largest such divisor of draws + 1, the number of possible ranks, so that the bins have equal size.
+    It is the largest divisor of draws + 1 (the number of possible ranks) up to 64, so that the bins have equal size.
     """
     return max(k for k in range(1, 65) if (draws + 1) % k == 0)
 

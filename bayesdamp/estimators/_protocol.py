@@ -1,4 +1,4 @@
-"""The base class of estimators, the damping terms that each can estimate, and optional packages."""
+"""Define the base class of estimators, decide which damping terms each can estimate, and import optional packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Cramér–Rao bound: the smallest standard deviation that an unbiased estimator can have."""
+"""Compute the Cramér–Rao bound: the smallest standard deviation that an unbiased estimator can have."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cramer_rao(
     noise_sd: float,
     quantity: str = "angle",
 ) -> dict[str, float]:
-    """Compute the smallest standard deviation of each unknown parameter.
+    """Compute the Cramér–Rao bound: the smallest standard deviation of an unbiased estimate of each unknown parameter.
 
     For independent normal noise the Fisher information is JᵀJ/σ², where J (n, k) has the derivatives of the n samples
     by the k unknowns: the damping coefficients, and every restoring parameter, theta0 and omega0 that is not in

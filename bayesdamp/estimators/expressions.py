@@ -1,4 +1,4 @@
-"""Expressions of the velocity, and genetic programming that searches them (by Operon).
+"""Define expressions of the velocity v, and search for them by genetic programming (the library Operon).
 
 An expression is a sum of products of v, |…| and tanh(…), which is simplified whenever it is built.
 """

@@ -29,7 +29,8 @@ from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 from bayesdamp.units import quantity_unit
 
 MOST_RESIDUAL = 1.1
-"""A misfit is reported if the residual exceeds the record's noise by this factor plus five standard errors."""
+"""A misfit is reported if the rms of the residual, divided by the record's noise, exceeds this number plus five of its
+standard errors."""
 MOST_CORRELATION = 0.1
 """A misfit is reported if the autocorrelation of the residual over a twelfth of a period exceeds both this and five
 standard errors."""
@@ -41,7 +42,8 @@ to their last digits, and the sum of squares is smooth along combinations that t
 STEPS = 400
 """Greatest number of Levenberg–Marquardt steps."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
-"""Factors of λ, Levenberg's and Marquardt's damping. They are large because the residuals are nearly linear near the
+"""Factors by which λ, the damping of Levenberg and Marquardt, changes after a step: `less` after one that lowers the
+sum of squares, `more` otherwise. Such large changes are possible because the residuals are nearly linear near the
 minimum."""
 SMALL_CHANGE, SMALL_STEP, SMALL_GAIN = 1e-9, 1e-13, 1e-12
 """The search has converged if a step changes the residuals by this fraction of their norm, the parameters by this

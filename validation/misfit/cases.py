@@ -15,9 +15,9 @@ OUTSIDE = (
     "beats", "two_modes", "driven", "clipped", "stiction", "drift", "wander", "cubic", "root", "damping_changes",
     "stiffness_changes",
 )  # fmt: skip
-"""Kinds of records that no law of the family fits."""
+"""Kinds of records that none of the compared damping sums and restoring laws (the family) fits."""
 INSIDE = ("clean", "two_cycles", "coarse", "quantised", "outliers", "gaps", "slight_drift")
-"""Kinds of records of the family, most of them with poor data."""
+"""Kinds of records whose damping sum and restoring law are among those compared (the family), most with poor data."""
 
 
 @dataclass(frozen=True)

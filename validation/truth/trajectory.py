@@ -1,6 +1,6 @@
 """Compute trajectories of the candidate laws fast, by compiled fourth-order Runge-Kutta with fixed steps.
 
-Only the fits of the rivals use them; the truth of a record comes from `motion`. A step in which the velocity changes
+Only the fits in `rivals` use them; the truth of a record comes from `motion`. A step in which the velocity changes
 sign is divided at that point, found by a secant search. So the order is four also for friction with an exact sign.
 """
 

@@ -132,11 +132,11 @@ class Genes:
     """The unknown parameters of m trajectories as variables u, shape (m, d), where 0 ≤ u ≤ 1 is the search range.
 
     The stiffness and the angle of a restoring law are not searched themselves, but the frequency and the midline of a
-    motion at the record's middle amplitude, from which they follow by harmonic balance. (Otherwise a stiffness and a
-    gravity that together miss the frequency by a per cent lose the record's phase, however good each of them is.) For
-    all other parameters the variable is the parameter, scaled to the search range. names: names of the unknown
-    parameters; labels: names of what is varied for each; low, high (d,): its range; positive (d,): whether it must not
-    be negative.
+    motion at the record's middle amplitude, from which they follow by harmonic balance. (If stiffness and gravity were
+    searched themselves, most pairs would miss the record's frequency and so lose its phase, even if both values are
+    nearly right.) For all other parameters the variable is the parameter, scaled to the search range. names: names of
+    the unknown parameters; labels: names of what is varied for each; low, high (d,): its range; positive (d,): whether
+    it must not be negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:

@@ -224,7 +224,8 @@ class Simulator:
     ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
         """Simulate about `records` records, and others for tests, with the coefficient's logarithm in centre ± half.
 
-        Records whose trajectory escapes are left out; each other one occurs `COPIES` times, with different noise.
+        Records whose trajectory is unbounded are left out; each of the rest occurs `COPIES` times, with different
+        noise.
 
         Returns
         -------

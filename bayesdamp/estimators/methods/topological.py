@@ -41,8 +41,8 @@ NOISE_OF_MEDIAN = 0.680
 class TopologicalOptions(Options):
     """Options of the persistence method.
 
-    variant: the formulas as first published by Myers and Khasawneh, or equations (7) to (11) of the paper
-    ("as_printed").
+    variant: "published" uses the formulas as first published by Myers and Khasawneh, "as_printed" equations (7) to (11)
+    of the paper that `bayesdamp.estimators` cites.
     significance: the α of the noise cutoff, the probability that a lifetime of noise exceeds it.
     """
 
@@ -153,11 +153,11 @@ def significant_pairs(
 ) -> Pairs:
     """Return the pairs above the noise cutoff.
 
-    As published: the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise, else the
-    noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median. Each
-    lifetime is reduced by the noise floor: twice the median amount by which white noise raises the maximum of the
-    samples at a turning point.
-    As printed: the cutoff of equation (7) and the floor of equation (8), with erfc⁻¹(2α/N) for N lifetimes.
+    Variant "published": the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise,
+    else the noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median.
+    Each lifetime is reduced by the noise floor: twice the median amount by which white noise raises the maximum of the
+    samples at a turning point. Variant "as_printed": the cutoff of equation (7) and the floor of equation (8), with
+    erfc⁻¹(2α/N) for N lifetimes.
     """
     y, sigma = signal.y - features.rest, noise_level(signal)
     v, p, born = sublevel_pairs(signal.t, y, features.period)

@@ -76,7 +76,7 @@ class Collocation(ScaledRecord):
         phase, end = phase_of(signal, features).convert().coef.tolist(), float(signal.t[-1])
 
         def inputs(t: Tensor) -> Tensor:
-            """Return time from −1 to 1, and sines and cosines of the phase's multiples, (n, inputs)."""
+            """Return time scaled to −1 to 1, and the sines and cosines of multiples of the phase, (n, inputs)."""
             angle = torch.stack([c * t**power for power, c in enumerate(phase)]).sum(0)
             angles = angle[:, None] * torch.arange(1.0, harmonics + 1, dtype=REAL)
             return torch.cat([(2.0 * t / end - 1.0)[:, None], torch.sin(angles), torch.cos(angles)], dim=1)

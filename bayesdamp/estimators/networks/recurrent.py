@@ -1,4 +1,4 @@
-"""A recurrent network that reads a number off a sequence, and its training."""
+"""Define a recurrent network that maps a sequence to a number, and train it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ class RecurrentNetwork:
 
     @property
     def gates(self) -> int:
-        """Return the number of rows of the recurrent layer's matrix, which it applies to (inputs, state, 1)."""
+        """Return the number of rows of the matrix that the recurrent layer applies to (inputs, state, 1).
+
+        It has 4 rows for each unit of an LSTM, and 3 for each unit of a GRU.
+        """
         return (4 if self.cell == "lstm" else 3) * self.units
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Multiple shooting: segments of a record integrated in one batch, with their sensitivities."""
+"""Fit a learnt damping force by multiple shooting: segments of a record are integrated in one batch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_SEGMENTS = 160
 GRID = 41
 """Number of velocities at which the learnt force is reported (conventional)."""
 STEADY = 1e-3
-"""Largest relative change of a converged coefficient."""
+"""Training has converged if no damping coefficient changes by more than this fraction (see `training.train`)."""
 
 
 class Shooting(ScaledRecord):

@@ -106,7 +106,10 @@ class DenseNetwork:
         return weights
 
     def output(self, weights: Tensor, inputs: Tensor) -> Tensor:
-        """Return the output's jets (n, j) for the inputs' (n, j, sizes[0]): values, and time derivatives in order."""
+        """Return the jets of the output, (n, j), from the jets of the inputs, (n, j, sizes[0]).
+
+        A jet contains a value and its first j − 1 time derivatives.
+        """
         *hidden, last = self._layers(weights)
         return _affine(*last, _hidden(hidden, inputs))[..., 0]
 

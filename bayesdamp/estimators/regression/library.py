@@ -101,7 +101,10 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 def damping_values(
     problem: Problem, library: list[CandidateTerm], x: np.ndarray, stderr: np.ndarray
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the damping coefficients and their standard errors by name, from those of the library, (p,) each."""
+    """Return the problem's damping coefficients and their standard errors, by name.
+
+    x, stderr (p,): the coefficients of all terms of the library, and their standard errors.
+    """
     index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
     terms = oscillator(problem).terms
     values, errors = ({t.parameter: float(each[index[t.name]]) for t in terms} for each in (x, stderr))
@@ -111,7 +114,7 @@ def damping_values(
 def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
     """Return OK if a sparse regression selects exactly the model's damping terms, else a sentence with the differences.
 
-    selected (p,): whether each term is selected. model (p,): whether each term is allowed.
+    selected (p,): whether each term is selected. model (p,): whether the model allows each term.
     """
     names = [candidate.name for candidate in library]
     of_damping = np.array([candidate.damping is not None for candidate in library])

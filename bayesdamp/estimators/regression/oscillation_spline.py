@@ -1,4 +1,4 @@
-"""A smoothing spline for oscillations. It penalises amplitudes and phases that do not change linearly in time."""
+"""Fit a smoothing spline that penalises amplitudes and phases of an oscillation that do not change linearly in time."""
 
 from __future__ import annotations
 
@@ -112,7 +112,10 @@ class OscillationSpline:
 
 
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
-    """Return the matrix from coefficients to the derivative of an order at x (n,), (n, number of coefficients)."""
+    """Return the matrix that maps spline coefficients to the derivative of an order at x (n,).
+
+    Its shape is (n, number of coefficients). order: 0 for the spline itself.
+    """
     size = knots.size - DEGREE - 1
     down = sparse.identity(size, format="csr")
     for d in range(order):

@@ -1,4 +1,4 @@
-"""The weak form of the equation of motion: test functions, and sparse regression with correlated errors.
+"""Provide the weak form of the equation of motion: test functions, and sparse regression with correlated errors.
 
 Each row is the equation integrated against one compact test function. The rows have correlated errors, and their
 columns have noise.
@@ -21,7 +21,7 @@ OVERLAP = 8
 LEAST_EIGENVALUE = 1e-7
 """Eigenvectors of the rows' covariance with an eigenvalue below this fraction of the largest are left out."""
 FLOOR = 1e-6
-"""Smallest residual that is distinguished from zero, as a fraction of the inertia."""
+"""Smallest rms residual that is distinguished from zero, as a fraction of the rms of the inertia rows."""
 NOISELESS = 1e-7
 """If the noise of a whitened row is below this fraction of its inertia, the bias that noise causes is not computed."""
 
