@@ -1,10 +1,11 @@
 """Compute how an amplitude decays with time under a sum of damping terms or under a power law.
 
-Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude of an
-oscillation of frequency ω obeys dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref) this is dx/dt = -Σ c_i
-exp((p_i - 1) x), where c_i is the decay rate (1/s) of term i at A_ref, and p_i = 1, 0 and 2. Sums of these three terms
-have closed solutions. For any other term the loss dA/dt = -W/(2πωA), with the work W in a cycle of a harmonic motion,
-is tabulated over ln A, and sums with such terms are integrated numerically.
+Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude A of
+an oscillation of angular frequency ω obeys dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref), for a
+reference amplitude A_ref, this is dx/dt = -Σ c_i exp((p_i - 1) x), where c_i is the decay rate -dx/dt (1/s) that term i
+causes at A_ref, and p_i = 1, 0 and 2. Sums of these three terms have closed solutions. For any other term the decay
+dA/dt = -W/(2πωA), with the work W in a cycle of a harmonic motion, is tabulated over ln A, and sums with such terms are
+integrated numerically.
 """
 
 from __future__ import annotations
@@ -23,50 +24,56 @@ from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
 from bayesdamp.types import InputError
 
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
-"""Exponent p of each term's loss, dA/dt ∝ A^p, in the order in which sums name the terms."""
+"""Exponent p of the decay dA/dt ∝ -A^p that each term causes, in the order in which sums name the terms."""
 SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, count))
-"""All seven sums of these terms, each a tuple of names."""
+"""All seven sums of viscous, Coulomb and quadratic damping, each as a tuple of names; single terms come first."""
 LOG_AT_REST = -60.0
-"""Value of ln(A/A_ref) that stands for an oscillation that has come to rest (conventional)."""
+"""Value of ln(A/A_ref) that is returned for an oscillation that has come to rest (A = 0), and the smallest value of a
+decay (conventional)."""
 EXPONENT_RANGE = -1.0, 3.0
 """Smallest and largest exponent p of a power law; p < 0 is friction that increases as the amplitude decreases."""
 NEAR_VISCOUS = 1e-4
-"""If the exponent differs from 1 by less than this, the derivative by the exponent is computed from a series."""
+"""If the exponent p of a power law differs from 1 by less than this, the derivative by p is computed from a series."""
 _NEAR_ONE = 1e-6  # if |p - 1| is smaller, p = 1 is used
 _SMALL_ANGLE = 1e-6  # if |kt| is smaller, tanh(kt)/k = t is used
 LAW_PANELS = 200
-"""Number of panels in ln A of the numerical integration; the relative error of the time is then 1e-8 (measured)."""
+"""Number of intervals in ln A over which the time of a decay is integrated numerically; its relative error is then 1e-8
+(measured)."""
 MIN_RATE = 1e-30
-"""Smallest decay rate (1/s) in divisions; it leaves an undamped amplitude constant."""
+"""Decay rates (1/s) by which something is divided are raised to at least this, so that an undamped amplitude stays
+constant."""
 _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # nodes of the two-point Gauss rule on [-1, 1]
 
 Shape = Callable[[np.ndarray], np.ndarray]
-"""A function s(x) of x = ln(A/A_ref): the decay rate -dx/dt of a term relative to its value at x = 0."""
+"""The shape of a damping term: a function s(x) of x = ln(A/A_ref) that returns the term's decay rate -dx/dt relative to
+its value at x = 0."""
 LOSS_GRID = np.linspace(-12.0, 1.5, 68)
-"""Values of ln(A/A_start) at which losses are tabulated; outside, a loss is extrapolated as a power of A."""
+"""Values of ln(A/A_start) at which decay rates of a term are tabulated; outside, a rate is extrapolated as a power of
+A."""
 MIN_RELATIVE_LOSS = 1e-12
-"""Smallest loss in the table, relative to the largest; smaller losses are raised to it, so that their log is finite."""
+"""Smallest decay rate in the table, relative to the largest; smaller rates are raised to it, so that their logarithm is
+finite."""
 LOSS_TOLERANCE = 1e-6
-"""Two losses count as equal if their relative difference is smaller."""
+"""Two decay rates count as equal if their relative difference is at most this."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
-"""Those names in `damping.GIVEN` that are reference scales."""
+"""Those names in `damping.GIVEN` that are reference scales (all except the equilibrium)."""
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """Return x = ln(A/A_ref) at times t, shape (n,), under a sum of terms of `POWERS`; `LOG_AT_REST` after it stops.
+    """Return x = ln(A/A_ref), (n,), at given times of a decay under a sum of viscous, Coulomb and quadratic damping.
 
-    dA/dt = -(c0 + c1 A + c2 A²) (A relative to A_ref) is a Riccati equation with constant coefficients. With k² =
-    |c1²/4 - c0 c2| its solution is A = (A_0 - T (c1/2 A_0 + c0)) / (1 + T (c1/2 + c2 A_0)), T = tanh(kt)/k, or
-    tan(kt)/k if c1²/4 < c0 c2.
+    After the oscillation has come to rest, x is `LOG_AT_REST`. dA/dt = -(c0 + c1 A + c2 A²) (A relative to A_ref) is a
+    Riccati equation with constant coefficients. With k² = |c1²/4 - c0 c2| its solution is A = (A_0 - T (c1/2 A_0 + c0))
+    / (1 + T (c1/2 + c2 A_0)), T = tanh(kt)/k, or tan(kt)/k if c1²/4 < c0 c2.
 
     Parameters
     ----------
     t
-        Times in s from 0, shape (n,).
+        Times in s since the start, shape (n,).
     x0
         Value of x at t = 0.
     terms, rates
-        Names of the terms, and their decay rates in 1/s at the reference amplitude.
+        Names of the terms (keys of `POWERS`), and the decay rate -dx/dt in 1/s that each causes at A_ref.
     """
     by_term = dict(zip(terms, rates, strict=True))
     c1, c0, c2 = (float(by_term.get(term, 0.0)) for term in POWERS)
@@ -93,9 +100,10 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
-    """Return x = ln(A/A_ref) at times t, (n,), from x0 at t = 0, under dA/dt ∝ -A^p; `LOG_AT_REST` after it stops.
+    """Return x = ln(A/A_ref), (n,), at times t, (n,), of a decay dA/dt ∝ -A^p that starts from x0 at t = 0.
 
-    log_rate: ln of the decay rate -dx/dt (1/s) at A_ref. power: exponent p.
+    log_rate: ln of the decay rate -dx/dt (1/s) at A_ref. power: exponent p. After the oscillation has come to rest, x
+    is `LOG_AT_REST`.
     """
     # With q = p - 1: x(t) = x0 - ln(1 + q r t)/q, where r is the decay rate at x0.
     q = power - 1.0
@@ -109,9 +117,10 @@ def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.n
 
 
 def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the derivatives, (n, 3), of x = ln(A/A_ref) at times t (s from the start) under dA/dt ∝ -A^exponent.
+    """Return the derivatives, (n, 3), of x = ln(A/A_ref) by the parameters of a decay dA/dt ∝ -A^exponent.
 
-    Column i is the derivative by p[i], with p = (x at the start, ln of the decay rate in 1/s at the start, exponent).
+    t: times in s since the start, (n,). p: the parameters, in the order of the columns: x at the start, ln of the decay
+    rate -dx/dt (1/s) at the start, exponent.
     """
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
     left = np.maximum(1.0 + q * passed, 1e-12)  # reaches 0 when the oscillation comes to rest
@@ -125,19 +134,22 @@ def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
 def coefficient_from_rate(
     term: str, rate: np.ndarray, reference: float, omega: float | None
 ) -> tuple[str, np.ndarray, str]:
-    """Return name, values and unit of a term's coefficient; `{}` in the unit stands for the amplitude's unit.
+    """Convert decay rates of a damping term to its coefficient; return the coefficient's name, values and unit.
+
+    In the unit, `{}` stands for the amplitude's unit.
 
     Parameters
     ----------
     term
-        Name of a damping term of `POWERS`.
+        Name of a damping term: viscous, coulomb or quadratic.
     rate
-        Decay rates in 1/s at the reference amplitude, any shape.
+        Decay rates -d ln A/dt in 1/s at the reference amplitude, any shape.
     reference
         The reference amplitude.
     omega
-        Frequency in rad/s, or None if unknown. If known, the result is the coefficient `zeta`, `mu_c` or `mu_q` of the
-        equation of motion; else the coefficient c of the amplitude's decay, dA/dt = -c A, -c or -c A².
+        Angular frequency in rad/s, or None if unknown. If known, the result is the coefficient `zeta`, `mu_c` or `mu_q`
+        of the equation of motion; else the coefficient c of the decay of the amplitude, dA/dt = -c A (viscous, also
+        called `zeta`), -c (`loss_c`) or -c A² (`loss_q`).
     """
     if term == "viscous":
         return "zeta", rate, "1/s"
@@ -151,26 +163,33 @@ def coefficient_from_rate(
 
 
 class DecayLaw(ABC):
-    """A decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref), with rate c_i (1/s) and shape s_i of each term."""
+    """A decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref) under a sum of damping terms.
+
+    Term i has the decay rate c_i (1/s) at the reference amplitude A_ref and the shape s_i, with s_i(0) = 1.
+    """
 
     terms: tuple[str, ...]
 
     @abstractmethod
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shape s_i(x) of each term at x = ln(A/A_ref), (n,), as an array (terms, n)."""
+        """Return the shape s_i(x) of each term, (terms, n), at values of x = ln(A/A_ref), (n,)."""
 
     @abstractmethod
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t (s from the start), (n,), from x0 at t = 0; the rates c_i (1/s) are not negative."""
+        """Return x, (n,), at times t in s since the start, (n,), of a decay that starts from x0.
+
+        rates: the rates c_i (1/s) of the terms, which must not be negative, (terms,).
+        """
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the total decay rate -dx/dt in 1/s at x, shape (n,)."""
+        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: the c_i."""
         return rates @ self.shapes(x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x at times t by the rates, (n, terms), by difference quotients with `step` (1/s).
+        """Return the derivatives, (n, terms), of x at times t by the rates c_i, as difference quotients.
 
-        x: the values at t; not used here, but by subclasses.
+        t: times in s since the start, (n,). x: values at these times, which only subclasses use. x0: value at the
+        start. rates: the rates c_i (1/s). step: change of a rate in 1/s.
         """
         columns = []
         for i in range(len(rates)):
@@ -188,19 +207,19 @@ class ClosedForm(DecayLaw):
     terms: tuple[str, ...]
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return exp((p_i - 1) x), shape (terms, n), at x = ln(A/A_ref), (n,); p_i is the power of A in term i."""
+        """Return exp((p_i - 1) x), (terms, n), at x = ln(A/A_ref), (n,); dA/dt ∝ -A^p_i for term i."""
         return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t (s from the start), see the function `decay`."""
+        """Return x = ln(A/A_ref), (n,), at times t since the start, (n,), as in the function `decay` of this module."""
         return decay(t, x0, self.terms, rates)
 
 
 @dataclass(frozen=True)
 class PowerLaw(DecayLaw):
-    """The decay law dA/dt ∝ -A^p.
+    """The decay law dA/dt ∝ -A^p, whose exponent p is a parameter.
 
-    Its methods take as `rates` the two parameters: ln of the decay rate (1/s) at A_ref, and the exponent p.
+    The two parameters, which its methods take as `rates`, are ln of the decay rate (1/s) at A_ref, and p.
     """
 
     terms: tuple[str, ...] = ("log_rate", "exponent")
@@ -210,17 +229,17 @@ class PowerLaw(DecayLaw):
         raise NotImplementedError
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t (s from the start), see `power_decay`."""
+        """Return x = ln(A/A_ref), (n,), at times t since the start, (n,), as in the function `power_decay`."""
         return power_decay(t, x0, float(rates[0]), float(rates[1]))
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the decay rate -dx/dt in 1/s at x, shape (n,)."""
+        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,)."""
         return np.exp(rates[0] + (rates[1] - 1.0) * x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x by ln of the rate at A_ref and by the exponent, (n, 2).
+        """Return the derivatives of x, (n, 2), by ln of the decay rate at A_ref, and by the exponent.
 
-        They are exact; x and step are not used.
+        They are exact; the arguments x and step are not used.
         """
         # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
         own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
@@ -229,9 +248,9 @@ class PowerLaw(DecayLaw):
 
 @dataclass(frozen=True)
 class TabulatedLaw(DecayLaw):
-    """The decay law of any terms, integrated numerically for x between `low` and `high`.
+    """The decay law of a sum of any terms, integrated numerically for x = ln(A/A_ref) between `low` and `high`.
 
-    Outside this range the sum is extrapolated as a power of A. each: the shapes of the terms.
+    Outside this range the total decay rate is extrapolated as a power of A. each: the shape function of each term.
     """
 
     terms: tuple[str, ...]
@@ -240,14 +259,15 @@ class TabulatedLaw(DecayLaw):
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shape s_i(x) of each term at x = ln(A/A_ref), (n,), as an array (terms, n)."""
+        """Return the shape s_i(x) of each term, (terms, n), at values of x = ln(A/A_ref), (n,)."""
         return np.stack([shape(x) for shape in self.each])
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return x at the panel ends, (q,), decreasing; the shapes there, (terms, q), and at Gauss points, (terms, g).
+        """Return the nodes of the integration over x, and the terms' shapes at them.
 
-        q = LAW_PANELS + 1; g = 2 LAW_PANELS, two Gauss points in each panel.
+        Returns x at the ends of the intervals, decreasing, (q,), with q = LAW_PANELS + 1; the shapes there, (terms, q);
+        and the shapes at the two Gauss points in each interval, (terms, 2 LAW_PANELS).
         """
         x = np.linspace(self.high, self.low, LAW_PANELS + 1)
         middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
@@ -255,7 +275,10 @@ class TabulatedLaw(DecayLaw):
         return x, self.shapes(x), self.shapes(inside)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x at times t (s from the start), (n,): the integral t(x) = ∫ dx/rate is inverted by interpolation."""
+        """Return x, (n,), at times t in s since the start, (n,), of a decay that starts from x0.
+
+        The time t(x) = ∫ dx/rate is integrated numerically, and inverted by interpolation. rates: the rates c_i (1/s).
+        """
         x, ends, inside = self._nodes
         speed = np.maximum(rates @ ends, MIN_RATE)
         slow = 1.0 / np.maximum(rates @ inside, MIN_RATE)
@@ -284,9 +307,10 @@ class TabulatedLaw(DecayLaw):
         return result
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x by the rates, (n, terms), by quadrature.
+        """Return the derivatives, (n, terms), of x at times t by the rates c_i, by quadrature.
 
-        If all rates are about 0, use at least `step`.
+        x: values at the times t, (n,). x0: value at the start. If the sum of the rates is below `step` (1/s), each rate
+        is raised to at least `step`, because the integrals do not exist without damping.
         """
         # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt.
         if rates.sum() < step:  # f = 0 has no such integral; use a small rate
@@ -307,14 +331,17 @@ class TabulatedLaw(DecayLaw):
 
 
 def _between(fall: float, speed: float, power: float) -> float:
-    """Return the time (s) in which x falls by `fall`, if its decay rate is ∝ A^power and ends at `speed` (1/s)."""
+    """Return the time (s) in which x = ln A decreases by `fall`, if its decay rate is proportional to A^power.
+
+    speed: the decay rate (1/s) at the end of this time.
+    """
     return float(fall / speed if abs(power) < 1e-9 else -np.expm1(-power * fall) / (power * speed))
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Interpolate values y with derivatives `slope` at increasing x, (n,) each; return the values at points `at`, (k,).
+    """Return values, (k,), at points `at`, (k,), by cubic Hermite interpolation.
 
-    The interpolation is by cubic Hermite polynomials.
+    x, y, slope: increasing nodes, and the values and derivatives at them, (n,) each.
     """
     i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]
@@ -329,21 +356,22 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 class AmplitudeSolver:
     """Compute decays x(t) = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
 
-    The parameters are the rates in 1/s at the reference amplitude, in the order of the law's terms, then x at the
-    start.
+    The parameters of `solve` are the rates in 1/s at the reference amplitude A_ref, in the order of the law's terms,
+    then x at the start.
 
     Attributes
     ----------
     law
         The decay law.
     t
-        Times of the readings in s from the start, (n,).
+        Times of the readings in s since the start, (n,).
     duration
-        Duration of the decay in s. The knots of the model deviation g are equidistant over it.
+        Duration of the decay in s. The knots of the deviation g are equidistant over it; g is the relative deviation of
+        the decay rate from the law, linear in time between the knots.
     knots
         Number of knots.
     step
-        Step of a rate in 1/s for difference quotients.
+        Change of a rate in 1/s for difference quotients.
     white
         Matrix (n, n) that whitens the noise of the readings; decays and derivatives are multiplied by it. None for
         white noise.
@@ -361,7 +389,7 @@ class AmplitudeSolver:
 
     @property
     def frequency(self) -> float:
-        """Return 1/duration, in 1/s, in place of a frequency, because nothing oscillates."""
+        """Return 1/duration in 1/s. The interface of `Solver` needs a frequency, although nothing oscillates here."""
         return 1.0 / self.duration
 
     def solve(
@@ -373,14 +401,15 @@ class AmplitudeSolver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion:
-        """Return the decay for parameters p, (terms + 1,), with derivatives by p and, for `ALL`, by g at the knots.
+        """Compute the decay for parameters p, (terms + 1,), with derivatives by p and by the deviation g at the knots.
 
-        The values of the `Motion` are x at the readings and its derivatives (none for `NONE`), both multiplied by
-        `white`; its states are x and dx/dt.
+        In the result, the values are x at the readings, and the derivatives are those of x (for `tangents` = `NONE`
+        none, for `PARAMETERS` by p, for `ALL` by p and g), both multiplied by `white`; the states are x and dx/dt, (n,
+        2).
 
-        All rates are multiplied by 1 + g(t) (g: model deviation), so that x(t) = X(t + ∫g dt) with the decay X for g =
-        0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and
-        `tolerance` have no effect.
+        All rates are multiplied by 1 + g(t) (g: deviation), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To
+        first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and `tolerance`
+        have no effect.
         """
         rates, start = p[:-1], float(p[-1])
         x = self.law.decay(self.t, start, rates)
@@ -400,16 +429,17 @@ class AmplitudeSolver:
 
 
 def linear_basis(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the functions of linear interpolation between `count` equidistant knots on [0, 1], at s, (n,): (n, count).
+    """Return the basis functions, (n, count), of linear interpolation between `count` equidistant knots, at s, (n,).
 
-    Function k is 1 at knot k and 0 at all other knots. Values s outside of [0, 1] are replaced by the nearer end.
+    The knots are on [0, 1]. Function k is 1 at knot k and 0 at all other knots. Values s outside of [0, 1] are replaced
+    by the nearer end.
     """
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
 
 
 def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the integrals from 0 to s of the functions of `linear_basis`, shape (n, count)."""
+    """Return the integrals of the functions of `linear_basis` from 0 to s, (n, count), for each s, (n,)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     u = at[:, None] - np.arange(count)
     rising = np.clip(u + 1.0, 0.0, 1.0)
@@ -421,9 +451,9 @@ def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scale:
-    """Amplitude at the start, in the length unit of the terms, and frequency in rad/s.
+    """Amplitude at the start of an oscillation, in the length unit of the terms, and angular frequency in rad/s.
 
-    If one of them is unknown or not needed, it is 1, and the terms are in units of it.
+    If one of them is unknown or not needed, it is 1, and coefficients are in units of it.
     """
 
     amplitude: float = 1.0
@@ -431,9 +461,10 @@ class Scale:
 
 
 def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
-    """Return the parameter value at a standard normal score z, such that z ~ N(0, 1) gives the prior.
+    """Return the value of a term's parameter at a standard normal score; for scores ~ N(0, 1) it has its prior.
 
-    This holds also for half-normal priors, whose own coordinate is |z|.
+    This also holds for half-normal priors, whose own coordinate is the absolute value of a standard normal number.
+    scale: amplitude and frequency on which the prior depends.
     """
     prior = p.prior(scale.amplitude, scale.frequency)
     return float(
@@ -446,7 +477,7 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
-    """Return a term's inferred parameters by name, at standard normal scores, one for each parameter."""
+    """Return a term's parameters other than its coefficient, by name, at their standard normal scores."""
     return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
 
@@ -454,16 +485,19 @@ def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> di
 def log_loss(
     term: DampingTerm, scores: tuple[float, ...] = (), scale: Scale = Scale()
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function of ln(A/A_start): ln of the decay rate -dA/dt/A (1/s) per unit of the coefficient.
+    """Return a function that computes ln of the decay rate which a damping term causes at a coefficient of 1.
+
+    The function takes x = ln(A/A_start), any shape, and returns ln of the rate -d ln A/dt (1/s). It interpolates a
+    table.
 
     Parameters
     ----------
     term
         The damping term.
     scores
-        Standard normal scores of the term's parameters, see `parameter`.
+        Standard normal scores of the term's parameters other than its coefficient, see `parameter`.
     scale
-        Amplitude and frequency at the start.
+        Amplitude at the start and angular frequency.
 
     Raises
     ------
@@ -498,9 +532,10 @@ def log_loss(
 def rates_per_unit(
     term: DampingTerm, x: np.ndarray, further: Mapping[str, float], scale: Scale
 ) -> np.ndarray:
-    """Return decay rates -dA/dt/A (1/s) per unit of the coefficient, (n,), at x = ln(A/A_start), (n,).
+    """Return the decay rates -d ln A/dt (1/s), (n,), of a term with a coefficient of 1, at x = ln(A/A_start), (n,).
 
-    further: values of the term's further parameters, by name; missing reference scales follow from `scale`.
+    further: values of the term's parameters other than its coefficient, by name; missing reference scales follow from
+    `scale`, the amplitude at the start and the angular frequency.
     """
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
@@ -512,10 +547,10 @@ def rates_per_unit(
 
 @lru_cache(maxsize=256)
 def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
-    """Return whether the amplitude, and whether the frequency, must be known for the shape of a term's loss.
+    """Return whether the shape of a term's decay rate depends on the amplitude, and whether on the frequency.
 
-    Neither is needed if the shape does not change when amplitude or frequency and the parameters' priors scale
-    together.
+    The shape is the rate as a function of ln(A/A_start), up to a factor. If it stays the same when amplitude or
+    frequency and the priors of the parameters scale together, this amplitude or frequency need not be known.
     """
     x = np.array([-4.0, -2.0, 0.0])
 
@@ -534,10 +569,10 @@ def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
 
 
 def are_proportional(a: DampingTerm, b: DampingTerm) -> bool:
-    """Return whether the losses of two terms are proportional, so that an envelope cannot distinguish them.
+    """Return whether the energy losses of two terms are proportional at all amplitudes.
 
-    A term that has inferred parameters, or that depends on amplitude or frequency, counts as proportional only to
-    itself.
+    An envelope cannot distinguish such terms. A term that has parameters besides its coefficient, or whose shape
+    depends on amplitude or frequency, counts as proportional only to itself.
     """
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b
