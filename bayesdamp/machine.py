@@ -58,7 +58,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MAX_THREADS = 8
-"""Largest number of threads; more threads only wait for the interpreter (conventional)."""
+"""Largest number of threads in `at_once`; more threads would only wait for the interpreter's lock (conventional)."""
 
 
 def cores() -> int:

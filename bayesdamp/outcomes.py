@@ -62,7 +62,10 @@ def fitting_of(sentence: str) -> FitStatus | None:
 
 
 def reason_of(sentence: str) -> str:
-    """Return a sentence without the words of the status or fit at its beginning; unchanged without these."""
+    """Return a sentence without the words of `Status` or `FitStatus` at its beginning, such as "failed:".
+
+    A sentence that does not begin with these is returned unchanged.
+    """
     for beginning in (*Status, *FitStatus):
         if beginning.value and sentence.startswith(f"{beginning.value}:"):
             return sentence.removeprefix(f"{beginning.value}:").lstrip()

@@ -209,7 +209,7 @@ def use_modules(modules: Sequence[PluginModule]) -> None:
 
 
 def _forget() -> None:
-    """Remove the plug-ins of all modules, and clear caches that may contain results under their names."""
+    """Unregister the plug-ins of all user modules, and clear caches that may contain results under their names."""
     sources = {module.source for module in _USED}
     for registry in _REGISTRIES.values():
         for name in [n for n, source in registry._sources.items() if source in sources]:

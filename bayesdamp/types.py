@@ -31,8 +31,9 @@ class InputError(BayesdampError):
     """An error in the input. The message says where it is, what is wrong, and what to do (exit status 2).
 
     what: the fault, and what to do. where: the file, record, option or argument; at: the position in it, such as a
-    line; both may be empty. arguments: arguments of `read` that resolve it; the message names the corresponding command
-    line options. likely: most probable values of some of these arguments.
+    line; both may be empty. arguments: names of arguments of `read` by which the user can resolve the
+    error; the message names the corresponding command line options. likely: most probable values of some of these
+    arguments, by name.
     """
 
     def __init__(
@@ -333,7 +334,7 @@ class FitCheck:
 class NestedRatio:
     """Log Bayes factor (nats) of a model without a damping term against the model with it, by the Savage–Dickey ratio.
 
-    stderr: standard error of the log. outcome: `ok`, or why it is not valid.
+    stderr: standard error of this log Bayes factor. outcome: `ok`, or why the factor is not valid.
     """
 
     log_bayes_factor: float = float("nan")
@@ -383,7 +384,10 @@ class Reference:
     frequency: float
 
     def scales(self, rest: float) -> dict[str, float]:
-        """Return the numbers in `damping.GIVEN` that damping terms may need, by name; rest: equilibrium, rad or m."""
+        """Return the reference amplitude, its peak velocity and the rest position, by their names in `damping.GIVEN`.
+
+        Some damping terms are defined relative to these. rest: the equilibrium, rad or m.
+        """
         return {
             "rest": rest,
             "reference_velocity": self.peak_velocity,
@@ -397,7 +401,7 @@ class Reference:
 
     @property
     def friction_width(self) -> float:
-        """Return the default of the width ε, in rad/s or m/s."""
+        """Return the default width ε of dry friction's sign change, in rad/s or m/s."""
         return FRICTION_WIDTH * self.peak_velocity
 
 
@@ -423,8 +427,8 @@ class Posterior:
     samplers without them. evaluations: number of likelihood evaluations. ensembles: number of groups of chains that
     share their moves. effective: effective number of posterior draws, if the draws come from an approximation. running:
     names of parameters whose estimates from the samples up to a time are in `arrays`, as `running/...`; empty for
-    samplers that do not compute them. diagnostics: further diagnostics of the
-    sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or missing.
+    samplers that do not compute them. diagnostics: further diagnostics of the sampler. seconds: computing time.
+    outcome: `ok`, or why the draws are unreliable or missing.
     """
 
     sampler: str

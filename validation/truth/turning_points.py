@@ -47,7 +47,7 @@ def turning_points(force: Force, cycles: int = 120, least: float = 0.04) -> tupl
     Returns
     -------
     t, amplitude : (n,) array
-        Half the distance of each two successive turning points in rad, and the time in s midway between them.
+        Times in s midway between successive turning points, and half the distance of these points in rad.
     """
     result = solve_ivp(
         lambda t, y: [y[1], -(OMEGA**2) * y[0] - force(y[0], y[1])], (0.0, 2 * np.pi / OMEGA * cycles), [START, 0.0],
