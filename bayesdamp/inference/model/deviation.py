@@ -1,9 +1,10 @@
 """The likelihood of a record with the deviations from the laws integrated out.
 
-The motion is an exact function of the parameters. The deviations change it linearly, by their derivatives at the mode.
-For each combination of hyperparameters (sizes and correlation lengths) they therefore add a covariance of low rank to
-that of the noise, and the likelihood is the mixture over all combinations. Without knots it is the likelihood of exact
-laws with white noise of known variance.
+The deviations are g (log damping) and h (relative frequency), with values at knots in time; their hyperparameters are
+sizes (prior sds) and correlation lengths. The motion is an exact function of the parameters. The deviations change it
+linearly, by their derivatives at the mode. For each combination of hyperparameters they therefore add a covariance of
+low rank to that of the noise, and the likelihood is the mixture over all combinations. Without knots it is the
+likelihood of exact laws with white noise of known variance.
 """
 
 from __future__ import annotations
@@ -26,28 +27,29 @@ from bayesdamp.types import Refusal
 class Deviation(NoiseModel):
     """The distribution of record minus motion: white noise of known variance plus the effect of deviations.
 
-    It replaces the noise model. Its methods do not use their arguments `gaps`, `p` and `features`.
+    It takes the place of the noise model. Its methods ignore their arguments `gaps`, `p` and `features`.
 
     Attributes
     ----------
     motions : Trajectories
-        Motions, with the deviations at the mode.
+        Solver of the motions, with the deviations g and h fixed at the mode.
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
-        Effective number of independent samples.
+        Effective number of independent values in the record.
     basis : ndarray, shape (m, k)
-        Orthonormal basis of the changes of the record's m values by deviations.
+        Orthonormal basis of the changes of the record's m values that deviations at the knots can cause.
     shift : ndarray, shape (m,)
-        Change of the record by the deviations at the mode.
+        Change of the motion that the deviations at the mode cause, in the record's unit.
     log_prior : ndarray, shape (c,)
         Log prior probabilities of the combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)
         Factors that map standard normal numbers to g and h at the knots, for each combination.
     effects : ndarray, shape (c, k, k)
-        Changes along the basis by unit standard normal numbers, in standard deviations of the noise.
+        Changes along the basis that unit values of these standard normal numbers cause, in standard deviations of the
+        noise.
     probabilities : ndarray, shape (c,)
-        Probabilities of the combinations near the mode, which weight the curvature.
+        Posterior probabilities of the combinations near the mode, with which the Fisher information is averaged.
     """
 
     motions: Trajectories
@@ -88,30 +90,34 @@ class Deviation(NoiseModel):
         return along, scaled - self.basis @ along, white, each
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of residuals (m,) in nats, with the deviations integrated out."""
+        """Return the log density of residuals r, (m,), in nats, with the deviations integrated out."""
         _, across, _, each = self._parts(r)
         constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density by each residual, (m,)."""
+        """Return the derivative of the log density by each residual in r, (m,)."""
         _, across, white, each = self._parts(r)
         by_basis = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ by_basis + across) / np.sqrt(self.variance)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v for shifts v (..., m). RᵀR is the information, averaged over the combinations near the mode."""
+        """Return R v, (..., m + c k), for shifts v of the record, (..., m).
+
+        RᵀR is the Fisher information about a shift. The information is averaged over the c combinations of
+        hyperparameters with `probabilities`.
+        """
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
         white = along @ self._whitening[0].T * np.repeat(np.sqrt(self.probabilities), along.shape[-1])
         return np.concatenate([v - along @ self.basis.T, white], axis=-1)
 
     def combination_given(self, r: np.ndarray, rng: np.random.Generator) -> int:
-        """Draw the index of a combination of hyperparameters given residuals (m,)."""
+        """Draw the index of a combination of hyperparameters from its posterior given residuals r, (m,)."""
         return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the distribution for the combination of hyperparameters with this index."""
+        """Return the distribution given the combination of hyperparameters with this index."""
         own = slice(combination, combination + 1)
         return replace(
             self,
@@ -122,7 +128,7 @@ class Deviation(NoiseModel):
         )
 
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations, g and then h at the knots, (k,), given residuals (m,)."""
+        """Draw the deviations, g and then h at the knots, (k,), from their posterior given residuals r, (m,)."""
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]
@@ -130,7 +136,11 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _conditional(self) -> np.ndarray:
-        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the parameters."""
+        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the parameters.
+
+        There is one for each combination of hyperparameters. The deviations are measured by the standard normal numbers
+        that `maps` converts to g and h.
+        """
         information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
         return np.linalg.inv(np.linalg.cholesky(information))
 
@@ -143,12 +153,12 @@ class Deviation(NoiseModel):
         return {}
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return residuals whitened under the most probable combination, (m,)."""
+        """Return residuals whitened under the most probable combination of hyperparameters, (m,)."""
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Raise Refusal: residuals are independent only given the deviations, so they have no separate densities."""
+        """Raise Refusal: residuals are independent only given the deviations, so none has a density of its own."""
         raise Refusal("samples are independent only given the deviations")
 
 

@@ -19,13 +19,13 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of
 
 NOISE_STEP = 1e-2
-"""Step, in scores, of second differences by the parameters of the noise."""
+"""Step of the second differences by the scores of the noise parameters, in units of these scores."""
 HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
 class Line:
-    """The motion linearised about one point.
+    """The motion as a linear function of the parameters, about one point.
 
     Attributes
     ----------
@@ -58,7 +58,8 @@ class Likelihood:
     part : slice
         Samples that are used. The motion always starts at the first sample of the record.
     scales : tuple of float
-        Values of the common prior scale of coefficients, in scores, all equally probable.
+        Possible values of the common prior scale of coefficients (standard deviation of their scores), all equally
+        probable; the prior is averaged over them.
     """
 
     target: Target
@@ -80,7 +81,10 @@ class Likelihood:
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:
-        """Return this likelihood with the hyperparameters of deviations fixed at the combination with this index."""
+        """Return this likelihood given one combination of the hyperparameters of the deviations from the laws.
+
+        combination: its index in `Deviation`. The target must have deviations.
+        """
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
         return replace(self, target=replace(self.target, deviation=deviation))
@@ -113,7 +117,7 @@ class Likelihood:
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def motion(self, z: np.ndarray) -> np.ndarray:
-        """Return the motion at scores z, (d,), in the unit of the record, (n,); not finite if it is unbounded."""
+        """Return the motion at scores z, (d,), in the unit of the record, (n,); nan or infinite if it is unbounded."""
         return self.motions.record(self.target.all_values(z))[self.part.start :]
 
     def residual(self, z: np.ndarray) -> np.ndarray:
@@ -125,7 +129,10 @@ class Likelihood:
         return np.stack([self.residual(row) for row in z])
 
     def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log prior density of scores z, (d,), like `log_prior`, and its gradient, (d,)."""
+        """Return the log prior density of scores z, (d,), and its gradient, (d,).
+
+        Reflected scores (those of half-normal priors) may be negative.
+        """
         shared, gradient = self.target.shared, -z
         own = z[shared]
         if not own.size:
@@ -140,7 +147,11 @@ class Likelihood:
         return float(value), gradient
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density, (...), of scores z, (..., d), with reflected scores of either sign."""
+        """Return the log prior density, (...), of scores z, (..., d), in which reflected scores may be negative.
+
+        A reflected score has a half-normal prior and only its absolute value matters; here its prior density is that of
+        a normal distribution over both signs (see `folded`).
+        """
         none = np.zeros(z.shape[-1], bool)
         return log_prior_of(z, none, self.target.shared, np.asarray(self.scales))
 
@@ -172,14 +183,14 @@ class Likelihood:
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (m,), of scores, (m, d), with reflected ones restricted to non-negative values.
+        """Return the log posterior, (m,), of scores, (m, d), in which reflected scores are restricted to values ≥ 0.
 
-        Each restriction doubles the density, which adds log 2.
+        Each reflected score adds log 2 to the density in which either sign is allowed.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
     def line(self, z: np.ndarray) -> Line:
-        """Return the motion linearised at scores z, (d,)."""
+        """Return the motion linearised about its parameters at scores z, (d,)."""
         p = self.target.all_values(z)
         motion, slopes = self._solved(p)
         return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
@@ -189,15 +200,15 @@ class Likelihood:
         return self._gradient(self.line(z), z)
 
     def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
-        """Return the log posterior at scores z, (d,), for a linearised motion."""
+        """Return the log posterior at scores z, (d,), for the linearised motion `line` instead of the exact one."""
         return self.log_noise(self._shift_line(line, z).residual, z) + self._prior(z)[0]
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient, (d,), of `log_posterior_along` at scores z, (d,)."""
+        """Return the gradient, (d,), of the log posterior at scores z, (d,), for the linearised motion `line`."""
         return self._slope(self._shift_line(line, z), z)
 
     def _shift_line(self, line: Line, z: np.ndarray) -> Line:
-        """Return the linearised motion with its residual at scores z, (d,); the other attributes are unchanged."""
+        """Return the linearised motion with its residual at scores z, (d,), and the other attributes unchanged."""
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
         return Line(line.residual - away @ line.slopes, line.slopes, line.at)
@@ -257,7 +268,11 @@ class Likelihood:
     def _slopes_by_parameters(
         self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
     ) -> np.ndarray:
-        """Return the derivatives, (d,), of the log density of residuals, (n,); slopes: those of the motion, (k, n)."""
+        """Return the derivatives of the log density of residuals, (n,), by the d inferred parameters, (d,).
+
+        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: parameters of the noise by
+        name.
+        """
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))
         derivatives[target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))

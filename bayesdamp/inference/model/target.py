@@ -32,11 +32,14 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Reference, Signal, System
 
 NEAR_ZERO_SCORE = 1e-12
-"""Score that replaces 0 in derivatives of parameters with half-normal priors, which do not exist at 0."""
+"""Score that replaces 0 where derivatives of parameters with half-normal priors are computed, because these do not
+exist at 0."""
 DIRECTION_STEP = 1e-6
-"""Fraction of a step over which a finite difference measures its direction in natural coordinates."""
+"""`Scores.retract` measures the direction of a step in the restoring law's natural coordinates by a finite difference
+over this fraction of the step."""
 EPSILON_RANGE = (0.0005, 0.05)
-"""Ends of the default prior of ε, the width of friction, as fractions of the peak velocity."""
+"""Ends of the default prior of ε, the width of the velocity in which dry friction changes its sign, as fractions of the
+peak velocity."""
 
 
 class Scores:
@@ -47,25 +50,26 @@ class Scores:
     known: Mapping[str, float]
     """Values of the parameters that are not inferred."""
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
-    """Possible values of the common prior scale (standard deviation of the coefficients' scores), equally probable."""
+    """Possible values of the common prior scale of coefficients (the standard deviation of their scores), all equally
+    probable."""
 
     @cached_property
     def reflected(self) -> np.ndarray:
-        """Which scores, (d,), have half-normal priors, so that z and −z give the same value."""
+        """Mask of the scores, (d,), with half-normal priors: z and −z give the same value of the parameter."""
         return np.array([p.reflected for p in self.priors.values()], bool)
 
     @cached_property
     def shared(self) -> np.ndarray:
-        """Which scores, (d,), are coefficients whose priors have a common, unknown scale."""
+        """Mask of the scores, (d,), of coefficients whose half-normal priors have a common, unknown scale."""
         return np.array([isinstance(p, SharedHalfNormal) for p in self.priors.values()], bool)
 
     def prior_precision(
         self, z: np.ndarray, scales: Sequence[float] | np.ndarray = SHARED_SIGMAS
     ) -> np.ndarray:
-        """Return the precisions, (d,), of a normal distribution with the gradient of the prior at scores z, (d,).
+        """Return the precisions, (d,), of a centred normal distribution with the prior's gradient at scores z, (d,).
 
-        A precision is 1, or for scores with a common scale the mean of 1/σ² over the scales. It is an upper bound of
-        the curvature of the log prior.
+        A precision is 1, or for scores with a common scale σ the mean of 1/σ² over the scales, given z. It is an upper
+        bound of the negative curvature of the log prior.
         """
         precision, shared = np.ones(z.size), self.shared
         if shared.any():
@@ -86,7 +90,7 @@ class Scores:
         return [(type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivative of each inferred parameter by its score at z, both (d,)."""
+        """Return the derivative of each inferred parameter by its own score, at scores z, both (d,)."""
         both = zip(self._rates, z.tolist(), strict=True)
         return np.array(
             [
@@ -97,11 +101,12 @@ class Scores:
         )
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return the end of a step from scores z to `new`, (d,), that is straight in the law's natural coordinates.
+        """Return the end, (d,), of a step from scores z that is straight in the law's natural coordinates.
 
-        Both steps agree to first order. A step along a curved ridge of the posterior, which is straight in the natural
-        coordinates, then stays on the ridge. The result is `new` if the law has no such coordinates, or if not all of
-        its parameters are inferred.
+        Natural coordinates are quantities that a record determines well, such as the frequency
+        (`RestoringLaw.natural`). To first order, the step is that from z to `new`. A curved ridge of the posterior is
+        straight in the natural coordinates, so a step along it stays on it. The result is `new` if the law has no such
+        coordinates, or if not all of its parameters are inferred. restoring: name of the law.
 
         References
         ----------
@@ -185,7 +190,7 @@ class Target(Scores):
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Indices, (k,), of the inferred parameters on which the motion depends; the others are of the noise."""
+        """Indices, (k,), of the inferred parameters on which the motion depends; the others belong to the noise."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
 
     @cached_property
@@ -194,13 +199,16 @@ class Target(Scores):
         return np.setdiff1d(np.arange(len(self.priors)), self.moving)
 
     def follow_step(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return the end of a step from scores z, (d,), that is straight in natural coordinates (see `retract`)."""
+        """Return the end, (d,), of a step from scores z, (d,), that is straight in the law's natural coordinates.
+
+        To first order it is z + step (see `retract`).
+        """
         return self.retract(self.oscillator.restoring, z, z + step)
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scores of parameter values by name, (d,), limited to ±6.
+        """Return the standard normal scores of parameter values by name, (d,), limited to ±6.
 
-        A missing value gets the score 0, or ½ if it is reflected.
+        A parameter without a value gets the score 0, or ½ if it is reflected (has a half-normal prior).
         """
         z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
@@ -291,7 +299,10 @@ def build_target(
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
-    """Return the default priors of damping terms by name: of coefficients, then of the terms' own parameters."""
+    """Return the default priors of damping terms by name: of all coefficients, then of own parameters.
+
+    reference: amplitude and frequency with which the priors scale.
+    """
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]
     coefficients = {t.parameter: SharedHalfNormal(per_ratio=1.0 / t.ratio_per_unit(a, w)) for t in every}

@@ -1,6 +1,7 @@
 """The base classes of noise models, and the fit of a noise model to residuals.
 
-The fit gives the most probable parameters and the evidence of the model, and working residuals for least squares.
+The fit gives the most probable parameters and the evidence of the model. It also gives working residuals, with which
+least squares lead to the most probable motion.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 DERIVATIVE_STEP = 1e-5
-"""Step of central differences, relative to the scale of the noise: near the cube root of the rounding error, where
-errors of rounding and of truncation are equal."""
+"""Step of central differences, as a fraction of the scale `noise_sd` of the noise: near the cube root of the rounding
+error, where errors of rounding and of truncation are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
 EVIDENCE_STEP = 0.02
-"""Step of the second differences for the evidence, in standard normal scores of the noise parameters."""
+"""Step of the second differences for the evidence, in units of the standard normal scores of the noise parameters."""
 INFORMATION_STEP = 0.3
-"""Largest change of a residual by the differences that give the observed information, in median absolute residuals
-(conventional)."""
+"""Largest change of a residual in the finite differences of `FittedNoise.variance`, as a multiple of the median
+absolute residual (conventional)."""
 LEAST_INFORMATION = 0.3
-"""Smallest observed information that is used, as a fraction of the expected one; by chance it can be negative
-(conventional)."""
+"""Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; by chance
+the observed one can be negative (conventional)."""
 LARGEST_SCORE = 6.0
 """Largest absolute standard normal score at which a search for the noise parameters starts."""
 
@@ -50,12 +51,13 @@ class NoiseModel(ABC):
     constants: tuple[str, ...] = ()
     """Names of numbers that are read from the record, such as its recording step, and not inferred."""
     tied: tuple[str, str] | None = None
-    """Two parameters, if the record determines a combination of them much better than the second one alone."""
+    """Names of two parameters, if the record determines a combination of them much better than the second one alone;
+    None if there are none."""
     heavy_tailed: bool = False
-    """Whether the model allows for outliers, so that they are not reported as a misfit."""
+    """Whether the model allows for outliers; if so, outliers are not reported as a misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the constants by name. Raises Refusal if the model does not apply to the record."""
+        """Return the values of `constants` by name. Raises Refusal if the model does not apply to the record."""
         return {}
 
     @abstractmethod
@@ -67,7 +69,7 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters from residuals, (n,), by name, as a start of a search."""
+        """Estimate the parameters, by name, from residuals, (n,); the search for the best ones starts there."""
 
     @abstractmethod
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -88,7 +90,7 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v, shape (..., n), where RᵀR is the Fisher information about a shift of the record by v."""
+        """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift."""
 
     @abstractmethod
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -99,7 +101,7 @@ class NoiseModel(ABC):
         """Return the log density of each residual given all others, shape (..., n), for cross-validation."""
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise of one record, shape (n,). Raises Refusal if the model cannot do this."""
+        """Draw the noise of one record, (n,), for n − 1 gaps. Raises Refusal if the model cannot do this."""
         raise Refusal(f"noise {self.name!r} cannot be simulated")
 
 
@@ -117,11 +119,14 @@ class IndependentNoise(NoiseModel):
         """Return the log density of each residual in nats, shape (..., n); the values in p broadcast to r."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for the scale, with the roughness of the record as its median and sigma 1."""
+        """Return a lognormal prior for the scale, by name; its sigma is 1.
+
+        Its median is the roughness of the record, the sd of its noise over short windows.
+        """
         return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the scale by the root mean square of the residuals."""
+        """Estimate the scale, by name, as the root mean square of the residuals."""
         return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -139,11 +144,11 @@ class IndependentNoise(NoiseModel):
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v divided by the scale, as for normal noise."""
+        """Return v divided by the scale, which is correct for normal noise (see `NoiseModel.information_root`)."""
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the residuals divided by the scale, as for normal noise."""
+        """Return the residuals divided by the scale, which is correct for normal noise."""
         return r / by_sample(p)["noise_sd"]
 
 
@@ -175,11 +180,11 @@ class FittedNoise:
     log_evidence: float = float("nan")
 
     def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
-        """Return the variance of white normal noise with the same information about a shift of the record.
+        """Return the variance of white normal noise with the same Fisher information about a shift of the record.
 
-        For a shift that oscillates at one frequency, least squares with this variance is as good as generalised least
-        squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from differences
-        of the slope.
+        For a shift that oscillates at one frequency, least squares with this variance are as good as generalised least
+        squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from finite
+        differences of the derivative of the log density, but at least `LEAST_INFORMATION` of the expected one.
 
         Parameters
         ----------
@@ -206,8 +211,8 @@ class FittedNoise:
     def working_residuals(self, residual: np.ndarray, gaps: np.ndarray, variance: float) -> np.ndarray:
         """Return modified residuals, (n,), whose least-squares gradient is that of the log density of the noise.
 
-        A least squares fit to the motion plus these residuals, repeated until they no longer change, maximises the
-        density of the noise (P. J. Huber, Robust Statistics, 1981, section 7.8).
+        If they are added to the motion and the motion is fitted to the sum by least squares, repeatedly until nothing
+        changes, the fit maximises the density of the noise (P. J. Huber, Robust Statistics, 1981, section 7.8).
 
         Parameters
         ----------
@@ -233,10 +238,10 @@ class SampleNoise:
     Attributes
     ----------
     fitted : FittedNoise
-        The noise model that the answer uses.
+        The noise model that is chosen.
     weighed : tuple of FittedNoise
-        All noise models that apply to the record, each fitted to the residual of the sum of all terms, or to the
-        residual of amplitudes and phases.
+        All noise models that apply to the record, each fitted to the same residual: that of the sum of all damping
+        terms, or that of amplitudes and phases fitted to blocks of the record.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
@@ -244,17 +249,20 @@ class SampleNoise:
 
     @property
     def name(self) -> str:
-        """Name of the noise model that the answer uses."""
+        """Name of the chosen noise model."""
         return self.fitted.name
 
     @property
     def likeliest(self) -> str:
-        """Name of the noise model with the largest evidence; may be "correlated" although `name` is "gaussian"."""
+        """Name of the noise model with the largest evidence.
+
+        It may differ from `name`: it may be "correlated", while the chosen model is "gaussian".
+        """
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
     @property
     def ahead(self) -> float:
-        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if one was not fitted."""
+        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if either was not fitted."""
         logs = {model.name: model.log_evidence for model in self.weighed}
         return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 

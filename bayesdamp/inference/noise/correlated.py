@@ -26,13 +26,13 @@ class CorrelatedNoise(NoiseModel):
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
     tied = ("noise_sd", "noise_time")
-    """Slow noise determines noise_sd²/noise_time well. Fast noise determines noise_sd, and only an upper limit of
-    noise_time."""
+    """If the noise is slow compared with the sampling, the record determines noise_sd²/noise_time well. If it is fast,
+    the record determines noise_sd, and only an upper limit of noise_time."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return a lognormal prior for noise_sd, and a log-uniform one for noise_time, by name.
 
-        The median of noise_sd is the roughness of the record.
+        The median of noise_sd is the roughness of the record, the sd of its noise over short windows.
         """
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
@@ -40,7 +40,7 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate noise_sd from the residuals, and noise_time in s from their correlation at lag 1."""
+        """Estimate noise_sd from residuals, (n,), and noise_time in s from the correlation of neighbours."""
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
             "noise_sd": float(np.sqrt(np.mean(r**2))),
@@ -48,12 +48,18 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the innovations (r_i − ρ r_{i−1}), each divided by its standard deviation; the first is r_0/σ."""
+        """Return the innovations r_i − ρ r_{i−1}, (..., n), each divided by its sd; the first is r_0/σ.
+
+        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd.
+        """
         p = by_sample(p)
         return _innovations(r, *_decay(gaps, p)) / p["noise_sd"]
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return Σ log N(r_i − ρ r_{i−1}; 0, σ²(1 − ρ²)), with the stationary density of r_0."""
+        """Return the log density of residuals r, (...): Σ log N(r_i − ρ r_{i−1}; 0, σ²(1 − ρ²)) + log N(r_0; 0, σ²).
+
+        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd.
+        """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
         square = np.sum(np.square(_innovations(r, lost, fresh)), axis=-1)
@@ -84,7 +90,7 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the whitened shift; whitening is linear, and the noise is normal."""
+        """Return the shift v, whitened like residuals, (..., n): whitening is linear, and the noise is normal."""
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -112,7 +118,10 @@ class CorrelatedNoise(NoiseModel):
 
 
 def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 − ρ and √(1 − ρ²) for each gap, (..., n − 1), without loss of digits if ρ is close to 1."""
+    """Return 1 − ρ and √(1 − ρ²) for each gap, (..., n − 1), without loss of digits if ρ is close to 1.
+
+    ρ = exp(−gap / noise_time) is the correlation of two neighbouring residuals.
+    """
     lost = -np.expm1(-gaps / p["noise_time"])
     return lost, np.sqrt(lost * (2 - lost))
 
@@ -120,7 +129,8 @@ def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, n
 def _innovations(r: np.ndarray, lost: np.ndarray, fresh: np.ndarray) -> np.ndarray:
     """Return the first residual, then (r_{i+1} − ρ r_i)/√(1 − ρ²): independent N(0, σ²) values, shape (..., n).
 
-    The differences of neighbours are computed first, to lose no digits for slow noise.
+    lost, fresh: 1 − ρ and √(1 − ρ²) from `_decay`, where ρ is the correlation of neighbours. The differences of
+    neighbours are computed first, to lose no digits for slow noise.
     """
     steps = (r[..., 1:] - r[..., :-1] + lost * r[..., :-1]) / fresh
     innovations = np.empty((*steps.shape[:-1], r.shape[-1]))

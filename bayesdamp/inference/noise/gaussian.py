@@ -19,11 +19,11 @@ class Gaussian(IndependentNoise):
     name = "gaussian"
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return log N(r; 0, σ²)."""
+        """Return log N(r; 0, σ²) for each residual, (..., n), where σ is noise_sd."""
         return -0.5 * np.square(r / p["noise_sd"]) - (np.log(p["noise_sd"]) + 0.5 * LOG_2PI)
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −Σ r²/(2σ²) − n log(√(2π) σ), (...), the log density of all residuals."""
+        """Return the log density of all residuals, (...), −Σ r²/(2σ²) − n log(√(2π) σ), where σ is noise_sd."""
         sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
@@ -33,12 +33,12 @@ class Gaussian(IndependentNoise):
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −r/σ², (..., n)."""
+        """Return the derivative of the log density by each residual, −r/σ², (..., n), where σ is noise_sd."""
         sd = by_sample(p)["noise_sd"]
         return -r / sd / sd
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw white noise with standard deviation σ, (n,)."""
+        """Draw white noise with standard deviation noise_sd, (n,)."""
         return p["noise_sd"] * rng.standard_normal(gaps.size + 1)
 
 

@@ -31,12 +31,19 @@ class QuantisedNoise(IndependentNoise):
         return {"noise_step": signal.step}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return log{[Φ((step/2 − r)/σ) − Φ((−step/2 − r)/σ)]/step}."""
+        """Return the log density of each residual, log{[Φ((step/2 − r)/σ) − Φ((−step/2 − r)/σ)]/step}, (..., n).
+
+        σ is noise_sd, step is noise_step and Φ is the standard normal distribution function.
+        """
         top, log_fraction = _log_probability(r, p["noise_sd"], p["noise_step"])
         return top + log_fraction - np.log(p["noise_step"])
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative: the difference of the normal densities at both ends divided by the probability."""
+        """Return the derivative of the log density by each residual, (..., n).
+
+        It is the normal density at the upper end of the interval of length noise_step around the residual, minus that
+        at the lower end, divided by the probability of the interval.
+        """
         p = by_sample(p)
         sd, step = p["noise_sd"], p["noise_step"]
         _, log_fraction = _log_probability(r, sd, step)
@@ -45,16 +52,19 @@ class QuantisedNoise(IndependentNoise):
         return np.sign(r) * hazard * np.expm1(-step * np.abs(r) / sd**2) * np.exp(-log_fraction) / sd
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v/√(σ² + step²/12): rounding reduces the information by Sheppard's correction (1898)."""
+        """Return v/√(noise_sd² + step²/12), (..., n): rounding adds the variance step²/12 (Sheppard, 1898)."""
         p = by_sample(p)
         return v / np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the residuals divided by √(σ² + step²/12)."""
+        """Return the residuals divided by √(noise_sd² + noise_step²/12)."""
         return self.information_root(r, gaps, p)
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw normal noise with the error of rounding, (n,); motions are assumed uniform within a step."""
+        """Draw the error of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
+
+        Without noise the values are assumed to be uniformly distributed within a step.
+        """
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)
         return step * np.round((motion + normal) / step) - motion
@@ -63,8 +73,8 @@ class QuantisedNoise(IndependentNoise):
 def _log_probability(r: np.ndarray, sd: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return log Φ(near) and log (1 − Φ(far)/Φ(near)), where near = (step/2 − |r|)/sd and far = (−step/2 − |r|)/sd.
 
-    Their sum is the log probability of the interval around |r|, log [Φ(near) − Φ(far)]. It is computed in the lower
-    tail, where differences of probabilities are accurate.
+    Φ is the standard normal distribution function. The sum of both is the log probability of the interval around |r|,
+    log [Φ(near) − Φ(far)]. It is computed in the lower tail, where differences of probabilities are accurate.
     """
     top = log_ndtr((0.5 * step - np.abs(r)) / sd)
     bottom = log_ndtr((-0.5 * step - np.abs(r)) / sd)

@@ -21,27 +21,33 @@ class StudentT(IndependentNoise):
     heavy_tailed = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return the prior of the scale, and a lognormal prior with median 6 for the degrees of freedom."""
+        """Return, by name, a lognormal prior for noise_sd, and one with median 6 for the degrees of freedom."""
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the scale from the median absolute residual; the degrees of freedom are six."""
+        """Estimate the scale, by name, from the median absolute residual; the degrees of freedom are set to six."""
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the log of Student's density with scale σ and ν degrees of freedom."""
+        """Return the log of Student's density, with scale noise_sd and noise_dof degrees of freedom, (..., n)."""
         sd, dof = p["noise_sd"], p["noise_dof"]
         constant = betaln(0.5 * dof, 0.5) + 0.5 * np.log(dof) + np.log(sd)
         return -0.5 * (dof + 1) * np.log1p(np.square(r / sd) / dof) - constant
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −(ν + 1) r / (ν σ² + r²)."""
+        """Return the derivative of the log density by each residual, −(ν + 1) r / (ν σ² + r²), (..., n).
+
+        σ is noise_sd and ν is noise_dof.
+        """
         p = by_sample(p)
         sd, dof = p["noise_sd"], p["noise_dof"]
         return -(dof + 1) * r / (dof * sd**2 + np.square(r))
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v/σ √((ν + 1)/(ν + 3)), from Student's Fisher information."""
+        """Return v/σ √((ν + 1)/(ν + 3)), (..., n), from the Fisher information of Student's t distribution.
+
+        σ is noise_sd and ν is noise_dof.
+        """
         p = by_sample(p)
         return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
 
@@ -53,7 +59,7 @@ class StudentT(IndependentNoise):
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw from Student's t with ν degrees of freedom, times σ, (n,)."""
+        """Draw independent noise, (n,): Student's t with noise_dof degrees of freedom, times noise_sd."""
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 
