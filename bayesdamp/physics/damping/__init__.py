@@ -1,4 +1,8 @@
-"""Define the base class of damping terms and their registry. Each term is one class in a module of its own."""
+"""Define the base class of damping terms and their registry. Each term is one class in a module of its own.
+
+A damping force F is a force per unit of inertia (rad/s²) in the equation of motion θ̈ + F + restoring force = 0. θ is
+an angle in rad; for a displacement in m, read m instead of rad.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +22,19 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import InputError, Symbol
 
 NODES_PER_QUARTER = 48
-"""Number of Gauss–Legendre nodes in a quarter of a cycle, for the energy lost in a cycle (conventional)."""
+"""Number of Gauss–Legendre nodes in each quarter of a cycle in the integral of the energy that is lost in a cycle
+(conventional)."""
 SHARP_WIDTH = 1e-9
-"""Switching width ε, relative to the peak velocity, with which the work of an abrupt switch is computed."""
+"""Width ε of the sign change of friction, relative to the peak velocity, with which the energy lost by a discontinuous
+friction is computed."""
 EXACT, TINY = 1e-8, 1e-100
-"""Ratio ε/|v| at which tanh(v/ε) equals the sign of v to rounding, and the velocity (rad/s) that replaces v = 0."""
+"""`EXACT`: ratio ε/|v| at which tanh(v/ε) equals the sign of v to rounding; it represents friction with ε = 0. `TINY`:
+velocity (rad/s) that replaces v = 0 there."""
 REFLECTED_MEDIAN = 0.6745
-"""Median of |z| for a standard normal z."""
+"""Median of |z| for a standard normal z, which is the score of the median of a half-normal prior."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
-"""Numbers that a kernel may need besides parameters: the equilibrium, and reference scales of velocity and
-displacement."""
+"""Numbers that the force of a damping term may depend on besides its parameters: the equilibrium (rad), and reference
+scales of velocity (rad/s) and displacement (rad). They are given, not inferred."""
 
 
 # Quadrature nodes and weights for the phase of sin ωt from −π/2 to π/2, with the rule on each side of 0.
@@ -36,18 +43,18 @@ _QUARTER = 0.25 * math.pi * (_X + 1)
 _PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
 _WEIGHTS = np.concatenate([_W, _W]) * 0.25 * math.pi
 TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping term")
-"""All damping terms, by name."""
+"""All damping terms by name: those that ship with bayesdamp and those that a user adds."""
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
-"""Names of the three terms of the paper."""
+"""Names of the three damping terms in the paper whose claims bayesdamp tests (`bayesdamp.claims`)."""
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of a damping term other than its coefficient.
+    """A parameter of a damping term other than its coefficient, which is inferred from the record.
 
-    name, unit: its name, and its unit for an angle in rad. prior: function that returns the prior for a reference
-    amplitude (rad or m) and frequency (rad/s); the prior's support must contain all possible values. symbol: symbol in
-    reports; by default the name.
+    name, unit: name of the parameter, and its unit for an angle in rad. prior: function that returns the prior for a
+    reference amplitude (rad or m) and angular frequency (rad/s); the support of the prior must contain all possible
+    values. symbol: symbol in reports; by default the name.
     """
 
     name: str
@@ -57,39 +64,45 @@ class FreeParameter:
 
 
 class DampingTerm(ABC):
-    """A damping force: coefficient · kernel(θ, θ̇, ε, further parameters)."""
+    """A damping force per unit of inertia: coefficient · kernel(θ, θ̇, ε, further arguments).
+
+    name: name of the term. parameter: name of the coefficient. ε is the width of the velocity (rad/s) within which dry
+    friction changes its sign.
+    """
 
     name: str
     parameter: str
     unit: str
     """Unit of the coefficient for an angle in rad; for a record in metres, `m` replaces `rad`."""
     symbol: Symbol | None = None
-    """Symbol of the coefficient in reports; by default its name."""
+    """Symbol of the coefficient in reports; None to show its name `parameter`."""
     words: str = ""
-    """Name of the term in sentences; by default `name`."""
+    """Name of the term in sentences of a report; "" to use `name`."""
     formula: str = ""
-    """The force, coefficient included, as a report shows it."""
+    """Formula of the force, including the coefficient, for reports."""
     switches: bool = False
-    """Whether the force jumps with the sign of the velocity (dry friction), within the width ε."""
+    """Whether the force jumps with the sign of the velocity, as dry friction does; ε is the width within which this
+    jump is smoothed."""
     rounded: bool = False
     """Whether ε does not smooth a jump, but the steep slope of a continuous force at v = 0. Such a term is smoothed
-    within a small fraction of the peak velocity also if ε = 0."""
+    within a small fraction of the peak velocity even if ε = 0."""
     inferred: tuple[FreeParameter, ...] = ()
-    """Parameters other than the coefficient, in the order of the kernel's arguments after ε."""
+    """The inferred parameters other than the coefficient, in the order in which the kernel takes them after ε."""
     given: tuple[str, ...] = ()
-    """Names of `GIVEN` that the kernel takes as arguments after the parameters in `inferred`."""
+    """Those names in `GIVEN` that the kernel takes as further arguments, after the parameters in `inferred`."""
     bounded: bool = True
-    """Whether a verdict without this term gives an upper limit for its fraction of the dissipated energy."""
+    """Whether an analysis without this term states an upper limit of the fraction of the dissipated energy that this
+    term could have."""
     twin: str = ""
-    """Name of a term whose energy loss per cycle depends on the amplitude in the same way; only the motion within a
-    cycle distinguishes the two."""
+    """Name of another term whose energy loss per cycle depends on the amplitude in the same way, so that only the
+    motion within a cycle distinguishes the two; "" if there is none."""
     reduces: tuple[tuple[str, float], ...] = ()
-    """Parameter values at which the term reduces to a simpler one; the upper limit is for the part of the force beyond
-    that."""
+    """Names of parameters, and the values at which the term reduces to a simpler one. The upper limit of such a term
+    (`bounded`) is for the part of its force beyond that of the simpler term."""
 
     @property
     def placed(self) -> bool:
-        """Return whether the force depends on the position."""
+        """Whether the force depends on the position θ."""
         if "rest" in self.given:
             return True
         first = self.kernel.__code__.co_varnames[0]
@@ -102,23 +115,23 @@ class DampingTerm(ABC):
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the kernel's arguments after θ, θ̇ and ε."""
+        """Names of the kernel's arguments after θ, θ̇ and ε: those in `inferred`, then those in `given`."""
         return (*(p.name for p in self.inferred), *self.given)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
         """Return the force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s).
 
-        ε > 0 is in rad/s; after it come the arguments in `further`. It may use only plain Python, `math` and `np`,
-        because its source is compiled.
+        epsilon: the width ε > 0 in rad/s. A term with further parameters takes them as arguments after ε, in the order
+        of `further`. The method may use only plain Python, `math` and `np`, because its source is compiled.
         """
         raise NotImplementedError
 
     def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> np.ndarray:
-        """Return the force per unit of the coefficient, at displacements x (rad) and velocities v (rad/s) of one shape.
+        """Return the force per unit of the coefficient at displacements x (rad) and velocities v (rad/s).
 
-        further: values of the arguments in `further`. With ε = 0, dry friction jumps with the sign of v and is 0 at v =
-        0.
+        x and v have the same shape, which is that of the result. epsilon: the width ε (rad/s). further: values of the
+        arguments named in `DampingTerm.further`. With ε = 0, dry friction jumps with the sign of v and is 0 at v = 0.
         """
         v = np.asarray(v, float)
         sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
@@ -127,10 +140,11 @@ class DampingTerm(ABC):
         return on_arrays(self.kernel)(np.asarray(x, float), v, width, *values)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent viscous damping ratio per unit of the coefficient, W / (2π ω² A²).
+        """Return the equivalent viscous damping ratio of the term for a coefficient of 1: W / (2π ω² A²).
 
-        W is the energy lost in a cycle of a harmonic motion with amplitude A (rad) and frequency ω (rad/s). By default
-        the further parameters are at the medians of their priors; a term may override this with a closed form.
+        W is the energy lost in a cycle of a harmonic motion with amplitude A (rad) and angular frequency ω (rad/s).
+        Other parameters of the term are at the medians of their priors. A term may override this method with a closed
+        form.
         """
         medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
         return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
@@ -141,10 +155,10 @@ class DampingTerm(ABC):
         Parameters
         ----------
         amplitude, frequency
-            Amplitude A in rad and frequency ω in rad/s.
+            Amplitude A in rad and angular frequency ω in rad/s.
         further
-            Values of the arguments in `further`, by name. Those in `given` may be missing; the default is their value
-            for this motion.
+            Values of the arguments named in `DampingTerm.further`, by name. Those in `given` may be missing: the
+            equilibrium is then 0, and the reference scales are those of this motion (ωA and A).
         """
         peak = amplitude * frequency
         known = {"rest": 0.0, "reference_velocity": peak, "reference_amplitude": amplitude, **further}
@@ -160,9 +174,10 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the kernel as a function of (x, v, ε) only, with these values of the further arguments.
+        """Return the kernel as a function of (x, v, ε) only, with the further arguments fixed at these values.
 
-        With ε = 0 dry friction jumps with the sign of v, and is that of a tiny positive v at v = 0.
+        With ε = 0 the function gives dry friction that jumps with the sign of v; at v = 0 it gives the friction of a
+        tiny positive velocity, because dry friction is undefined there.
         """
         kernel, values = self.kernel, [further[n] for n in self.further]
 
@@ -174,12 +189,12 @@ class DampingTerm(ABC):
 
 
 def median(prior: Prior) -> float:
-    """Return the median of a prior distribution."""
+    """Return the median of a prior distribution, in the unit of its parameter."""
     return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
 
 
 def parse_model(name: str) -> tuple[str, ...]:
-    """Return the names of the terms in a sum such as `viscous+coulomb`, in the same order.
+    """Split the name of a sum of damping terms, such as `viscous+coulomb`, into the names of its terms.
 
     Raises
     ------
@@ -200,14 +215,15 @@ def parse_model(name: str) -> tuple[str, ...]:
 
 
 def others() -> list[str]:
-    """Return the names of the terms that ship with bayesdamp, except the three terms of the paper."""
+    """Return the names of the shipped damping terms, except viscous, Coulomb and quadratic damping."""
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
 def words_of(term: str) -> str:
-    """Return the words by which a sentence names a term, without an article, so that "damping" can follow.
+    """Return the words for a term in a sentence, such as "Coulomb (dry friction)", without an article.
 
-    If the term has no `words`, or is not registered, this is its name.
+    The word "damping" can follow. They are `DampingTerm.words`, or the name if the term has no `words` or is not
+    registered.
     """
     words = (TERMS.get(term).words if term in TERMS.names() else "") or term
     first, _, rest = words.partition(" ")
@@ -215,12 +231,12 @@ def words_of(term: str) -> str:
 
 
 def twins_of(term: str) -> list[str]:
-    """Return the names of all terms that this term names as its twin, or that name it (see `DampingTerm.twin`)."""
+    """Return the names of the term's twin (see `DampingTerm.twin`) and of all terms whose twin it is."""
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]
 
 
 def all_sums() -> list[str]:
-    """Return all seven sums of the paper's three terms, single terms first."""
+    """Return the names of all seven sums of viscous, Coulomb and quadratic damping, single terms first."""
     return ["+".join(c) for n in (1, 2, 3) for c in combinations(PAPER_TERMS, n)]

@@ -1,4 +1,4 @@
-"""Coulomb friction μ_c tanh(θ̇/ε) (paper, equation 3)."""
+"""Coulomb friction μ_c tanh(θ̇/ε) (equation 3 of the paper whose claims bayesdamp tests)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from bayesdamp.types import Symbol
 
 
 class Coulomb(DampingTerm):
-    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the tanh is the sign of θ̇, and the body may stick."""
+    """Coulomb friction F = μ_c tanh(θ̇/ε) per unit of inertia, with μ_c in rad/s².
+
+    With ε = 0 the tanh is the sign of θ̇, and the body may stick.
+    """
 
     name = "coulomb"
     parameter = "mu_c"
@@ -25,7 +28,7 @@ class Coulomb(DampingTerm):
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 2/(πω²A), which grows as the amplitude A decreases."""
+        """Return the equivalent damping ratio 2/(πω²A) for μ_c = 1 rad/s² at amplitude A and frequency ω (rad/s)."""
         return 2.0 / (math.pi * frequency**2 * amplitude)
 
 

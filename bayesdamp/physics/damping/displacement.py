@@ -1,4 +1,4 @@
-"""Viscous damping that grows with the square of the displacement, (θ − θ_e)² θ̇.
+"""Viscous damping that grows with the square of the displacement, (θ − θ_e)² θ̇, with the equilibrium θ_e.
 
 It is the nonlinear term of the van der Pol oscillator (B. van der Pol, Phil. Mag. 2, 978 (1926)).
 """
@@ -8,7 +8,10 @@ from bayesdamp.types import Symbol
 
 
 class Displacement(DampingTerm):
-    """F = c (θ − θ_e)² θ̇, c in 1/(s rad²): a cycle dissipates π c ω A⁴/4, which is ∝ A⁴ as for cubic damping."""
+    """Damping F = c (θ − θ_e)² θ̇ per unit of inertia, with the equilibrium θ_e and c in 1/(s rad²).
+
+    A cycle dissipates the energy π c ω A⁴/4, which is proportional to A⁴ as for cubic damping.
+    """
 
     name = "displacement"
     parameter = "c_xxv"
@@ -25,7 +28,7 @@ class Displacement(DampingTerm):
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return A²/(8ω)."""
+        """Return the equivalent damping ratio A²/(8ω) for c = 1/(s rad²) at amplitude A and frequency ω (rad/s)."""
         return amplitude**2 / (8.0 * frequency)
 
 

@@ -14,10 +14,11 @@ from bayesdamp.types import Symbol
 
 
 class DryPosition(DampingTerm):
-    """F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θ_e)/A, μ_p in rad/s².
+    """Friction F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε) per unit of inertia, with u = (θ − θ_e)/A and μ_p in rad/s².
 
-    A is a reference amplitude, and μ_p the friction at the equilibrium. As long as 1 + s u + q u² > 0, a cycle of
-    amplitude a dissipates 4 μ_p a (1 + q (a/A)²/3); the slope s has no effect on this energy.
+    θ_e is the equilibrium, A a reference amplitude, μ_p the friction at the equilibrium, s its slope and q its
+    curvature with the position. As long as 1 + s u + q u² > 0, a cycle of amplitude a dissipates 4 μ_p a (1 + q
+    (a/A)²/3); the slope has no effect on this energy.
     """
 
     name = "dry_position"
@@ -59,7 +60,7 @@ class DryPosition(DampingTerm):
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return `DampingTerm.work` in closed form.
+        """Return the energy lost in a cycle for μ_p = 1 rad/s², as `DampingTerm.work` does, in closed form.
 
         It is 2 A ∫ (1 + s u + q u²) du over those u at which the integrand is positive.
         """

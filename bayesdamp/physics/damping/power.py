@@ -13,11 +13,11 @@ from bayesdamp.types import Symbol
 
 
 class Power(DampingTerm):
-    """F = c V |θ̇/V|^p sgn θ̇ with a reference velocity V, c in 1/s.
+    """Power-law damping F = c V |θ̇/V|^p sgn θ̇ per unit of inertia, with a reference velocity V and c in 1/s.
 
-    It is smoothed within ε, because it is steep at v = 0 if p < 1. The prior of the exponent extends a little beyond 0
-    and 3, so that neither value lies at an end of the prior. A cycle dissipates 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A
-    (ωA/V)^p.
+    The force is smoothed within ε, because it is steep at θ̇ = 0 if p < 1. The prior of the exponent extends a little
+    beyond 0 and 3, so that neither value lies at an end of the prior. A cycle dissipates the energy 2√π Γ(1 +
+    p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
     """
 
     name = "power"
@@ -45,7 +45,7 @@ class Power(DampingTerm):
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return `DampingTerm.work` in closed form."""
+        """Return the energy lost in a cycle for c = 1/s, as `DampingTerm.work` does, in closed form."""
         p, peak = further["exponent"], amplitude * frequency
         scale = further.get("reference_velocity", peak)
         shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 0.5 * p) / math.gamma(1.5 + 0.5 * p)

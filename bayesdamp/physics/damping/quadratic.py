@@ -1,4 +1,4 @@
-"""Quadratic damping μ_q θ̇|θ̇|, air drag (paper, equation 4)."""
+"""Quadratic damping μ_q θ̇|θ̇|, as by air drag (equation 4 of the paper whose claims bayesdamp tests)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bayesdamp.types import Symbol
 
 
 class Quadratic(DampingTerm):
-    """F = μ_q θ̇|θ̇|, μ_q in 1/rad."""
+    """Quadratic damping F = μ_q θ̇|θ̇| per unit of inertia, with μ_q in 1/rad."""
 
     name = "quadratic"
     parameter = "mu_q"
@@ -24,7 +24,7 @@ class Quadratic(DampingTerm):
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 4A/(3π), with the amplitude A."""
+        """Return the equivalent damping ratio 4A/(3π) for μ_q = 1/rad at amplitude A (rad) and any frequency."""
         return 4.0 * amplitude / (3.0 * math.pi)
 
 

@@ -13,15 +13,15 @@ from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
-"""Limits of the Stribeck velocity, relative to the reference peak velocity. Below the first, friction exceeds its
-kinetic value only very near the turning points; above the second, during the whole cycle."""
+"""Ends of the prior of the Stribeck velocity, relative to the reference peak velocity. Below the first, friction
+exceeds its kinetic value only very near the turning points; above the second, during the whole cycle."""
 
 
 class Stribeck(DampingTerm):
-    """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s².
+    """Stribeck friction F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε) per unit of inertia.
 
-    The static friction is (1 + s) μ_k, the Stribeck velocity v_s is in rad/s. A cycle dissipates
-    4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
+    μ_k is the kinetic friction in rad/s², (1 + s) μ_k the static friction, and v_s the Stribeck velocity in rad/s. A
+    cycle dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
     """
 
     name = "stribeck"
@@ -55,7 +55,7 @@ class Stribeck(DampingTerm):
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return `DampingTerm.work` in closed form."""
+        """Return the energy lost in a cycle for μ_k = 1 rad/s², as `DampingTerm.work` does, in closed form."""
         a = amplitude * frequency / further["stribeck_velocity"]
         return 4.0 * amplitude * (1.0 + further["static_excess"] * float(scipy.special.dawsn(a)) / a)
 

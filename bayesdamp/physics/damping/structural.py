@@ -10,10 +10,11 @@ from bayesdamp.types import Symbol
 
 
 class Structural(DampingTerm):
-    """F = κ |θ − θ_e| tanh(θ̇/ε), κ in 1/s²: a cycle dissipates 2κA², which is a loss factor of 2κ/(πω²).
+    """Structural damping F = κ |θ − θ_e| tanh(θ̇/ε) per unit of inertia, with the equilibrium θ_e and κ in 1/s².
 
-    Unlike a complex stiffness, this force is causal and defined in the time domain. In a free decay the amplitude
-    falls exponentially, as with viscous damping; only the shape within a cycle distinguishes the two.
+    A cycle dissipates the energy 2κA², which is a loss factor of 2κ/(πω²). Unlike a complex stiffness, this force is
+    causal and defined in the time domain. In a free decay the amplitude falls exponentially, as with viscous damping;
+    only the shape within a cycle distinguishes the two.
     """
 
     name = "structural"
@@ -32,7 +33,7 @@ class Structural(DampingTerm):
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 1/(πω²), which does not depend on the amplitude."""
+        """Return the equivalent damping ratio 1/(πω²) for κ = 1/s² at frequency ω (rad/s) and any amplitude."""
         return 1.0 / (math.pi * frequency**2)
 
 

@@ -1,4 +1,4 @@
-"""Viscous damping 2ζθ̇ (paper, equation 2)."""
+"""Viscous damping 2ζθ̇ (equation 2 of the paper whose claims bayesdamp tests)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from bayesdamp.types import Symbol
 
 
 class Viscous(DampingTerm):
-    """F = 2ζθ̇ with the decay rate ζ in 1/s. The paper's ζ is ω_n times the usual (dimensionless) damping ratio."""
+    """Viscous damping F = 2ζθ̇ per unit of inertia, with the decay rate ζ in 1/s.
+
+    This ζ is that of the paper whose claims bayesdamp tests: the usual dimensionless damping ratio times ω_n.
+    """
 
     name = "viscous"
     parameter = "zeta"
@@ -22,7 +25,7 @@ class Viscous(DampingTerm):
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return 1/ω, which does not depend on the amplitude."""
+        """Return the equivalent damping ratio 1/ω for ζ = 1/s at frequency ω (rad/s) and any amplitude."""
         return 1.0 / frequency
 
 
