@@ -1,7 +1,7 @@
 """Evaluate scalar force functions on arrays, and find the stable equilibria of a restoring force.
 
 `rest_near` brackets the nearest equilibrium on a grid and then uses Brent's method. `newton` (scalars) and
-`newton_many` (arrays) use Newton's method from a position close to the equilibrium.
+`newton_many` (arrays) use Newton's method from a position close to the equilibrium. Forces are per unit of inertia.
 """
 
 from __future__ import annotations
@@ -20,20 +20,22 @@ _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
     "atanh": "arctanh", "fabs": "abs", "pow": "power",
 }  # fmt: skip
-"""Names of `math` functions, and their names in NumPy where these differ."""
+"""Names of functions of `math` that NumPy has under another name, with this other name."""
 Force = Callable[[np.ndarray], np.ndarray]
-"""A function that returns the restoring force per inertia, rad/s² or m/s², shape (n,), at positions (n,)."""
+"""A function that returns the restoring force per unit of inertia, (n,), in rad/s² or m/s², at positions (n,) in rad or
+m."""
 MAX_STEPS, CONVERGED_STEP = 60, 1e-13
-"""Most steps of Newton's method, and the step length below which it has converged: in rad or m, for positions above 1
-relative to the position (conventional)."""
+"""Greatest number of steps of Newton's method, and the step length below which it has converged: in rad or m, relative
+to the position if this is above 1 (conventional)."""
 RELATIVE_STEP = 1e-4
-"""Step of the fourth-order difference quotient, relative to x; its error is then about 1e-12."""
+"""Step of the fourth-order difference quotient for x up to 1, relative to x beyond; its error is then about 1e-12."""
 CENTRE_POINTS = 20
-"""`bracket` first searches this many grid points on either side of the centre, and only then the whole grid."""
+"""`bracket` searches this many grid points on either side of the centre first, and the whole grid only if it finds
+nothing there."""
 
 
 class _Math:
-    """Stand-in for the module `math` whose functions accept arrays."""
+    """Replacement of the module `math`, whose functions accept arrays."""
 
     def __getattr__(self, name: str) -> Any:
         if name == "erf":
@@ -51,14 +53,15 @@ _GLOBALS: dict[str, Any] = {
     "float": np.asarray,
     "pow": np.power,
 }
-"""Global names with which a force function is evaluated on arrays."""
+"""Global names that a scalar force function gets so that it can be evaluated on arrays."""
 
 
 @lru_cache(maxsize=256)
 def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """Return a version of a scalar function that accepts arrays and broadcasts them; tuple arguments stay tuples.
+    """Return a version of a scalar function that accepts arrays and broadcasts them.
 
-    If the function does not work on arrays, for example because it has an `if`, it is called once for each element.
+    Arguments that are tuples are passed as tuples, of which each element may be an array. If the function does not work
+    on arrays, for example because it has an `if`, it is called once for each element.
     """
     assert isinstance(function, FunctionType)
     array_function = FunctionType(
@@ -98,15 +101,19 @@ def slope_of(
 
 
 def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
-    """Return the force as a function of positions only, from a law's kernel and parameter values `law`, (r,)."""
+    """Return the restoring force as a function of the position only.
+
+    kernel: kernel of a restoring law. law: values of its parameters in the order that the kernel needs, (r,).
+    """
     values, on_array = tuple(law.tolist()), on_arrays(kernel)
     return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
-    """Return the lower and upper grid point around the stable equilibrium nearest to `near`; None if the grid has none.
+    """Return the grid points below and above the stable equilibrium nearest to `near`; None if the grid has none.
 
-    near, reach, points: centre, half width and number of points of the grid.
+    near, reach, points: centre, half-width and number of points of the grid. At a stable equilibrium the force changes
+    from negative to positive.
     """
     grid = near + np.linspace(-reach, reach, points)
     for part in (grid[points // 2 - CENTRE_POINTS : points // 2 + CENTRE_POINTS + 1], grid):
@@ -121,7 +128,7 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
     """Return the stable equilibrium nearest to `near` within the distance `reach` (rad or m); None if there is none.
 
-    points: number of points of the search grid.
+    points: number of points of the grid on which the equilibrium is searched.
     """
     ends = bracket(force, near, reach, points)
     if ends is None:
@@ -130,7 +137,10 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:
-    """Return √F′ (rad/s), with the mean slope F′ of the force from position `low` to `high`; 0 if F′ < 0."""
+    """Return the frequency √F′ in rad/s, where F′ is the mean slope of the force from `low` to `high`.
+
+    low, high: positions. The result is 0 if F′ < 0.
+    """
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
@@ -138,8 +148,8 @@ def frequency_over(force: Force, low: float, high: float) -> float:
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
     """Return the equilibrium that Newton's method reaches from `near`.
 
-    Return None if a slope on the way is not positive, or if it has not converged after `MAX_STEPS`. force_and_slope:
-    returns the force at a position, and its derivative.
+    force_and_slope: function that returns the force at a position, and its derivative. The result is None if the
+    derivative is not positive at a position on the way, or if the method has not converged after `MAX_STEPS` steps.
     """
     x = near
     for _ in range(MAX_STEPS):
@@ -154,9 +164,9 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the positions (equilibria) after a fixed number of Newton steps from `near` towards force = 0.
+    """Return the positions after a fixed number of Newton steps from `near` towards zero force, in the shape of `near`.
 
-    Convergence is not checked.
+    They are equilibria if the method has converged, which is not checked.
     """
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):

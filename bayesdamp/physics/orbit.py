@@ -1,7 +1,8 @@
 """Compute one cycle of the undamped motion at a given amplitude, and the energy that damping removes in this cycle.
 
-Integrals over the cycle use Gauss–Legendre quadrature, for any restoring law and any sum of damping terms. With
-x = c + A sin φ the turning points are at φ = ±π/2 and the integrands are smooth in φ, so that the rule converges fast.
+Integrals over the cycle use Gauss–Legendre quadrature, for any restoring law and any sum of damping terms. The position
+is x = c + A sin φ, with the amplitude A and the centre c of the two turning points, which are at φ = ±π/2. The
+integrands are smooth in φ, so that the quadrature converges fast.
 """
 
 from __future__ import annotations
@@ -15,27 +16,28 @@ from bayesdamp.physics.forces import newton_many, slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 
 NODES, NEWTON_STEPS, CENTRING_STEPS = 32, 30, 8
-"""Numbers of quadrature nodes, of Newton steps to the equilibrium, and of Newton steps to the centre c of the turning
-points. Newton's method converges quadratically from a start near by, so both numbers of steps are ample; neither is
-checked."""
+"""Numbers of quadrature nodes, of Newton steps to the equilibrium, and of Newton steps to the centre of the two turning
+points. Newton's method converges quadratically from a start near by, so both numbers of steps are ample; convergence is
+not checked."""
 _T, _W = np.polynomial.legendre.leggauss(NODES)
 PHI, WEIGHT = 0.5 * np.pi * _T, 0.5 * np.pi * _W
-"""Quadrature nodes φ between −π/2 and π/2, and their weights."""
+"""Quadrature nodes φ (phase of the position) between −π/2 and π/2, and their weights."""
 SINE, COSINE = np.sin(PHI), np.cos(PHI)
 _P = np.polynomial.legendre.legvander(_T, NODES)
 # ∫_t^1 P_k ds = (P_{k−1}(t) − P_{k+1}(t)) / (2k + 1) for Legendre polynomials P_k, with P_{−1} = 1.
 _LEGENDRE_INTEGRALS = 0.5 * (np.column_stack([np.ones(NODES), _P[:, : NODES - 1]]) - _P[:, 1:])
 TO_TURNING_POINT = 0.5 * np.pi * (_LEGENDRE_INTEGRALS @ (_P[:, :NODES].T * _W))
-"""Matrix (nodes, nodes): times the values at the nodes it gives their integrals over φ from each node to π/2."""
+"""Matrix (nodes, nodes) that integrates: its product with the values of a function at the nodes gives the integrals of
+the function over φ from each node to the upper turning point at π/2."""
 
 
 @dataclass(frozen=True)
 class Cycle:
     """A cycle of the undamped motion; all values are NaN where no such periodic motion exists.
 
-    period: in s; energy: potential energy at the turning points above that at the equilibrium; energy_slope: its
-    derivative with respect to the amplitude; energy_lost: energy that damping removes in the cycle. Energies are per
-    inertia, in rad²/s² (their slope in rad/s²), with m in place of rad for a translation.
+    period: in s. energy: potential energy at the turning points minus that at the equilibrium. energy_slope: derivative
+    of the energy with respect to the amplitude. energy_lost: energy that damping removes in the cycle. Energies are per
+    unit of inertia, in rad²/s² (their slope in rad/s²), with m in place of rad for a translation.
     """
 
     period: np.ndarray
@@ -45,13 +47,18 @@ class Cycle:
 
 
 def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray:
-    """Return the equilibria that Newton's method reaches from `near` (rad or m); parameters and `near` broadcast."""
+    """Return the equilibria that Newton's method reaches from `near` (rad or m) after `NEWTON_STEPS` steps.
+
+    p: parameters of the oscillator by name. Parameters and `near` are broadcast against each other.
+    """
     shape = np.broadcast_shapes(*(np.shape(p[n]) for n in osc.law.parameters), np.shape(near))
     return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON_STEPS)
 
 
 def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike) -> Cycle:
-    """Return the cycle of the undamped motion, and the work of the damping force along it. Arrays broadcast.
+    """Return the cycle of the undamped motion at an amplitude, and the work of the damping force along it.
+
+    All arguments that are arrays are broadcast against each other; the result has their common shape.
 
     Parameters
     ----------

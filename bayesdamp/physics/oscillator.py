@@ -15,16 +15,19 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import FeatureValues, InputError, Reference, System
 
 Parameters = Mapping[str, float | np.ndarray]
-"""Parameter values by name."""
+"""Values of an oscillator's parameters by name, as scalars or arrays."""
 SEARCH_REACH, SEARCH_POINTS = 10.0, 4001
 """Half width (rad) and number of points of the grid that is searched for an equilibrium (conventional)."""
 NEWTON_STEPS = 4
-"""Newton steps from a position near the equilibrium; from 0.1 rad away the result is right to 1e-15."""
+"""Number of Newton steps to the exact equilibrium from a position near it; from 0.1 rad away the result is right to
+1e-15."""
 
 
 @dataclass(frozen=True, init=False)
 class Oscillator:
-    """The oscillator θ̈ + F_damp(θ, θ̇) + F_rest(θ) = 0. Methods take its parameters as a mapping of names to numbers.
+    """The oscillator θ̈ + F_damp(θ, θ̇) + F_rest(θ) = 0, with forces per unit of inertia.
+
+    Its methods take the values of its parameters as a mapping of names to numbers.
 
     Parameters
     ----------
@@ -64,45 +67,58 @@ class Oscillator:
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' inferred parameters (unlike `DampingTerm.further`, without `given`)."""
+        """Return the names of the terms' inferred parameters other than their coefficients.
+
+        Unlike `DampingTerm.further`, they do not include the given numbers (equilibrium and reference scales).
+        """
         return tuple(p.name for term in self.terms for p in term.inferred)
 
     @property
     def switches(self) -> bool:
-        """Return whether a term jumps with the sign of the velocity, so that the width ε matters."""
+        """Return whether any term's force jumps with the sign of the velocity, so that ε is a parameter."""
         return any(term.switches for term in self.terms)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Return the names of all parameters that a trajectory needs."""
+        """Return the names of all parameters of the motion.
+
+        They are the coefficients, the terms' other parameters, the parameters of the restoring law, epsilon if a term
+        needs it, and the angle and velocity at the start (theta0, omega0).
+        """
         epsilon = ("epsilon",) if self.switches else ()
         return (*self.coefficients, *self.further, *self.law.parameters, *epsilon, "theta0", "omega0")
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """Return the names in `damping.GIVEN` (equilibrium, reference scales) that the terms need."""
+        """Return which of the given numbers in `damping.GIVEN` the terms need: equilibrium, reference scales."""
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Return the names of all numbers that a trajectory needs: parameters and scales."""
+        """Return the names of all numbers that determine a motion: `parameters`, then `scales`."""
         return (*self.parameters, *self.scales)
 
     def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
-        """Return F_damp(θ, θ̇) in rad/s². θ and θ̇ have the same shape; parameters broadcast against it."""
+        """Return F_damp(θ, θ̇) in rad/s², for arrays θ and θ̇ of one shape; the parameters p broadcast against it."""
         total = np.zeros(np.shape(omega))
         for term, shape in zip(self.terms, self.shapes(theta, omega, p), strict=True):
             total = total + p[term.parameter] * shape
         return total
 
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
-        """Return the force of each term per unit of its coefficient, a list of arrays; θ and θ̇ have the same shape."""
+        """Return the force of each term per unit of its coefficient, as one array for each term.
+
+        θ and θ̇ are arrays of one shape, against which the parameters p broadcast.
+        """
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 1.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
     def with_equilibrium(self, p: Parameters) -> Parameters:
-        """Return the parameters with `rest`, if a term needs it, replaced by the exact equilibrium near its value."""
+        """Return the parameters with `rest` replaced by the exact equilibrium near its value.
+
+        They are unchanged if no damping term needs the equilibrium.
+        """
         if "rest" not in self.scales:
             return p
         shape = np.broadcast_shapes(*(np.shape(p[n]) for n in (*self.law.parameters, "rest")))
@@ -110,7 +126,7 @@ class Oscillator:
         return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON_STEPS)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
-        """Return the stable equilibrium nearest to `near`, in rad.
+        """Return the stable equilibrium nearest to the angle `near`, in rad.
 
         Raises ValueError if there is none within `SEARCH_REACH`.
         """
@@ -119,14 +135,18 @@ class Oscillator:
         )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
-        """Return ω_n = √F′_rest at the equilibrium nearest to `near`, rad/s. Raises ValueError if there is none."""
+        """Return ω_n = √F′_rest in rad/s at the stable equilibrium nearest to `near`.
+
+        Raises ValueError if there is none within `SEARCH_REACH`.
+        """
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
-        """Return ω_n in rad/s with an error of about 0.1 %, which is enough for limits.
+        """Return ω_n in rad/s with an error of about 0.1 %, which is less work than `natural_frequency`.
 
-        Raises ValueError if no equilibrium is within `reach` of `near`.
+        The slope of the force is its difference quotient over the grid step that contains the equilibrium. Raises
+        ValueError if no stable equilibrium is within `reach` of `near`.
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, SEARCH_POINTS)
@@ -150,10 +170,10 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 
 
 def reference_of(system: System, features: FeatureValues) -> Reference:
-    """Return the amplitude and frequency with which prior widths scale.
+    """Return the reference amplitude and angular frequency, with which the widths of priors scale.
 
-    Each is the value stated for the system; else it follows from the known parameters, if they determine it; else it is
-    that of the record, rounded to two digits. features: features of the record.
+    Each is the value that `system` states; else it follows from the known parameters, if these determine it; else it is
+    that of the record, rounded to two digits. features: features of the record, such as its amplitude and frequency.
 
     Raises
     ------

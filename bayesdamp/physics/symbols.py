@@ -16,7 +16,10 @@ _STATE = {
 
 
 def parameter_symbol(name: str) -> Symbol | None:
-    """Return the symbol of a parameter of a term or law, of epsilon, theta0 or omega0; None if it has none."""
+    """Return the symbol of a parameter of a damping term or restoring law, of epsilon, theta0 or omega0.
+
+    Return None for any other name, and for a parameter without a symbol.
+    """
     known = dict(_STATE)
     for law in map(LAWS.get, LAWS.present()):
         known |= {n: s for n, s in law.symbols.items() if n in law.parameters}
@@ -27,12 +30,12 @@ def parameter_symbol(name: str) -> Symbol | None:
 
 
 def own_words(term: str) -> str:
-    """Return the words by which a sentence names a user's own damping term; "" for shipped terms and unknown names."""
+    """Return the words for a damping term that a user added, for a sentence; "" for shipped or unknown terms."""
     return words_of(term) if term in TERMS.added() else ""
 
 
 def meaning_of(parameter: str) -> str:
-    """Return a description of a parameter of a user's own damping term, such as "coefficient of eddy damping".
+    """Return a description of a parameter of a damping term that a user added, such as "coefficient of eddy damping".
 
     For any other parameter return "parameter".
     """
@@ -45,7 +48,7 @@ def meaning_of(parameter: str) -> str:
 
 
 def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str = "angle") -> str:
-    """Return the unit of a parameter of an oscillator.
+    """Return the unit of a parameter of an oscillator or its noise.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     unit
         Unit of the displacement: rad, m, deg or mm.
     quantity
-        The recorded quantity: "angle", "velocity" or "acceleration".
+        The recorded quantity: "angle", "velocity" or "acceleration". Only the unit of `noise_sd` depends on it.
     """
     if name == "noise_sd":
         return quantity_unit(unit, quantity)

@@ -14,41 +14,45 @@ from bayesdamp.physics.oscillator import SEARCH_POINTS, SEARCH_REACH, Oscillator
 from bayesdamp.types import Refusal
 
 STEPS_PER_CYCLE = 25.0
-"""Number of steps per cycle whose errors add up (measured at the default tolerance of `Solver.solve`)."""
+"""Number of steps per cycle whose errors add up; it converts the error of a trajectory to that of a step (measured at
+the default tolerance of `Solver.solve`)."""
 DERIVATIVE_LOSS = 15.0
-"""Factor by which the error of the dense output grows with each time derivative (measured on the laws that ship: 4 to
-13)."""
+"""Factor by which the relative error between the nodes of the integration grows with each time derivative (measured on
+the shipped laws: 4 to 13)."""
 MAX_TOLERANCE, MIN_TOLERANCE = 1e-6, 1e-13
-"""Largest and smallest tolerance of a step, relative to the amplitude. With larger tolerances the error no longer
-follows the tolerance; the smallest is the rounding error."""
+"""Largest and smallest tolerance of a step of the solver, relative to the amplitude. With larger tolerances the error
+of a trajectory no longer follows the tolerance; smaller ones are below the rounding error."""
 ROUNDING = 1e-12
-"""An amplitude that is smaller than this fraction of the angles is only a rounding error."""
+"""An amplitude that is at most this fraction of the start angle and the equilibrium counts as a body at rest, because
+the difference is only a rounding error."""
 FORCE_STEP, RECORD_STEP = 1e-6, 1e-3
-"""Relative step of central differences: of a force, and of a trajectory, which is smooth in its parameters only within
-the solver's tolerance. The relative error of the difference is of the order of the step squared."""
+"""Relative step of central differences: `FORCE_STEP` for a force, `RECORD_STEP` for a trajectory, which is smooth in
+its parameters only within the tolerance of the solver. The relative error of a difference is of the order of the step
+squared."""
 
 
 class Trajectories:
     """Compute trajectories of an oscillator at fixed times, for any values of its parameters.
 
     Each trajectory starts with theta0 and omega0 at the first time. If a damping term needs the equilibrium `rest`, it
-    is computed for each set of parameters; the search starts from the parameter `rest` or, without it, from the
-    equilibrium of the reference. `reference_amplitude` and `reference_velocity` follow from the reference unless they
-    are among the parameters.
+    is computed for each set of parameters; the search starts from the value of `rest` among the parameters or, without
+    it, from the equilibrium of `reference`. The numbers `reference_amplitude` and `reference_velocity` follow from
+    `reference` unless they are among the parameters.
 
     Parameters
     ----------
     osc : Oscillator
+        The oscillator: damping terms and restoring law.
     times : ndarray, shape (n,)
         Sample times in s, not decreasing.
     quantity : str
         "angle", "velocity" or "acceleration".
     reference : mapping of str to float
-        Rough values of all parameters except the damping coefficients. They set the scales of amplitude and frequency
-        from which the solver's tolerances follow.
+        Rough values of all parameters except the damping coefficients, by name. They set the scales of amplitude and
+        frequency from which the tolerances of the solver follow.
     tolerance : float, optional
         Largest error of the samples in their unit, for parameters near the reference; 0 for the smallest possible
-        error. By default `kernel.solve.TOLERANCE`.
+        error. By default the error of each step is `kernel.solve.TOLERANCE`, relative to the amplitude.
 
     Raises
     ------
@@ -93,12 +97,15 @@ class Trajectories:
             )
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
-        """Return the samples, shape (n,); all are NaN if the trajectory escapes or there is no equilibrium."""
+        """Return the samples, (n,), for parameters p by name; all NaN if the trajectory escapes.
+
+        All are also NaN if a damping term needs the equilibrium and there is none.
+        """
         motion = self._solve(p, _epsilon(p), NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
 
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the samples, (n,), and their derivatives by the named parameters, (k, n).
+        """Return the samples, (n,), and their derivatives by the named parameters, (k, n), at parameters p by name.
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
         central difference (0 at epsilon = 0). All are NaN if the trajectory escapes or there is no equilibrium.
@@ -142,7 +149,7 @@ class Trajectories:
         return self._solver.names
 
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the samples for m sets of parameters, shape (m, n); `values` has an array (m,) for each parameter."""
+        """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter."""
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
 
@@ -165,7 +172,7 @@ class Trajectories:
         return solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
-        """Return the equilibrium of the restoring law with parameters p; None if Newton's method finds none."""
+        """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one."""
         force = _force(self.osc, p)
         return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
 
@@ -186,12 +193,15 @@ class Trajectories:
 
 
 def _epsilon(p: Mapping[str, float]) -> float:
-    """Return the width of dry friction's sign change, rad/s; 0 means a discontinuous sign."""
+    """Return the width epsilon in rad/s from the parameters p; 0 (discontinuous friction) if it is missing."""
     return float(p.get("epsilon", 0.0))
 
 
 def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
-    """Return a copy of the solver with another epsilon; it shares the cached values, which do not depend on epsilon."""
+    """Return a copy of the solver with another epsilon.
+
+    The copy shares the values that the solver has cached, because they do not depend on epsilon.
+    """
     changed = copy(solver)
     object.__setattr__(changed, "epsilon", epsilon)
     return changed
@@ -228,7 +238,7 @@ def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
 
 
 def _slope(function: Callable[[float], float], x: float) -> float:
-    """Return the derivative of a smooth function at x, by a central difference."""
+    """Return the derivative of a smooth scalar function at x, by a central difference."""
     h = FORCE_STEP * max(1.0, abs(x))
     return (function(x + h) - function(x - h)) / (2.0 * h)
 
@@ -247,7 +257,7 @@ def simulate(
     osc
         The oscillator.
     p
-        All its parameters, by name.
+        Values of all its parameters, by name (`Oscillator.parameters`).
     times
         Times in s, shape (n,), not decreasing.
     quantity

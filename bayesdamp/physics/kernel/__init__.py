@@ -1,4 +1,4 @@
-"""Integrate trajectories and their derivatives by the parameters (tangents), as compiled machine code."""
+"""Integrate trajectories and their derivatives by the parameters (tangents), with compiled machine code."""
 
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.solve import Motion, Solver

@@ -21,15 +21,15 @@ SYMBOLS = {
     "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
     "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
 }
-"""Symbols of the parameters of the laws that ship with bayesdamp."""
+"""Symbols for reports of the parameters of the shipped restoring laws, by name of the parameter."""
 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A restoring law written for linear regression: F_rest(θ) = offset(θ) + columns(θ) @ coefficients.
+    """A restoring law in the form of a linear regression: F_rest(θ) = offset + columns @ coefficients, at n angles θ.
 
-    columns: shape (n, c); offset: the part from known parameters, shape (n,); decode: function that converts the
-    coefficients, (c,), to the values of the unknown parameters by name.
+    columns: regressors, (n, c). offset: the part of the force that is known, (n,). decode: function that converts
+    fitted coefficients, (c,), to the values of the law's unknown parameters by name.
     """
 
     columns: np.ndarray
@@ -38,39 +38,46 @@ class LinearForm:
 
 
 class RestoringLaw(ABC):
-    """A restoring law F_rest(θ) with named parameters; θ in rad (or m for a translation), time in s."""
+    """A restoring force F_rest(θ) per unit of inertia, with named parameters; θ in rad (or m for a translation).
+
+    name: name of the law. parameters: names of its parameters, in the order in which `kernel` takes their values.
+    """
 
     name: str
     parameters: tuple[str, ...]
     formula: str = ""
-    """The force as a report shows it."""
+    """Formula of the force, for reports."""
     symbols: ClassVar[Mapping[str, Symbol]] = SYMBOLS
-    """Symbols of the parameters by name; a parameter without a symbol is shown by its name."""
+    """Symbols of the parameters in reports, by name; a parameter without a symbol is shown by its name."""
     translates: bool = False
-    """Whether the law also describes a translation in metres."""
+    """Whether the law can also describe a translation, with displacements in metres instead of angles."""
     shift: ClassVar[str] = ""
-    """The parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
+    """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Return the restoring force per inertia, rad/s², at one angle x (rad); p is in the order of `parameters`.
+        """Return the restoring force per unit of inertia, in rad/s², at one angle x (rad).
 
-        It may use only plain Python, `math` and `np`, because its source is compiled.
+        p: values of the parameters, in the order of `parameters`. The method may use only plain Python, `math` and
+        `np`, because its source is compiled.
         """
         raise NotImplementedError
 
     def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the restoring force in rad/s². θ has any shape; parameters broadcast against it."""
+        """Return the restoring force per unit of inertia, in rad/s², at angles θ of any shape.
+
+        p: values of the parameters by name, which broadcast against θ.
+        """
         values = tuple(np.asarray(p[n], float) for n in self.parameters)
         return on_arrays(self.kernel)(np.asarray(theta, float), values)
 
     def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the force with respect to the angle, 1/s². Shapes are as in `force`."""
+        """Return the derivative of the restoring force by the angle, in 1/s²; the arguments are those of `force`."""
         return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess of all parameters.
+        """Return an initial guess of all parameters of the law, by name.
 
         Known parameters keep their values. The others are chosen such that the equilibrium is `rest` (rad) and small
         oscillations about it have the angular frequency `frequency` (rad/s), as far as the known values allow it.
@@ -78,28 +85,29 @@ class RestoringLaw(ABC):
 
     @abstractmethod
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`."""
+        """Write the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`."""
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return better coordinates for sampling: quantities that a record determines well, such as the frequency.
+        """Convert the law's parameters to natural coordinates, which are quantities that a record determines well.
 
-        The result has the same keys as p (the law's parameters and theta0), but a key only marks a place: its value is
-        another quantity, see the law. Return None if the law has no such coordinates or needs none.
+        An example is the frequency. The result has the same keys as p (the law's parameters and theta0), but under each
+        key is the value of another quantity; see each law. Return None if these coordinates do not exist for p, or if
+        the law has none.
         """
         return None
 
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return the parameters from coordinates of `natural`, which are numbers or arrays of one shape.
+        """Convert natural coordinates (see `natural`) back to the law's parameters and theta0, by name.
 
-        At least one parameter is NaN where no valid parameters have these coordinates. Return None if the law has no
-        such coordinates.
+        The values may be numbers or arrays of one shape. At least one parameter is NaN where no valid parameters have
+        these coordinates. Return None if the law has no natural coordinates.
         """
         return None
 
     def unit(self, parameter: str) -> str:
-        """Return the unit of a parameter for an angle in rad; for an unknown name "rad"."""
+        """Return the unit of a parameter, by its name, for an angle in rad; "rad" for an unknown name."""
         return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")
 
 
 LAWS: Registry[RestoringLaw] = Registry("bayesdamp.physics.restoring", "restoring law")
-"""All restoring laws, by name."""
+"""All restoring laws by name: those that ship with bayesdamp and those that a user adds."""

@@ -1,4 +1,4 @@
-"""Duffing spring k(θ − θ_e) + β(θ − θ_e)³."""
+"""Duffing spring k(θ − θ_e) + β(θ − θ_e)³ with the equilibrium θ_e."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class Duffing(RestoringLaw):
-    """F = k x + β x³ with x = θ − θ_e. β may be negative; then a trajectory can escape to infinity."""
+    """Duffing spring F = k x + β x³ per unit of inertia, with x = θ − θ_e and the equilibrium θ_e.
+
+    The cubic stiffness β may be negative; a trajectory can then escape to infinity.
+    """
 
     name = "duffing"
     formula = "k(θ − θe) + β(θ − θe)³"
@@ -24,13 +27,15 @@ class Duffing(RestoringLaw):
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess: k = ω², θ_e = `rest`, β = 0; known parameters keep their values."""
+        """Return a first guess of the parameters: k = ω², θ_e = `rest`, β = 0; known ones keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for those of k and β that are unknown, if θ_e is known.
+        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
 
-        Else it is for the four coefficients of a cubic polynomial; known k and β then have no effect on the fit.
+        If θ_e is known, the coefficients are those of k and β that are unknown. If θ_e is unknown, they are the four
+        coefficients of a general cubic polynomial in θ, from which the parameters follow; known values of k and β are
+        then not used in the fit.
         """
         if "rest_angle" in known:
             x = theta - known["rest_angle"]

@@ -1,4 +1,4 @@
-"""The paper's horizontal pendulum k(θ − θ_s) − γ cos θ (paper, equation 1, with θ_s = 0 and γ = 1)."""
+"""Horizontal pendulum k(θ − θ_s) − γ cos θ (with θ_s = 0 and γ = 1, equation 1 of the paper that bayesdamp tests)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class HorizontalPendulum(RestoringLaw):
-    """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring. γ may be negative and as large as k."""
+    """Horizontal pendulum F = k(θ − θ_s) − γ cos θ per unit of inertia: an arm on a torsion spring, under gravity.
+
+    k is the stiffness of the spring, θ_s the angle at which it is relaxed, and γ the gravity term, which may be
+    negative and as large as k.
+    """
 
     name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
@@ -25,9 +29,10 @@ class HorizontalPendulum(RestoringLaw):
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess; known parameters keep their values.
+        """Return an initial guess of the parameters; known parameters keep their values.
 
-        At the equilibrium θ_e = `rest`, k follows from ω² = F′(θ_e) = k + γ sin θ_e, and θ_s from F(θ_e) = 0.
+        An unknown γ is 0. At the equilibrium θ_e = `rest`, k follows from ω² = F′(θ_e) = k + γ sin θ_e, and θ_s from
+        F(θ_e) = 0.
         """
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
@@ -35,10 +40,10 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
-        """Return ω² of small oscillations under `stiffness`, γ under `gravity`, θ_e under `spring_angle`, and θ₀ − θ_e.
+        """Convert the parameters to natural coordinates: ω² of small oscillations, γ, equilibrium θ_e, and θ₀ − θ_e.
 
-        The last is stored under `theta0`. θ_e is the equilibrium that Newton's method reaches from the start angle or,
-        if it fails from there, from θ_s. Return None if it fails from both.
+        They are stored under the keys `stiffness`, `gravity`, `spring_angle` and `theta0`. θ_e is the equilibrium that
+        Newton's method reaches from θ₀ or, if it fails from there, from θ_s. Return None if it fails from both.
         """
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
@@ -60,9 +65,9 @@ class HorizontalPendulum(RestoringLaw):
         }
 
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters from θ_e, γ, ω² and θ₀ − θ_e: k = ω² − γ sin θ_e, and θ_s from F(θ_e) = 0.
+        """Convert natural coordinates back to the parameters: k = ω² − γ sin θ_e, θ_s from F(θ_e) = 0, and θ₀.
 
-        k and θ_s are NaN where k would be ≤ 0.
+        The keys are those of `natural`. k and θ_s are NaN where k would be ≤ 0.
         """
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * np.sin(rest)
@@ -72,7 +77,10 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k, γ and kθ_s; known k and γ are left out, and kθ_s if θ_s is known."""
+        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+
+        The coefficients are k and γ, as far as they are unknown, and the product kθ_s if θ_s is unknown.
+        """
         names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
         lever = theta if spring is None else theta - spring

@@ -1,4 +1,4 @@
-"""Linear spring k(θ − θ_e)."""
+"""Linear spring k(θ − θ_e) with the equilibrium θ_e."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class LinearSpring(RestoringLaw):
-    """F = k(θ − θ_e), with the equilibrium θ_e."""
+    """Linear spring F = k(θ − θ_e) per unit of inertia, with the equilibrium θ_e."""
 
     name = "linear"
     formula = "k(θ − θe)"
@@ -24,11 +24,15 @@ class LinearSpring(RestoringLaw):
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess: k = ω², θ_e = `rest`; known parameters keep their values."""
+        """Return an initial guess of the parameters: k = ω², θ_e = `rest`; known parameters keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k and −kθ_e, or for θ_e if k is known, or for k if θ_e is known."""
+        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+
+        The coefficients are k and −kθ_e if both are unknown, θ_e if k is known, k if θ_e is known, and none if both are
+        known.
+        """
         k, rest = known.get("stiffness"), known.get("rest_angle")
         none, ones = np.zeros((theta.size, 0)), np.ones_like(theta)
         if k is not None and rest is not None:

@@ -1,4 +1,4 @@
-"""Gravity pendulum k sin(θ − θ_e)."""
+"""Gravity pendulum k sin(θ − θ_e) with the hanging position θ_e."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class Pendulum(RestoringLaw):
-    """F = k sin(θ − θ_e), where θ_e is the hanging position."""
+    """Gravity pendulum F = k sin(θ − θ_e) per unit of inertia, with the hanging position θ_e."""
 
     name = "pendulum"
     formula = "k sin(θ − θe)"
@@ -24,13 +24,14 @@ class Pendulum(RestoringLaw):
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess: k = ω², θ_e = `rest`; known parameters keep their values."""
+        """Return an initial guess of the parameters: k = ω², θ_e = `rest`; known parameters keep their values."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Return the regression for k cos θ_e and −k sin θ_e, or for k if only θ_e is known.
+        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
 
-        If θ_e is unknown, a known k has no effect on the fit.
+        The coefficients are k cos θ_e and −k sin θ_e if θ_e is unknown; a known value of k is then not used in the fit.
+        If only θ_e is known, the coefficient is k; if both are known, there is none.
         """
         k, rest = known.get("stiffness"), known.get("rest_angle")
         zero = np.zeros_like(theta)
