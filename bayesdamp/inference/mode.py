@@ -38,10 +38,10 @@ HOPELESS_GAIN = 1e-7
 """After a failed step whose expected gain of the log density is smaller than this, in nats, the search ends instead of
 trying a shorter step."""
 MOST_STEPS = 60
-"""Greatest number of steps of a search."""
+"""Largest number of steps of a search."""
 MOST_CHANGE = 0.01
-"""Largest change of the log likelihood (nats) by a more accurate solution of the motion, within `NEAR_SDS` posterior
-sds of the mode; farther from the mode the limit is proportional to the decrease of the log posterior."""
+"""Largest allowed error of the log likelihood, in nats, that the solver's error in the motion causes, within `NEAR_SDS`
+posterior sds of the mode; farther away the limit is proportional to the decrease of the log posterior."""
 NEAR_SDS = 3.0
 """Distance from the mode within which motions must be accurate (`MOST_CHANGE`), in posterior sds."""
 FINER_FACTOR = 0.01
@@ -258,9 +258,9 @@ class Mode:
     def _normal(self) -> tuple[Likelihood, np.ndarray]:
         """The values of `near` and `factor`, as a tuple.
 
-        The scale σ follows from the mean of 1/σ² over the scales, given the expected sum of squares of the coefficients
-        (one step of variational Bayes). The expectation includes the variance of the coefficients, so that σ is not too
-        small on a record without damping.
+        The common prior scale σ follows from the mean of 1/σ² over its possible values, given the expected sum of
+        squares of the coefficients' scores (one step of variational Bayes). The expectation includes the variance of
+        these scores, so that σ is not too small on a record without damping.
         """
         shared = self.likelihood.target.shared
         if self.linear is None:
@@ -279,7 +279,7 @@ class Mode:
 
     @property
     def stored(self) -> StoredMode:
-        """The values of the mode that are stored; `restore_mode` rebuilds it."""
+        """The values of the mode that are stored in a file; `restore_mode` rebuilds the mode from them."""
         return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
 
     def sd(self) -> np.ndarray:
@@ -329,7 +329,8 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
     """Return the mode of another likelihood, such as that of a part of the record; the search starts at z, (d,).
 
-    Raises Refusal if the posterior is not finite there.
+    Everything else, such as errors and searches, is copied from `mode`. Raises Refusal if the posterior is not finite
+    there.
     """
     top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)

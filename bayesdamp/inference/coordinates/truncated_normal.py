@@ -45,7 +45,7 @@ class TruncatedNormal:
         return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Return n independent draws, (n, d)."""
+        """Return n independent draws of the truncated distribution, (n, d)."""
         factor = np.linalg.cholesky(self.covariance)
         draws = np.empty((0, self.mean.size))
         while len(draws) < n:

@@ -33,9 +33,10 @@ if by more than the second."""
 STEP_FACTOR = 1.6
 """Factor by which steps along the ridge of the noise parameters are lengthened and shortened."""
 RIDGE_END_NATS = 16.0
-"""The ridge is followed until the log density is this many nats below its maximum: 5.7 sds of a normal distribution."""
+"""The ridge of the noise parameters is followed until the log density is this many nats below its maximum: 5.7 sds of a
+normal distribution."""
 MOST_STEPS = 60
-"""Greatest number of steps along the ridge to each side of the mode."""
+"""Largest number of steps along the ridge of the noise parameters to each side of the mode."""
 LEAST_STEPS = 4
 """If no more points than this can be computed on the ridge of the noise parameters, `NoiseMap` is the identity."""
 PARTS_PER_STEP = 8
@@ -52,10 +53,11 @@ RIDGE_DIMENSIONS = 2
 """Number of wide scores: the scores of the motion's parameters with the largest posterior sds, along which a curved
 ridge of the posterior may extend."""
 CURVATURE_SDS = 1.5
-"""Distance from the mode, in posterior sds, at which the curvature of the ridge is measured."""
+"""Distance from the mode, in posterior sds, at which `shear_of` measures the curvature of the ridge of the motion's
+parameters."""
 VISIBLE_BEND = 0.02
-"""A ridge is straightened only if, one sd from the mode, its distance from its tangent is at least this, in posterior
-sds."""
+"""`shear_of` straightens a ridge only if, one sd from the mode, its distance from its tangent is at least this, in
+posterior sds."""
 SECOND_DIFFERENCE_STEP = 0.3
 """Step of the second differences that give Hessians, in posterior sds. The differences extend to 0.6 sds from the mean
 of the truncated distribution; where a score must not be negative, zero is about one sd or more from this mean, so that
@@ -135,7 +137,7 @@ class NoiseMap:
         return cls(first, second, scipy.interpolate.PchipInterpolator(level, values))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
-        """Return the scores for level scores, (..., d) each."""
+        """Convert level scores (see the class) to standard normal scores, (..., d) each."""
         if self.table is None:
             return level
         scores, values = level.copy(), self.table(level[..., self.second])
@@ -144,7 +146,7 @@ class NoiseMap:
         return scores
 
     def level(self, scores: np.ndarray) -> np.ndarray:
-        """Return the level scores for scores, (..., d) each (by Newton's method)."""
+        """Convert standard normal scores to level scores (see the class), (..., d) each, by Newton's method."""
         if self.table is None:
             return scores
         level, wanted = scores.copy(), scores[..., self.second]
@@ -158,7 +160,7 @@ class NoiseMap:
         return level
 
     def slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the level scores, (..., d, d), at level scores (..., d)."""
+        """Return the derivatives of the scores by the level scores (see the class), (..., d, d), at points (..., d)."""
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
         if self.table is not None:
             rate = self._rate(level[..., self.second])
@@ -173,7 +175,7 @@ class NoiseMap:
         return np.log(self._rate(level[..., self.second])[..., 0])
 
     def volume_slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `NoiseMap.log_volume` by level scores, (d,), at level scores (d,)."""
+        """Return the derivatives of `NoiseMap.log_volume` by the level scores, (d,), at one point (d,)."""
         slope = np.zeros(level.size)
         if self.table is not None:
             x = level[self.second]
@@ -182,19 +184,19 @@ class NoiseMap:
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        """Scores of the second parameter at the knots of `table`, a vector."""
+        """Scores of the second noise parameter at the knots of `table`, a vector."""
         assert self.table is not None
         return self.table(self.table.x)[:, 0]
 
     @cached_property
     def _rate(self) -> PPoly:
-        """Derivatives of `table` by the level score of the second parameter."""
+        """First derivatives of `table` by the level score of the second noise parameter."""
         assert self.table is not None
         return self.table.derivative()
 
     @cached_property
     def _second_derivative(self) -> PPoly:
-        """Second derivatives of `table` by the level score of the second parameter."""
+        """Second derivatives of `table` by the level score of the second noise parameter."""
         return self._rate.derivative()
 
 
@@ -318,25 +320,25 @@ class Shear:
 
     @classmethod
     def none(cls, d: int) -> Shear:
-        """Return the identity for d scores."""
+        """Return the identity map for d scores."""
         wide = np.arange(min(RIDGE_DIMENSIONS, d))
         return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseMap())
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return the shear whose quadratic form is zero, followed by the map of the noise."""
+        """Return only the map of the noise parameters: a shear whose quadratic form is zero."""
         return replace(cls.none(mode.z.size), noise=NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
-        """Return the scores for straight scores, (..., d) each."""
+        """Convert straight scores (see the class) to standard normal scores, (..., d) each."""
         return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Return the level scores (scores before the map of the noise) for straight scores, (..., d) each."""
+        """Convert straight scores to level scores, which are the scores before the map of the noise, (..., d) each."""
         return straight + self._shift(straight) if self._curved else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
-        """Return the straight scores for scores, (..., d) each."""
+        """Convert standard normal scores to straight scores (see the class), (..., d) each."""
         level = self.noise.level(scores)
         return level - self._shift(level) if self._curved else level
 
@@ -361,7 +363,7 @@ class Shear:
 
     @cached_property
     def _curved(self) -> bool:
-        """Whether the quadratic form is not zero."""
+        """Whether the quadratic form of the shear is not zero."""
         return bool(np.any(self.curve))
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
@@ -470,11 +472,11 @@ class Whitening:
     shear: Shear
 
     def straight(self, u: np.ndarray) -> np.ndarray:
-        """Return the straight scores at coordinates u, (..., d) each."""
+        """Convert coordinates u to straight scores (those of `shear`), (..., d) each."""
         return self.centre + u @ self.factor.T
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return the scores at coordinates u, (..., d) each."""
+        """Convert coordinates u to standard normal scores, (..., d) each."""
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:
@@ -482,7 +484,7 @@ class Whitening:
         return self.shear.log_volume(self.straight(u))
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
-        """Return the coordinates u of scores z, (m, d) each."""
+        """Convert standard normal scores z to coordinates u, in which the posterior is nearly N(0, I), (m, d) each."""
         return np.linalg.solve(self.factor, (self.shear.straight(z) - self.centre).T).T
 
 

@@ -154,15 +154,15 @@ class _Curves:
 def average_of(
     t: np.ndarray, y: np.ndarray, features: Features, noise: FittedNoise | None = None
 ) -> Averaged | None:
-    """Reduce a record to amplitudes, phases and midlines of blocks.
+    """Reduce a record to amplitudes, phases and midlines of blocks of cycles.
 
     Return None if the record has too few cycles (`FEWEST_CYCLES`) or samples, or if amplitude or phase do not change
-    smoothly and the record is short enough for the ODE (`MOST_CYCLES`).
+    smoothly and the record is short enough for the equation of motion to be solved over all of it (`MOST_CYCLES`).
 
     Parameters
     ----------
     t, y : ndarray, shape (n,)
-        Times in s, from 0, and values.
+        Times in s, from 0, and recorded values.
     features : Features
         Features of the record.
     noise : FittedNoise, optional

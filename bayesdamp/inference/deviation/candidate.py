@@ -90,7 +90,7 @@ class Linearisation:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of the solver's parameters at u, (k,)."""
+        """Return the values of all parameters of the solver at u, (k,)."""
         return self.fit.parameters.values(self.z)
 
     @property
@@ -141,7 +141,7 @@ def parameters_of(
     priors: Mapping[str, Prior],
     known: Mapping[str, float],
 ) -> Parameters:
-    """Return the parameters of a candidate.
+    """Return the parameters of a candidate: which are inferred, with their priors, and the values of the others.
 
     Coefficients, and all other parameters without a known value, are inferred, with the given prior or else the default
     prior. Only parameters of the solver are included.
@@ -266,7 +266,7 @@ def search_near(
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
-    """Fit again, starting near a fit to other data or with another solver; None if this fails."""
+    """Fit a candidate again, starting near its fit `at` to other data or with another solver; None if this fails."""
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 

@@ -30,7 +30,7 @@ LEAST = 0.05
 few per cent over a decade of amplitudes do not hold over two, and at smaller amplitudes the sensor's resolution and
 static friction dominate."""
 FEWEST_CYCLES = 4.0
-"""Least number of cycles of a record that are used, however small their amplitudes are."""
+"""At least this many cycles of a record are used, however small their amplitudes are."""
 SOLVED = 1e-6
 """Error of a motion that the ODE solver computes, as a fraction of the amplitude."""
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
@@ -144,7 +144,7 @@ class Data:
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def first(self, count: int) -> Data:
-        """Return the data cut to the first `count` values of y."""
+        """Return a copy with only the first `count` values of y."""
         windows = None if self.windows is None else self.windows.first(count)
         rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))
         return replace(

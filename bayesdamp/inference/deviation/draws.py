@@ -28,7 +28,7 @@ from bayesdamp.types import Ratio
 POWER_TIMES = 4000
 """Number of equidistant times in a motion at which `shares_of` computes the dissipated power."""
 TOTAL_DRAWS = 4000
-"""Number of draws from all candidates together."""
+"""Number of draws that `draw_candidates` makes from all candidates together."""
 COVERED_PROBABILITY = 0.99
 """`draw_candidates` draws from the most probable candidates, as many of them as are needed for this total
 probability."""

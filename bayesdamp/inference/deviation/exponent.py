@@ -61,7 +61,7 @@ ENOUGH = 20
 LEVELS = (np.arange(400) + 0.5) / 400
 """Equidistant probabilities at which quantiles of the exponent are returned; the 400 quantiles serve as draws."""
 POINTS = 3001
-"""Number of points of the interpolated posterior."""
+"""Number of exponents at which the interpolated posterior is computed."""
 
 
 @dataclass(frozen=True)

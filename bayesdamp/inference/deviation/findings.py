@@ -46,7 +46,7 @@ SENSOR = 0.002
 """Relative standard deviation of every damping ratio from the sensor's linearity and clock (conventional); the draws
 include it."""
 CURVE_AMPLITUDES = 12
-"""Number of amplitudes in a damping curve."""
+"""Number of amplitudes of a record at which its damping ratio is computed for a curve."""
 PROBABLE_RIVALS = 1e-3
 """Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
 together more probable than this."""

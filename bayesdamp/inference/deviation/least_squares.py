@@ -20,7 +20,7 @@ LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
 """How Marquardt's parameter λ changes: factor after a successful step; factor after a failed one; least λ to which the
 second factor is applied; and λ from which on no further step is tried (conventional)."""
 MOST_STEPS = 40
-"""Largest number of accepted steps (conventional)."""
+"""Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-7
 """The search ends when a step decreases the sum of squares by less than this relative amount: the first value for parts
 of the record and for rough fits, the second for the last search over the whole record."""
@@ -67,7 +67,7 @@ class LeastSquaresFit:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of the solver's parameters at the fit, (k,)."""
+        """Return the values of all parameters of the solver at the fit, (k,)."""
         return self.parameters.values(self.z)
 
     @property

@@ -340,7 +340,7 @@ class LinearPosterior:
 
     @property
     def means(self) -> np.ndarray:
-        """Return the mean of every component before the cut-off at zero, (m, K)."""
+        """Return the mean of every component, without the cut-off at zero, (m, K)."""
         return self._every[0]
 
     @property
@@ -650,8 +650,9 @@ class _ScaledPriors:
     Let u = mean + F x with x ~ N(0, I); the shared scores are m + S x. The other prior adds δ |m + S x|² / 2 to −log p,
     δ = 1/σ² − 1. With S = U D Wᵀ this changes x only along the k columns of W.
 
-    inside: indices among the shared scores of those that must not be negative, (i,). log: log evidence before the
-    cut-off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k); right: W, (c, K, k); extra: δ,
+    normals: the posteriors for σ = 1, at c grid points. inside: indices among the shared scores of those that must not
+    be negative, (i,). log: log of evidence times prior probability, before the cut-off at zero, for each grid point and
+    each of s scales, (c, s). aim: Uᵀ m, (c, k). sizes: D, (c, k). left: U, (c, k, k). right: W, (c, K, k). extra: δ,
     (s,).
     """
 

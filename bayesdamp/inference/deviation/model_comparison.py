@@ -158,7 +158,7 @@ class CandidateResult:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of the solver's parameters at the mode, (k,)."""
+        """Return the values of all parameters of the solver at the mode, (k,)."""
         return self.fit.parameters.values(self.z)
 
     @property
@@ -581,7 +581,10 @@ class _CandidateFits:
 
     @property
     def fullest(self) -> list[MotionCandidate]:
-        """Return, for each law, the sum of all terms if it is fitted, else that of all terms without own parameters."""
+        """Return the candidate with all terms for each restoring law.
+
+        If it could not be fitted, it is the candidate with all terms that have no own parameters.
+        """
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
@@ -648,10 +651,10 @@ class _CandidateFits:
         return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
 
     def modes(self) -> dict[str, tuple[Linearisation, float]]:
-        """Linearise the `fullest` candidate of each restoring law about its mode.
+        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
 
-        Return the linearised candidate and the variance of its noise, in the record's unit squared, by the name of the
-        law. Candidates that cannot be linearised are left out.
+        Return, by the name of the law, the linearised candidate and the variance of its noise, in the record's unit
+        squared. Candidates that cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(

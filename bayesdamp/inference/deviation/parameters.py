@@ -52,7 +52,7 @@ class Parameters(Scores):
 
     @cached_property
     def free_names(self) -> tuple[str, ...]:
-        """Return the names of the inferred parameters, in the kernel's order."""
+        """Return the names of the d inferred parameters, in the order of `names`."""
         return tuple(self.priors)
 
     @property
@@ -87,7 +87,7 @@ class Parameters(Scores):
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density at scores z, (..., d): (...); −∞ where a positive score is negative."""
+        """Return the log prior density, (...), at scores z, (..., d); −∞ where a score that must be ≥ 0 is negative."""
         return log_prior_of(z, self.positive, self.shared)
 
     @cached_property
@@ -95,7 +95,7 @@ class Parameters(Scores):
         return np.array([self.known.get(n, 0.0) for n in self.names], float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return all k parameters of the kernel at scores z, (..., d): (..., k)."""
+        """Return all k parameters of the equation of motion at scores z, (..., d): (..., k)."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
@@ -103,7 +103,7 @@ class Parameters(Scores):
         return p
 
     def named(self, z: np.ndarray) -> dict[str, float]:
-        """Return all parameters of the kernel, known and inferred, at scores z, (d,), by name."""
+        """Return all parameters of the equation of motion, known and inferred, at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
@@ -115,7 +115,7 @@ class Parameters(Scores):
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives by the kernel's k parameters, (n, k), to those by the d scores at z, (n, d)."""
+        """Convert derivatives by all k parameters, (n, k), to derivatives by the d scores at z, (n, d)."""
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
@@ -172,32 +172,41 @@ class StraightParameters(Parameters):
         return replace(super().with_fixed(name, value), places=self.places - before)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return all k parameters of the kernel at coordinates z, (..., d): (..., k); NaN where none exist."""
+        """Return all k parameters of the equation of motion at coordinates z, (..., d): (..., k).
+
+        They are NaN where no valid parameters have these coordinates.
+        """
         p = super().values(z)
         p[..., self.free[self.places]] = self._law_values(z[..., self.places])
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the parameters `at` for straight coordinates v, both (..., b); NaN where none exist."""
+        """Return the parameters `at` for straight coordinates v, both (..., b).
+
+        They are NaN where no valid parameters have these coordinates.
+        """
         natural = self.origin + (v - self.anchor) @ self.inverse_jacobian.T
         values = self.law.from_natural({name: natural[..., i] for i, name in enumerate(self.at)})
         assert values is not None  # see `straighten_at`
         return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives by the kernel's k parameters, (n, k), to those by the d coordinates at z, (n, d)."""
+        """Convert derivatives by all k parameters, (n, k), to derivatives by the d coordinates at z, (n, d)."""
         columns = super().by_scores(tangents, z)
         columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (..., d); NaN where none exist."""
+        """Return the standard normal scores at coordinates z, both (..., d).
+
+        They are NaN where no valid parameters have these coordinates.
+        """
         scores = z.copy()
         scores[..., self.places] = self._law_scores(z)
         return scores
 
     def _law_scores(self, z: np.ndarray) -> np.ndarray:
-        """Return the scores of the parameters `at`, (..., b), at coordinates z, (..., d)."""
+        """Return the standard normal scores of the parameters `at`, (..., b), at coordinates z, (..., d)."""
         values = self._law_values(z[..., self.places])
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 

@@ -33,7 +33,7 @@ SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.i
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
-"""Largest number of Gauss–Newton steps. They end before if the predicted gain of the log posterior is below the second
+"""Largest number of Gauss–Newton steps. They end earlier if the predicted gain of the log posterior is below the second
 value, in nats."""
 NATS_BEHIND = 18.0
 """A grid point of the deviations' hyperparameters is left out if its log evidence is this many nats below the best,
@@ -199,10 +199,11 @@ class _Problem:
     which: np.ndarray
 
     def integrate_factors(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
-        """Integrate out the factors of the records at grid points (b,) with spreads (b,), by Laplace's approximation.
+        """Integrate out the factors exp η of the records by Laplace's approximation, at b grid points and spreads.
 
-        The spreads are the standard deviations s of the log factors η. Return log evidence (b,), means (b, k) and
-        Cholesky factors of the covariances (b, k, k) of the scores z, under priors N(0, 1) that allow negative scores.
+        combos, spreads: indices of the grid points and spreads s, the standard deviations of the log factors η, (b,)
+        each. Return log evidence (b,), means (b, k) and Cholesky factors of the covariances (b, k, k) of the scores z,
+        under priors N(0, 1) that allow negative scores.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)

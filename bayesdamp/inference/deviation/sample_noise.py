@@ -51,21 +51,22 @@ def prepare_for_noises(
     priors: Mapping[str, Prior],
     average: bool,
 ) -> Data:
-    """Prepare the data of a signal whose noise follows one of these models.
+    """Prepare the data of a signal, and choose the noise model if they are amplitudes and phases.
 
-    Amplitudes and phases of a record of very many cycles are the most probable ones under the noise model that is
-    chosen for their residual. For samples `adapt` chooses the noise model later, for the residual of a motion.
+    A record of very many cycles is reduced to amplitudes and phases. They are the most probable ones under the noise
+    model that is chosen for their residual. Otherwise `adapt` chooses the noise model later, for the residual of a
+    motion.
 
     Parameters
     ----------
     signal : Signal
         The record.
     names : sequence of str
-        Noise models to choose from.
+        Names of the noise models to choose from.
     known, priors : mapping
         Values and priors of the noise's parameters, in place of the default priors.
     average : bool
-        Whether amplitudes and phases may be used.
+        Whether the record may be reduced to amplitudes and phases.
 
     Raises
     ------

@@ -36,7 +36,7 @@ NATS_BEHIND = 5.0
 """A candidate is sampled if its log evidence is less than this many nats below the best. Sampling has never changed a
 log evidence by more (measured)."""
 MOST_SAMPLED = 6
-"""Largest number of candidates that are sampled (conventional)."""
+"""Largest number of candidates and rivals that are sampled (conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
 """Tolerances for the motions of draws, which are tried in this order: errors of an integration step, as fractions of
 the amplitude."""

@@ -362,7 +362,7 @@ class Single:
 
     @property
     def best(self) -> Array:
-        """Return u at the mode with deviations, as a row (1, K)."""
+        """Return u = (scores, g, h) at the mode with deviations, as a row, (1, K)."""
         linearisation = self.result.linearisation
         assert linearisation is not None
         return linearisation.u[None]
@@ -471,7 +471,7 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
 def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
     """Return the candidate with other priors of its parameters, linearised about the same motion.
 
-    Raises Refusal where the motion escapes.
+    priors: prior of each inferred parameter. Raises Refusal where the motion escapes.
     """
     parameters, state = single.result.fit.parameters, single.state
     other, d = replace(parameters, priors=priors), state.z.size

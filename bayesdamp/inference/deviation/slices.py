@@ -44,7 +44,7 @@ LEAST_COEFFICIENT = 1e-3
 """Smallest score c of the coefficient, relative to its value at the mode, for which s = t pivot / c is computed; at
 smaller ones s would overflow (conventional)."""
 MOVING_SDS = 3.0
-"""The mode of a coefficient is shifted with the score a of the sliced parameter only if it is more than this many
+"""The mode of a coefficient's score is shifted with the score of the sliced parameter only if it is more than this many
 posterior sds above zero (conventional)."""
 
 

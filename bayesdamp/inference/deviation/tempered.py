@@ -19,7 +19,7 @@ import scipy  # loads its modules when they are used
 from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 
 SMC_DRAWS = 300
-"""Default number of draws (conventional)."""
+"""Default number of draws of sequential Monte Carlo (conventional)."""
 EFFECTIVE_FRACTION = 0.5
 """β is increased until the effective number of draws is this fraction of their number (conventional)."""
 LEAST_EFFECTIVE = 0.15
@@ -40,9 +40,9 @@ WANTED_ACCEPTANCE = 0.35
 MOST_TEMPERATURES = 30
 """Largest number of increases of β; if β has not reached 1 by then, the draws are not trusted."""
 LEAST_RISE = 1e-6
-"""Smallest increase of β."""
+"""Smallest increase of β from one distribution to the next."""
 LEAST_ACCEPTANCE = 0.05
-"""Draws are not trusted if the acceptance rate of the last moves is below this."""
+"""Draws are not trusted if fewer than this fraction of them accepted the last move."""
 
 
 @dataclass(frozen=True)

@@ -66,10 +66,11 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """The inverse Cholesky factors of the covariances along the basis, and the log normalisations.
+        """The inverse Cholesky factors of the residuals' covariances along `basis`, and the log normalisations.
 
-        The factors are stacked, (c k, k). A normalisation is the prior probability divided by the square root of the
-        determinant of the covariance, (c,).
+        There is one of each for each of c combinations of hyperparameters. The factors are stacked, (c k, k). A
+        normalisation is the prior probability of the combination divided by the square root of the determinant of its
+        covariance, (c,).
         """
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
@@ -77,10 +78,11 @@ class Deviation(NoiseModel):
         return np.linalg.inv(lower).reshape(len(lower) * k, k), self.log_prior - log_scale
 
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Split residuals (m,) into parts along the basis and orthogonal to it, in standard deviations of the noise.
+        """Split residuals, (m,), into parts along `basis` and orthogonal to it, in standard deviations of the noise.
 
-        Returns the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each combination,
-        (c, k), and the log weight of each combination, (c,).
+        Return the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each of c
+        combinations of hyperparameters, (c, k), and the log of each combination's prior probability times density, up
+        to a constant, (c,).
         """
         scaled = (r + self.shift) / np.sqrt(self.variance)
         along = scaled @ self.basis

@@ -70,7 +70,10 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the likelihood of a target near scores z, (d,), with motions solved to `tolerance`."""
+        """Return the likelihood of a target, for scores near z, (d,), with motions solved to `tolerance`.
+
+        tolerance: largest error of a motion, in the unit of the record. part: samples that are used.
+        """
         return cls(target, target.all_values(z), tolerance, part, target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
@@ -245,7 +248,7 @@ class Likelihood:
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
         """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
 
-        The expected change of the log likelihood by the shift is half of this, in nats.
+        On average, the shift changes the log likelihood by half of this, in nats.
         """
         root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
         return float(np.sum(root**2))

@@ -73,14 +73,23 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of the residuals in nats, shape (...)."""
+        """Return the log density of residuals r, (..., n), in nats: (...).
+
+        gaps, p: times between the samples, and parameters by name (see the class).
+        """
 
     @abstractmethod
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density by each residual, shape (..., n)."""
+        """Return the derivative of the log density of residuals r by each residual, (..., n).
+
+        gaps, p: times between the samples, and parameters by name (see the class).
+        """
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivatives of the log density of residuals (n,) by the parameters, by central differences."""
+        """Return the derivatives of the log density of residuals r, (n,), by the parameters, by name.
+
+        They are computed by central differences, unless a subclass has a closed form. gaps, p: see the class.
+        """
         slopes = {}
         for name in self.parameters:
             step = DERIVATIVE_STEP * abs(p[name])
@@ -90,15 +99,24 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift."""
+        """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift.
+
+        gaps, p: times between the samples, and parameters by name (see the class).
+        """
 
     @abstractmethod
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return whitened residuals, shape (..., n), independent and standard normal if the model is right."""
+        """Return whitened residuals, (..., n), which are independent and standard normal if the model is right.
+
+        gaps, p: times between the samples, and parameters by name (see the class).
+        """
 
     @abstractmethod
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of each residual given all others, shape (..., n), for cross-validation."""
+        """Return the log density of each residual given all others, (..., n), in nats, for cross-validation.
+
+        gaps, p: times between the samples, and parameters by name (see the class).
+        """
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw the noise of one record, (n,), for n − 1 gaps. Raises Refusal if the model cannot do this."""

@@ -68,7 +68,10 @@ class CorrelatedNoise(NoiseModel):
         return -0.5 * square / sd**2 - log_scale
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return −K⁻¹ r, where K is the covariance matrix, by applying the transposed whitening to the innovations."""
+        """Return the derivative of the log density by each residual, −K⁻¹ r, (..., n), with the covariance matrix K.
+
+        It is computed by applying the transposed whitening to the innovations.
+        """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
         slopes = -_innovations(r, lost, fresh)
@@ -77,7 +80,7 @@ class CorrelatedNoise(NoiseModel):
         return slopes / p["noise_sd"] ** 2
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivatives of the log likelihood of residuals (n,) by the parameters, in closed form."""
+        """Return, by name, the derivatives of the log density of residuals, (n,), by the parameters, in closed form."""
         sd, time = p["noise_sd"], p["noise_time"]
         lost, fresh = _decay(gaps, {"noise_time": np.asarray(time)})
         innovations = _innovations(r, lost, fresh)
@@ -109,7 +112,7 @@ class CorrelatedNoise(NoiseModel):
         return -0.5 * score**2 - np.log(sd) + 0.5 * np.log(precision) - 0.5 * LOG_2PI
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw a stationary Ornstein–Uhlenbeck process at the times of the samples, (n,)."""
+        """Draw the noise at the times of the samples, (n,): a stationary Ornstein–Uhlenbeck process."""
         lost, fresh = _decay(gaps, by_sample(p))
         r = rng.standard_normal(gaps.size + 1)
         for i in range(gaps.size):

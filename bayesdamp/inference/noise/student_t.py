@@ -52,7 +52,7 @@ class StudentT(IndependentNoise):
         return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the standard normal quantiles of the cumulative probabilities of the residuals."""
+        """Return whitened residuals, (..., n): the standard normal quantiles of their cumulative probabilities."""
         p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]
         tail = 0.5 * betainc(0.5 * dof, 0.5, dof / (dof + t**2))
