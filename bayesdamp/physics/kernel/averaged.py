@@ -1,12 +1,13 @@
-"""Compute amplitude and phase of decays over hundreds of cycles, from an oscillation that decays over fewer cycles.
+"""Compute amplitudes and phases of decays over hundreds of cycles, from an oscillation that decays over fewer cycles.
 
 To first order in the damping, amplitude and phase of a free decay obey averaged equations that depend only on the
 product of time and damping (N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of Non-linear
 Oscillations, 1961, chapter 1). Therefore M times the damping has the same effect in one cycle as the damping has in M
-cycles. We integrate the equation of motion with the damping times M over 1/M of the duration: the amplitudes are those
-of the record, and the phase advances by 1/M of the record's. This works for any damping and restoring force. The effect
-of the higher orders (the defect) is computed once by integrating the actual equation over all cycles, and is added for
-parameters near by (defect correction: H. J. Stetter, Numer. Math. 29, 425 (1978)).
+cycles. We integrate the equation of motion with the damping times M over 1/M of the duration (the compressed
+oscillation): the amplitudes are those of the record, and the phase advances by 1/M of the record's. This works for any
+damping and restoring force. The effect of the higher orders (the defect) is computed once, by integrating the actual
+equation over all cycles, and is added for parameters near by (defect correction: H. J. Stetter, Numer. Math. 29, 425
+(1978)).
 """
 
 from __future__ import annotations
@@ -20,22 +21,23 @@ import numpy as np
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, TOLERANCE, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
-"""Number of cycles over which one amplitude and phase are measured: in the compressed oscillation, which has M times
-the damping, and in the actual one."""
+"""Number of cycles over which one amplitude and phase are measured: `TURNS` in the compressed oscillation, which has M
+times the damping, and `REAL_TURNS` in the actual one."""
 PHASES = 16
-"""Number of points in a cycle at which the oscillation is evaluated to measure amplitude and phase (conventional)."""
+"""Number of times in each cycle at which the oscillation is evaluated to measure amplitude and phase (conventional)."""
 ODE_TOLERANCE = 1e-10
-"""Error of a step of the actual equation, relative to the amplitude; a cycle is then right to 1e-8 of its amplitude, or
-better (measured)."""
+"""Tolerance of a step when the actual equation is integrated, relative to the amplitude. Over a cycle the error is then
+1e-8 of the amplitude, or less (measured)."""
 CYCLES_PER_SEGMENT = 1000.0
 """The actual equation is integrated over at most this many cycles at once, which limits the memory (conventional)."""
 
 
 def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return phases, (s,), over `turns` cycles, 0 in the middle, and weights there that sum to 1.
+    """Return the phases in rad and the weights, (s,) each, with which one amplitude and phase are measured.
 
-    The weights are a power of a cosine (for 2 cycles a Hann window). They separate the midline, the fundamental and the
-    harmonics; a larger power separates more sharply.
+    The phases extend over `turns` cycles, with 0 in the middle; the weights sum to 1 and are a power of a cosine (for 2
+    cycles a Hann window). They separate the midline, the fundamental and the harmonics of the oscillation; a larger
+    power separates more sharply.
     """
     share = (np.arange(PHASES * turns) + 0.5) / (PHASES * turns) - 0.5
     weight = np.cos(np.pi * share) ** turns
@@ -44,19 +46,29 @@ def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
-"""Phases around the middle of a block and their weights, for the compressed and for the actual oscillation."""
+"""Phases in rad about the middle of a block of cycles, and their weights: `OFFSETS` for the compressed oscillation,
+`REAL_OFFSETS` for the actual one."""
 NUMBERS = 3
-"""Number of values of a block: amplitude, phase and midline."""
+"""Number of values for each block of cycles: amplitude, phase and midline."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Times and reference phases at which amplitude and phase of each of b blocks are measured.
+    """Times and reference phases at which amplitude and phase of each of b blocks of cycles are measured.
 
-    slowness: M ≥ 1, number of the record's cycles for each integrated cycle. times, phases: (b, s), in s and rad, of
-    the integrated oscillation, at `OFFSETS` around the middle of each block. real_times, real_phases: the same for the
-    actual oscillation, at `REAL_OFFSETS`. weights: (b, 2), factors of amplitudes and midlines. whitening: (b, b), lower
-    triangular, the factor of the phases. With these factors all values have independent noise of the same variance.
+    Attributes
+    ----------
+    slowness
+        M ≥ 1, the number of the record's cycles for each cycle of the compressed oscillation.
+    times, phases
+        Times in s and phases in rad of the compressed oscillation, at `OFFSETS` about the middle of each block, (b, s).
+    real_times, real_phases
+        The same for the actual oscillation, at `REAL_OFFSETS`.
+    weights
+        Factors of the amplitudes and of the midlines, (b, 2).
+    whitening
+        Lower triangular matrix by which the phases are multiplied, (b, b). With it and `weights` all values of the
+        blocks have independent noise of the same variance.
     """
 
     slowness: float
@@ -69,13 +81,13 @@ class Track:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Return the middle times of the blocks in the record, s, (b,)."""
+        """Return the times of the middles of the blocks in the record, in s, (b,)."""
         return self.real_times.mean(axis=1)
 
     def combine(self, size: np.ndarray, phase: np.ndarray, midline: np.ndarray) -> np.ndarray:
-        """Multiply amplitudes, phases and midlines of the first b blocks, (b, ...) each, by the track's factors.
+        """Multiply amplitudes, phases and midlines, (c, ...) each, of the first c blocks by the track's factors.
 
-        Return them in one array (3b, ...), three values for each block.
+        Return them in one array, (3c, ...): three values for each block in turn. size: the amplitudes.
         """
         count = len(size)
         one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))
@@ -83,19 +95,21 @@ class Track:
         return np.stack([one * size, white, other * midline], axis=1).reshape(-1, *size.shape[1:])
 
     def separate(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return amplitudes, phases and midlines, (b,) each, from values y, (3b,): the inverse of `combine`."""
+        """Return amplitudes, phases and midlines, (b,) each, from values y, (3b,); this inverts `combine`."""
         size, white, midline = y.reshape(-1, NUMBERS).T
         return size / self.weights[:, 0], np.linalg.solve(self.whitening, white), midline / self.weights[:, 1]
 
 
 @dataclass(frozen=True)
 class AveragedSolver(Solver):
-    """A `Solver` that returns amplitudes and phases of blocks of cycles instead of samples.
+    """A `Solver` that returns amplitudes and phases of b blocks of cycles instead of samples.
 
-    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's, and the midline, each
-    times the track's factors. t, (3b,), is the end of each value's block, in the integrated (compressed) time.
-    Parameters are those of the record; knots and the times of a `Motion` are 1/M of the record's. defect: (3b,),
-    values of the actual equation minus those of this solver, valid near the parameters at which it was computed.
+    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's reference phase, and
+    the midline, each multiplied by the track's factors. t, (3b,): end of the block of each value, in compressed time
+    (1/M of the record's). Parameters are those of the record; knots and the times of a `Motion` are in compressed time.
+
+    track: times and phases of the blocks. defect: values for the actual equation minus those for the compressed
+    oscillation, (3b,), which are added and are valid near the parameters at which they were computed; None for 0.
     """
 
     track: Track = field(kw_only=True)
@@ -103,11 +117,11 @@ class AveragedSolver(Solver):
 
     @property
     def slowness(self) -> float:
-        """Return the number of the record's cycles for each integrated cycle."""
+        """Return M, the number of the record's cycles for each cycle of the compressed oscillation."""
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver of the actual equation of motion, at times t of the record, (n,), in s."""
+        """Return a solver of the actual equation of motion for a quantity at times t of the record in s, (n,)."""
         return replace(self._plain(t, self.knots * self.slowness), quantity=quantity)
 
     def solve(
@@ -120,10 +134,10 @@ class AveragedSolver(Solver):
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """Return the values of the blocks, and their tangents, in a `Motion` (see `Solver.solve` for the arguments).
+        """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory escapes.
 
-        stop: number of values (three for each block), from the first on. times and states of the result are those of
-        the compressed oscillation. Return None if the trajectory escapes.
+        The arguments are those of `Solver.solve`, but `stop` is a number of values (three for each block). The times
+        and states of the result are those of the compressed oscillation. None is also returned if an amplitude is zero.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
@@ -159,14 +173,21 @@ class AveragedSolver(Solver):
     def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return a copy with the defect at parameters p, (k,), and deviations g and h; None if a trajectory escapes."""
+        """Return a copy whose defect is computed at parameters p, (k,); None if a trajectory escapes.
+
+        active, g, h: as in `Solver.solve`.
+        """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
 
     def defect_at(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """Return the values of the actual equation minus those of `solve`, (3b,); None if a trajectory escapes."""
+        """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
+
+        p: parameters at which both are computed, (k,). active, g, h: as in `Solver.solve`. Return None if a trajectory
+        escapes.
+        """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
             return None
@@ -178,10 +199,11 @@ class AveragedSolver(Solver):
     def integrate_all_cycles(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return complex amplitudes and midlines of the blocks, (b,) each, from integrating the actual equation.
+        """Integrate the actual equation over all cycles; return complex amplitudes and midlines of blocks, (b,) each.
 
-        Amplitudes are relative to the phases `real_phases` of the track. Return None if the trajectory escapes. The
-        duration is integrated in segments, each of which starts from the end of the one before.
+        The argument of an amplitude is the phase relative to `real_phases` of the track. The arguments are those of
+        `Solver.solve`. Return None if the trajectory escapes. The duration is integrated in segments, each of which
+        starts from the end of the one before.
         """
         t, order = _sort_times(self.track.real_times)
         knots = self.knots * self.slowness
@@ -211,7 +233,7 @@ class AveragedSolver(Solver):
         return _demodulate(np.concatenate(read), order, self.track.real_phases)
 
     def _to_record_phase(self, phase: np.ndarray) -> np.ndarray:
-        """Convert phases of the integrated oscillation, (b, ...), to phases of the record.
+        """Convert phases of the compressed oscillation, (b, ...), to phases of the record.
 
         The phase advance since the start is multiplied by M. The phase at the start, extrapolated linearly from the
         first two blocks, stays the same.
@@ -221,7 +243,11 @@ class AveragedSolver(Solver):
 
     @cached_property
     def _solvers(self) -> dict[int, tuple[Solver, np.ndarray]]:
-        """Return a cache, empty at first: by b, the solver for b blocks and the time order of their points."""
+        """Return a cache, which is empty at first.
+
+        For each number of blocks b it contains the solver of the compressed oscillation for the points of the first b
+        blocks, and the index of each point in the order of time.
+        """
         return {}
 
     def _plain(self, t: np.ndarray, knots: np.ndarray) -> Solver:
@@ -231,9 +257,9 @@ class AveragedSolver(Solver):
 
 
 def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort times, (b, s).
+    """Sort times, (b, s), of points of blocks, which may overlap.
 
-    Return them in rising order, (b·s,), and the index of each original time in this order, (b·s,).
+    Return the times in rising order, (b·s,), and the index of each original time in this order, (b·s,).
     """
     order = np.argsort(times.ravel(), kind="stable")
     place = np.empty_like(order)
@@ -244,8 +270,8 @@ def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _demodulate(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the complex amplitude of each block, relative to reference phases, and its midline, (b, ...) each.
 
-    values: values of the oscillation, (n, ...), in time order. order: index in them of each point of the blocks,
-    (b·s,). phases: reference phases in rad, (b, s).
+    values: values of the oscillation in the order of time, (n, ...). order: for each of the s points of each block its
+    index in `values`, (b·s,). phases: reference phases of the points in rad, (b or more, s).
     """
     points = values[order].reshape(-1, phases.shape[1], int(np.prod(values.shape[1:])))
     blocks, weights = len(points), _WEIGHTS if phases.shape[1] == OFFSETS.size else _REAL_WEIGHTS

@@ -1,7 +1,7 @@
 """Generate the source of a kernel, compile it, and store it on disk.
 
-The source consists of the forces of an oscillator and their derivatives, followed by the templates `tangents` and
-`march`.
+A kernel is a module of functions that integrate an oscillator's equation of motion. Its source consists of the forces
+of the oscillator and their derivatives, followed by the template modules `tangents` and `march`.
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
 TEMPLATES, END = ("tangents", "march"), "# --- end ---"
-"""Names of the template modules, and the comment line at which the copied part of each ends."""
+"""Names of the template modules, and the comment line in each at which the part that is copied ends."""
 MAX_STORED = 50
-"""Most kernels on disk (0.6 MB each); beyond this number, the least recently used ones are removed (conventional)."""
+"""Greatest number of kernels on disk (0.6 MB each); the least recently used ones are removed first (conventional)."""
 USUAL_TERMS = 3
-"""The generated code tests for each of the first `USUAL_TERMS` damping terms whether it is on. The other terms are
-rarely on, so they share one test, which skips all of them."""
+"""For each of this number of first damping terms, the generated code tests whether it is switched on. The other terms,
+which are rarely on, share one test, which skips all of them."""
 IN_USE_SECONDS = 3600.0
-"""A kernel that was used within this time (s) is not removed: another process may be compiling it (conventional)."""
+"""A kernel that was used in this time (s) before now is not removed, because another process may be compiling it
+(conventional)."""
 # First lines of each kernel's source.
 _HEAD = f"""import math
 
@@ -55,13 +56,17 @@ def _tanh(y):
     return 1.0 - 2.0 / (math.exp(2.0 * y) + 1.0)
 """
 _STAMP = (1_000_000_000, 1_000_000_000)
-"""Modification time (ns) that every module file gets. Numba recompiles a file whose time has changed, and two processes
-may write the same file."""
+"""Modification time (ns) that every kernel's file gets. Numba compiles a file again if its time has changed, and two
+processes may write the same file."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """The compiled functions for oscillators with any of these damping terms under any one of these restoring laws."""
+    """The compiled functions that integrate oscillators with any of some damping terms and one of some restoring laws.
+
+    terms, laws: names of the damping terms and restoring laws that the source contains. march: integrates the equation
+    of motion. sums: computes weighted sums of the terms' forces.
+    """
 
     terms: tuple[str, ...]
     laws: tuple[str, ...]
@@ -70,7 +75,7 @@ class Kernel:
 
 
 def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
-    """Return the kernel for the named damping terms and restoring laws; its functions are compiled at their first call.
+    """Return the kernel for the named damping terms and restoring laws; its functions are compiled when first called.
 
     Raises Refusal if a term or law has no `kernel`, or if the source of its `kernel` cannot be read.
     """
@@ -79,7 +84,7 @@ def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: object) -> Kernel:
-    """Return the kernel; the registered objects are part of the cache key, because a name can be registered again."""
+    """Return the kernel, cached; the objects are part of the cache key, because a name can be registered again."""
     module = _module(source_of(terms, laws))
     return Kernel(terms, laws, module.march, module.sums)
 
@@ -90,7 +95,7 @@ def most_parameters(laws: tuple[str, ...]) -> int:
 
 
 def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
-    """Return the Python source of a kernel's module."""
+    """Return the Python source of the module of a kernel for these damping terms and restoring laws."""
     # `sums` are the lines of `damping`, `calls` of `shapes`, `slopes` of `damping_slopes`; see their stand-ins in
     # `tangents`. `at` counts the further parameters so far.
     parts, calls, sums, slopes, at = [_HEAD], list[str](), list[str](), list[str](), 0
@@ -150,14 +155,16 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
 
 
 def _njit(signature: str, *lines: str) -> str:
-    """Return the source of a function that Numba compiles."""
+    """Return the source of a function with this signature and these lines of its body, which Numba compiles."""
     return "".join([f"@njit\ndef {signature}:\n", *(f"    {line}\n" for line in lines)])
 
 
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
-    """Return the source of a function for a term's value and its derivatives by x, v and the further parameters.
+    """Return the source of a function that computes a damping term's force and its derivatives.
 
-    Also return the text of an additional argument of its calls: ", sizes" if it uses difference quotients, else "".
+    The derivatives are by x, v and the further parameters. source: source of the term's force. number: index of the
+    term. further: number of its further parameters. Also return the text of an additional argument of calls of the
+    function: ", sizes" if it uses difference quotients, else "".
     """
     given, name = _arguments(source), f"_slopes_{number}"
     try:
@@ -171,9 +178,9 @@ def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
 
 
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
-    """Return the sources of the laws' functions, and of `restoring` and `restoring_slopes`, which call one of them.
+    """Return the sources of the functions of all restoring laws, and of `restoring` and `restoring_slopes`.
 
-    The number of the law that is called is stored after the parameters in `p`.
+    The latter two call the functions of one law, whose index is stored in `p` after the parameters.
     """
     sizes = [len(LAWS.get(name).parameters) for name in laws]
     parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
@@ -191,10 +198,11 @@ def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
 
 
 def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
-    """Return the sources of two functions for a law's value and derivatives.
+    """Return the sources of two functions that compute a restoring law's force and its derivatives.
 
-    `_numbers_of_law_N` returns value and derivatives; `_slopes_of_law_N` calls it, returns value and slope by x, and
-    writes the derivatives by the parameters, times `share`, into `out`.
+    For law number N, `_numbers_of_law_N` returns force and derivatives; `_slopes_of_law_N` calls it, returns the force
+    and its derivative by x, and writes the derivatives by the parameters, times `share`, into `out`. source: source of
+    the law's force. count: number of its parameters.
     """
     x, p = _arguments(source)
     name = f"_numbers_of_law_{number}"
@@ -222,7 +230,7 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
 
 
 def _arguments(source: str) -> list[str]:
-    """Return the names of a function's arguments, from its source."""
+    """Return the names of the arguments of a function, from its source."""
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
@@ -230,11 +238,11 @@ def _arguments(source: str) -> list[str]:
 
 @lru_cache(maxsize=256)
 def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: str) -> str:
-    """Return the source of a plug-in's `kernel` as a compiled function with the given name.
+    """Return the source of the `kernel` of a damping term or restoring law as a compiled function called `name`.
 
-    Annotations and defaults are removed, because they may refer to names that the kernel's module does not import.
-    `math.tanh` is replaced by `_tanh`, which takes a third of the time and has an absolute error of 2e-16. what: the
-    plug-in's name in error messages.
+    Annotations and defaults are removed, because they may refer to names that the module does not import. `math.tanh`
+    is replaced by `_tanh`, which takes a third of the time and has an absolute error of 2e-16. base: base class of the
+    plug-in. what: the plug-in in messages of errors. Raises Refusal if it has no `kernel` that can be compiled.
     """
     function = plugin.kernel
     if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
@@ -263,7 +271,7 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
 
 @lru_cache(maxsize=64)
 def _module(text: str) -> ModuleType:
-    """Write the source to the kernel folder, if it is not there yet, and import it as a module."""
+    """Import the source of a kernel as a module, after writing it to a file if this does not exist yet."""
     name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     spec = importlib.util.spec_from_file_location(name, _store(name, text))
     assert spec is not None
@@ -275,10 +283,10 @@ def _module(text: str) -> ModuleType:
 
 
 def _store(name: str, text: str) -> Path:
-    """Write the module to a folder of its own in the user's cache and return its path.
+    """Write a module's source to a folder of its own, called `name`, in the user's cache; return the path of the file.
 
-    If the cache is not writable, use a temporary folder. The least recently used kernels in the cache are removed,
-    except those that may be in use.
+    If the cache is not writable, use a temporary folder. The least recently used kernels in the cache are removed if
+    there are more than `MAX_STORED`, except those that may be in use.
     """
     home = cache_folder() / "kernels"
     try:
@@ -293,7 +301,11 @@ def _store(name: str, text: str) -> Path:
 
 
 def _write(folder: Path, text: str) -> Path:
-    """Write the source into a folder, if it is missing; return its path. The folder's time is set to now (last use)."""
+    """Write the source to `kernel.py` in a folder, if this file is missing; return its path.
+
+    The modification time of the folder is set to now, which records the last use. Raises PermissionError if the folder
+    is not writable.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "kernel.py"
     if not path.is_file():

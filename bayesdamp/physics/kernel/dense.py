@@ -1,7 +1,8 @@
-"""Evaluate a solution between the nodes of the integration (dense output).
+"""Evaluate a solution of the equation of motion between the nodes of the integration (dense output).
 
-Between two nodes the solution is the quintic Hermite polynomial through value, slope and curvature at both, plus a
-correction k u³(1 − u)³ (u: fraction of the step) that makes its curvature right at the middle.
+Between two nodes the solution is the quintic Hermite polynomial through value, slope and curvature (first and second
+time derivative) at both, plus a correction k u³(1 − u)³, where u is the fraction of the step and k is such that the
+curvature in the middle of the step is right.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function with `njit`, and cache the machine code on disk if a folder is writable.
+    """Compile a function by Numba's `njit`, and cache the machine code on disk if a folder is writable.
 
-    Multiply and add may be fused (rounded only once).
+    Multiplications and additions may be fused (rounded only once).
     """
     try:
         return njit(cache=True, nogil=True, fastmath={"contract"})(function)
@@ -92,11 +93,11 @@ def at_times(times, states, t, order):
 
 @compiled
 def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
-    """Return the factors of the seven node values in a weighted sum over samples within one step.
+    """Return the factors of seven node values in a weighted sum of the solution over samples within one step.
 
-    The samples are the order-th derivative of the step's polynomial. The node values are value, slope, curvature and
-    correction at the start of the step (s), then value, slope and curvature at its end. m0 to m6: sums over the samples
-    of weight times power 0 to 6 of u, the fraction of the step.
+    The sum is that of weight times the order-th time derivative (0 to 2) of the solution. The node values are value,
+    slope, curvature and correction k at the start of the step, then value, slope and curvature at its end. m0 to m6:
+    sums over the samples of weight times power 0 to 6 of u, the fraction of the step. step: its length in s.
     """
     if order == 1:
         m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
@@ -116,10 +117,10 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
 
 @compiled
 def slopes_at_times(times, slopes, columns, t, order):
-    """Return, like `at_times`, the order-th time derivative of tangents at times t, (n, columns.size).
+    """Return the order-th time derivative (0 to 2) of tangents at increasing times t, (n,): shape (n, columns.size).
 
-    slopes: value, slope, curvature (and factor k) of all tangents at the nodes, (s, k, 3 or 4). columns: indices of the
-    wanted tangents.
+    times: times of the nodes, (s,). slopes: value, slope, curvature (and factor k, see `quintic`) of all p tangents at
+    the nodes, (s, p, 3 or 4). columns: indices of the tangents to evaluate.
     """
     k, four = columns.size, slopes.shape[2] > 3
     values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0

@@ -27,15 +27,16 @@ SLOPES = {
 
 
 class NoSlopeError(Exception):
-    """The source contains something that cannot be differentiated here."""
+    """The source contains something that this module cannot differentiate."""
 
 
 def derivative_source(source: str, name: str, seeds: list[str]) -> str:
-    """Return the source of a function `name` that returns a function's value and its derivatives by the seeds.
+    """Return the source of a function `name` that returns the value of a given function and its derivatives.
 
-    source: source of the function. seeds: variables by which to differentiate: arguments, or items of one such as
-    `p[0]`. The new function has the same arguments, and returns a tuple (value, one derivative for each seed). Raises
-    NoSlopeError unless the function consists of assignments to names and a return, in operations known here.
+    source: source of the given function. seeds: variables by which it is differentiated: arguments, or items of an
+    argument such as `p[0]`. The new function has the same arguments and returns a tuple: the value, then one derivative
+    for each seed. Raises NoSlopeError unless the given function consists of assignments to names and a return, in
+    operations that this module knows.
     """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
@@ -61,8 +62,8 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
 class _Lines:
     """Builder of a function body in which each line is one operation on names and numbers.
 
-    A value is represented by its name, and by the names of its derivatives as a mapping from the seeds on which it
-    depends.
+    A value is represented by the text of its name or number, and by a mapping from each seed (a variable by which is
+    differentiated) on which it depends to the text of its derivative.
     """
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
@@ -71,7 +72,7 @@ class _Lines:
         self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
 
     def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
-        """Append lines that evaluate an expression; return the names of its value and, by seed, of its derivatives.
+        """Append lines that evaluate an expression; return the texts of its value and, by seed, of its derivatives.
 
         Raises NoSlopeError if the expression cannot be differentiated here.
         """
@@ -125,10 +126,10 @@ class _Lines:
         return name
 
     def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
-        """Append the lines of the chain rule; return the names of the derivatives, by seed.
+        """Append the lines of the chain rule for one operation; return the texts of its derivatives, by seed.
 
-        parts: for each argument of an operation the text of the partial derivative, and the argument's own derivatives,
-        by seed. The result is the sum of their products.
+        parts: for each argument of the operation, the text of the partial derivative of the result by it, and the
+        derivatives of the argument by seed. The result is the sum of their products.
         """
         slopes_by_seed: dict[str, str] = {}
         for factor, slopes in parts:
@@ -149,8 +150,9 @@ class _Lines:
 def difference_source(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
     """Return the source of a function `name` that returns a value and its derivatives by central differences.
 
-    call: text that computes the value, with each seed in braces. arguments: arguments of the new function. seeds: for
-    each seed the text of its step.
+    call: text of an expression that computes the value, with each seed in braces. arguments: arguments of the new
+    function. seeds: variables by which is differentiated, with the text of the step of each. The function returns a
+    tuple: the value, then one derivative for each seed.
     """
     plain = {seed: seed for seed in seeds}
     lines, returned = [], [call.format_map(plain)]

@@ -13,31 +13,34 @@ from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
-"""Error of a step, relative to the amplitude (conventional)."""
+"""Default tolerance of a step: its error relative to the amplitude (conventional)."""
 MAX_STEPS_PER_CYCLE = 4000
-"""Most steps per cycle on average; a trajectory that needs more counts as one that escapes (conventional)."""
+"""Greatest mean number of steps per cycle; a trajectory that needs more counts as one that escapes to infinity
+(conventional)."""
 ROUNDED = 5e-4
-"""If ε = 0, forces that are steep (but continuous) at v = 0 are smoothed within this fraction of the peak velocity
+"""If ε = 0, forces that are steep but continuous at v = 0 are smoothed within this fraction of the peak velocity
 (conventional)."""
 PARTS = 3
-"""`Motion.refined` divides each step into this many parts, short enough for the trapezoidal rule (conventional)."""
+"""Number of parts into which `Motion.refined` divides each step, so that they are short enough for integrals by the
+trapezoidal rule (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
-"""Recorded quantities; the index is the order of the time derivative."""
+"""Quantities that a record can contain; the index of each is its order as a time derivative."""
 NONE, PARAMETERS, ALL = 0, 1, 2
-"""Which tangents (derivatives) `Solver.solve` computes: none, by the parameters, or by the parameters and g and h."""
+"""Values of the argument `tangents` of `Solver.solve`, which selects the derivatives to compute: none, by the
+parameters, or by the parameters and by the deviations g and h."""
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
-"""The damping terms that share one kernel, which is compiled once."""
+"""Names of the damping terms in the shared kernel, which is compiled only once for all oscillators with these terms."""
 SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
-"""The restoring laws that share one kernel with the terms in `SHIPPED`."""
+"""Names of the restoring laws in the shared kernel, together with the terms in `SHIPPED`."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Two points and two weights for each window of samples, which give the mean over the window.
+    """Two points and two weights for each of n windows of samples, from which the mean over the window is computed.
 
-    The weighted sum of the values at the two points is the mean over the samples: exactly for a cubic polynomial (it is
-    the two-point Gauss rule for the sample times), and within 1e-8 of the amplitude for an oscillation if a window is
-    at most 1/80 of a cycle.
+    The weighted sum of a function's values at the two points is the mean over the samples: exactly for a cubic
+    polynomial (it is the two-point Gauss rule for the sample times), and within 1e-8 of the amplitude for an
+    oscillation if a window is at most 1/80 of a cycle.
 
     Attributes
     ----------
@@ -74,18 +77,18 @@ class Windows:
         return cls(times, np.column_stack([high, -low]) / root[:, None])
 
     def first(self, count: int) -> Windows:
-        """Return the first `count` windows."""
+        """Return the points and weights of only the first `count` windows."""
         return Windows(self.times[:count], self.weights[:count])
 
 
 @dataclass(frozen=True)
 class Points:
-    """Times at which a motion is evaluated; with weights, times 0 and 1 give one value, 2 and 3 the next, and so on.
+    """Times at which a motion is evaluated: one for each value, or two whose weighted mean is the value.
 
     Attributes
     ----------
     t : ndarray, shape (n,) or, with weights, (2n,)
-        Times in s, increasing.
+        Times in s, increasing. With weights, the first two give the first value, the next two the second, and so on.
     weights : ndarray, shape (n, 2), or None
         Weights of each pair of times in its mean; None if each time gives a value of its own.
     """
@@ -94,7 +97,7 @@ class Points:
     weights: np.ndarray | None = None
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the weighted mean of each pair, (n, ...), from values at the times; without weights, the values."""
+        """Return the weighted mean of each pair of values, (n, ...); without weights, return the values themselves."""
         if self.weights is None:
             return values
         first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
@@ -103,11 +106,12 @@ class Points:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Tangents (derivatives by the parameters) at the nodes of the integration, to be interpolated at the samples.
+    """Tangents (derivatives of a motion by parameters) at the nodes of the integration, for interpolation.
 
-    times: of the nodes in s, (s,). slopes: tangents by all parameters of the kernel, (s, k, 4). columns: indices of the
-    solver's parameters among these, (p,). points: where to evaluate. order: 0 for the angle, 1 for the velocity, 2 for
-    the acceleration.
+    times: of the s nodes, in s, (s,). slopes: tangents by all k parameters of the kernel, with their first and second
+    time derivative and a correction (see `dense`), (s, k, 4). columns: indices of the solver's own p parameters among
+    these k, (p,). points: times at which the tangents are evaluated. order: 0 for tangents of the angle, 1 of the
+    velocity, 2 of the acceleration.
     """
 
     times: np.ndarray
@@ -117,7 +121,7 @@ class Slopes:
     order: int
 
     def at_samples(self) -> np.ndarray:
-        """Return the tangents at each sample, (n, p)."""
+        """Return the tangents at each of n samples, (n, p), by interpolation."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         values = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
@@ -133,7 +137,7 @@ class Motion:
     y : ndarray, shape (n,)
         Values of the recorded quantity at the samples.
     slopes : ndarray, shape (n, k), or Slopes
-        Their derivatives by the parameters, or an object from which `tangents` computes them.
+        Derivatives of y by the k parameters, or an object from which `tangents` computes them.
     times : ndarray, shape (s,)
         Times of the nodes in s.
     states : ndarray, shape (s, 4)
@@ -173,10 +177,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Indices of a solver's terms and parameters in its kernel, which may have more of them.
+    """Indices of a solver's damping terms and parameters in its kernel, which may have more of them.
 
-    terms: indices of the damping terms, (m,). given: indices of their further parameters, (e,). further: number of
-    further parameters in the kernel. law: index of the restoring law. most: largest number of parameters of a law.
+    terms: indices of the m damping terms, (m,). given: indices of their e parameters besides the coefficients among
+    those of the kernel, (e,). further: number of these in the kernel. law: index of the restoring law in the kernel.
+    most: largest number of parameters of a restoring law in the kernel.
     """
 
     terms: np.ndarray
@@ -222,27 +227,30 @@ class Solver:
 
     @property
     def slowness(self) -> float:
-        """Return the number of the record's cycles for each integrated cycle, here 1 (see `AveragedSolver`)."""
+        """Return the number of the record's cycles for each integrated cycle: here 1, but more in `AveragedSolver`."""
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver without windows for another quantity at other times t, (n,), in s, within the knots."""
+        """Return a solver without windows for another quantity at other times t in s, (n,), before the last knot."""
         return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Return the kernel, compiled at its first call; all terms and laws that ship share one kernel."""
+        """Return the compiled kernel for the terms and the law; all shipped terms and laws share one kernel."""
         terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
         return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
 
     @cached_property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' further arguments (`DampingTerm.further`), term by term."""
+        """Return the names of the terms' arguments after ε (`DampingTerm.further`), term by term."""
         return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the parameter names of `solve`: coefficients, `further`, the restoring law's, theta0, omega0."""
+        """Return the names of the parameters that `solve` takes, in order.
+
+        They are the coefficients, `further`, the parameters of the restoring law, theta0 and omega0.
+        """
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
 
@@ -254,7 +262,7 @@ class Solver:
 
     @cached_property
     def inferred(self) -> tuple[str, ...]:
-        """Return the names of the terms' inferred parameters other than their coefficients."""
+        """Return the names of the terms' inferred parameters other than their coefficients, term by term."""
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
@@ -286,17 +294,17 @@ class Solver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion | None:
-        """Integrate the equation of motion; return None if the trajectory escapes or needs too many steps.
+        """Integrate the equation of motion; return None if the trajectory escapes to infinity or needs too many steps.
 
         Parameters
         ----------
         p
             Parameters in the order of `names`, (k,).
         active
-            Which terms are switched on, (m,).
+            Which terms are switched on, (m,) of bool.
         g, h
-            Relative deviations of the damping (factor 1 + g) and of the frequency (the restoring force has the factor
-            1 + 2h) at the knots; 0 by default.
+            Relative deviations of the damping (factor 1 + g) and of the frequency (the restoring force has the factor 1
+            + 2h) at the knots; 0 by default.
         tangents
             Which derivatives to compute: `NONE`, by `PARAMETERS`, or by `ALL` (parameters, g and h).
         stop
@@ -357,18 +365,18 @@ class Solver:
         active: np.ndarray,
         epsilon: float | None = None,
     ) -> np.ndarray:
-        """Return the sums over points of weight times force, for each term per unit of its coefficient, (d, m).
+        """Return sums over n points of weight times force, (d, m), for each of m terms per unit of its coefficient.
 
         Parameters
         ----------
         x, v, weight
             Displacement (rad), velocity (rad/s) and weight of each point, (n,).
         further
-            Values of the terms' further parameters; each of the d rows, (d, e), gives one row of sums.
+            Values of the terms' parameters in `further`, (d, e): d sets, each of which gives one row of sums.
         active
-            Which terms are switched on, (m,); the sums of the others are 0.
+            Which terms are switched on, (m,) of bool; the sums of the others are 0.
         epsilon
-            Width ε; by default the solver's.
+            Width ε in rad/s; by default the solver's.
         """
         layout, m = self._layout, len(self.kernel.terms)
         switched, q = np.zeros(m, bool), np.zeros((len(further), layout.further))
@@ -380,7 +388,10 @@ class Solver:
         return out[:, layout.terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
-        """Return the ε of dry friction, and the ε of steep continuous forces, which is never 0 (see `ROUNDED`)."""
+        """Return the ε of dry friction, and the ε of forces that are steep but continuous at v = 0.
+
+        They are equal to `epsilon`, except that the second is never 0 (see `ROUNDED`).
+        """
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
 
