@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.physics.forces import newton_many, slope_of
+from bayesdamp.physics.forces import Force, newton_many, slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 
 NODES, NEWTON_STEPS, CENTRING_STEPS = 32, 30, 8
@@ -29,6 +29,33 @@ _LEGENDRE_INTEGRALS = 0.5 * (np.column_stack([np.ones(NODES), _P[:, : NODES - 1]
 TO_TURNING_POINT = 0.5 * np.pi * (_LEGENDRE_INTEGRALS @ (_P[:, :NODES].T * _W))
 """Matrix (nodes, nodes) that integrates: its product with the values of a function at the nodes gives the integrals of
 the function over φ from each node to the upper turning point at π/2."""
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Half a cycle of the undamped motion, from the lower turning point to the upper; NaN where no such motion exists.
+
+    Attributes
+    ----------
+    energy : ndarray, shape (...)
+        Potential energy per inertia at the turning points above that at the equilibrium, in rad²/s² or m²/s².
+    x, velocity, weight : ndarray, shape (..., NODES)
+        Positions (rad or m) at quadrature nodes, velocities there, and quadrature weights dx.
+    upper, lower : ndarray, shape (...)
+        Restoring force per inertia at the upper and the lower turning point, in rad/s² or m/s².
+    """
+
+    energy: np.ndarray
+    x: np.ndarray
+    velocity: np.ndarray
+    weight: np.ndarray
+    upper: np.ndarray
+    lower: np.ndarray
+
+    @property
+    def period(self) -> np.ndarray:
+        """Return the period of the oscillation, in s, shape (...)."""
+        return 2.0 * np.sum(self.weight / self.velocity, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -55,6 +82,40 @@ def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray
     return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON_STEPS)
 
 
+def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
+    """Return the undamped motion about an equilibrium. Arrays broadcast.
+
+    Parameters
+    ----------
+    force
+        Restoring force per inertia at positions (..., n).
+    rest
+        The equilibrium, rad or m, shape (...).
+    amplitude
+        Half the distance between the turning points, rad or m, shape (...), as in a record.
+    """
+    rest, a = (np.asarray(v, float)[..., None] for v in np.broadcast_arrays(rest, amplitude))
+    with np.errstate(all="ignore"):  # invalid values occur where no periodic motion exists
+        c = rest
+        for _ in range(CENTRING_STEPS):
+            # Both turning points have the same potential energy: ∫ F dx between them is zero. With x = c + a sin φ,
+            # Newton's step is c -= ∫ F dx / (F(c + a) − F(c − a)).
+            mean_force = np.sum(WEIGHT * COSINE * force(c + a * SINE), axis=-1, keepdims=True)
+            c = c - a * mean_force / (force(c + a) - force(c - a))
+        x = c + a * SINE
+        # Undamped, v² = 2 ∫ F dx from x to the upper turning point.
+        squared_velocity = 2.0 * a * ((COSINE * force(x)) @ TO_TURNING_POINT.T)
+        # The energy is ∫ F dx from the equilibrium to the upper turning point.
+        half = 0.5 * (c + a - rest)
+        energy = half * np.sum(_W * force(rest + half * (_T + 1.0)), axis=-1, keepdims=True)
+        upper, lower = force(c + a), force(c - a)
+        exists = np.all(squared_velocity > 0, axis=-1, keepdims=True) & (slope_of(force, rest) > 0)
+        exists = exists & (upper > 0) & (lower < 0)
+        values = (energy, x, np.sqrt(squared_velocity), WEIGHT * a * COSINE, upper, lower)
+    energy, x, velocity, weight, upper, lower = (np.where(exists, v, np.nan) for v in values)
+    return Orbit(energy[..., 0], x, velocity, weight, upper[..., 0], lower[..., 0])
+
+
 def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike) -> Cycle:
     """Return the cycle of the undamped motion at an amplitude, and the work of the damping force along it.
 
@@ -74,42 +135,20 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike)
     given = {n: np.asarray(p[n], float) for n in osc.inputs if n in p}
     shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(near))
     column = {n: np.broadcast_to(v, shape)[..., None] for n, v in given.items()}
-    a = np.broadcast_to(np.asarray(amplitude, float), shape)[..., None]
 
     def force(x: np.ndarray) -> np.ndarray:
         return osc.law.force(x, column)
 
-    with np.errstate(all="ignore"):  # invalid values occur where no periodic motion exists
-        rest = newton_many(force, np.broadcast_to(np.asarray(near, float), shape)[..., None], NEWTON_STEPS)
-        c = rest
-        for _ in range(CENTRING_STEPS):
-            # Both turning points have the same potential energy: ∫ F dx between them is zero. With x = c + a sin φ,
-            # Newton's step is c -= ∫ F dx / (F(c + a) − F(c − a)).
-            mean_force = np.sum(WEIGHT * COSINE * force(c + a * SINE), axis=-1, keepdims=True)
-            c = c - a * mean_force / (force(c + a) - force(c - a))
-        # Undamped, v² = 2 ∫ F dx from x to the upper turning point.
-        squared_velocity = 2.0 * a * ((COSINE * force(c + a * SINE)) @ TO_TURNING_POINT.T)
-        velocity = np.sqrt(squared_velocity)
-        upper, lower = force(c + a), force(c - a)
-        # The energy is ∫ F dx from the equilibrium to the upper turning point.
-        half = 0.5 * (c + a - rest)
-        energy = half * np.sum(_W * force(rest + half * (_T + 1.0)), axis=-1, keepdims=True)
-        x = c + a * SINE
+    rest = newton_many(force, np.broadcast_to(near, shape)[..., None], NEWTON_STEPS)[..., 0]
+    orbit = orbit_about(force, rest, np.broadcast_to(amplitude, shape))
+    with np.errstate(all="ignore"):
         # Forward and return half: the work is ∫ (F_damp(x, v) − F_damp(x, −v)) dx.
-        drag = osc.damping_force(x, velocity, column) - osc.damping_force(x, -velocity, column)
-        exists = np.all(squared_velocity > 0, axis=-1, keepdims=True) & (slope_of(force, rest) > 0)
-        exists = exists & (upper > 0) & (lower < 0)
-        period = 2.0 * np.sum(WEIGHT * a * COSINE / velocity, axis=-1, keepdims=True)
-        # dE/dA follows from dE = F₊ dx₊ = F₋ dx₋ at the two turning points, and dA = (dx₊ − dx₋) / 2.
-        energy_slope = -2.0 * upper * lower / (upper - lower)
-        energy_lost = np.sum(WEIGHT * a * COSINE * drag, axis=-1, keepdims=True)
-
-    def where_exists(value: np.ndarray) -> np.ndarray:
-        return np.where(exists, value, np.nan)[..., 0]
-
-    return Cycle(
-        period=where_exists(period),
-        energy=where_exists(energy),
-        energy_slope=where_exists(energy_slope),
-        energy_lost=where_exists(energy_lost),
-    )
+        drag = osc.damping_force(orbit.x, orbit.velocity, column)
+        drag = drag - osc.damping_force(orbit.x, -orbit.velocity, column)
+        return Cycle(
+            period=orbit.period,
+            energy=orbit.energy,
+            # dE/dA follows from dE = F₊ dx₊ = F₋ dx₋ at the two turning points, and dA = (dx₊ − dx₋) / 2.
+            energy_slope=-2.0 * orbit.upper * orbit.lower / (orbit.upper - orbit.lower),
+            energy_lost=np.sum(orbit.weight * drag, axis=-1),
+        )

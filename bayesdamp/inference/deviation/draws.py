@@ -19,8 +19,9 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.forces import by_kernel, frequency_over, on_arrays
+from bayesdamp.physics.forces import by_kernel, frequency_over
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.orbit import Orbit, orbit_about
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
@@ -42,15 +43,7 @@ LEAST_CYCLE_MEANS = 8
 """Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles."""
 UNNAMED_DRAWS = 400
 """Number of draws in `unnamed_share`, from all candidates together."""
-ORBIT_POINTS = 200
-"""Number of quadrature points in half a cycle for the work of the damping."""
-CENTRE_BRACKETS = (1e-3, 0.03, 0.1, 0.25, 0.5)
-"""`orbit_at` searches the middle of an orbit in brackets about the equilibrium with these half widths, in amplitudes;
-they are tried in turn."""
-_ORBIT_PHASES = (np.arange(ORBIT_POINTS) + 0.5) / ORBIT_POINTS * np.pi - 0.5 * np.pi
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
-_X, _W = np.polynomial.legendre.leggauss(48)
-_X_PART, _W_PART = np.polynomial.legendre.leggauss(4)
 
 
 @dataclass(frozen=True)
@@ -219,65 +212,14 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
 
 
-@dataclass(frozen=True)
-class Orbit:
-    """Half a cycle of the undamped oscillation, from one turning point to the other.
-
-    Attributes
-    ----------
-    energy : float
-        Energy per unit of inertia, in rad²/s² or m²/s²; it is 0 for a body at rest at the equilibrium.
-    x, speed, width : ndarray, shape (n,)
-        Positions (rad or m) at quadrature points, speeds there (rad/s or m/s), and quadrature weights dx (rad or m).
-    """
-
-    energy: float
-    x: np.ndarray
-    speed: np.ndarray
-    width: np.ndarray
-
-    @property
-    def frequency(self) -> float:
-        """Return the frequency of the undamped oscillation, in rad/s."""
-        return float(np.pi / np.sum(self.width / self.speed))
-
-
 @lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude about the equilibrium `rest` (both in rad or m).
+    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it would escape.
 
-    None if there is no such orbit, because the motion would escape over a potential barrier. law: parameters of the
-    restoring law.
+    law: parameters of the restoring law.
     """
-    force = on_arrays(LAWS.get(restoring).kernel)
-
-    def potential(x: float) -> float:
-        half = 0.5 * (x - rest)
-        return float(half * (force(rest + half * (_X + 1), law) @ _W))
-
-    def end_difference(shift: float) -> float:
-        return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
-
-    # About its middle the orbit has equal potential at both ends. Try narrow brackets first: a wide one may reach
-    # beyond the potential barrier of a softening spring.
-    reaches = (share * amplitude for share in CENTRE_BRACKETS)
-    reach = next((r for r in reaches if end_difference(-r) < 0 < end_difference(r)), None)
-    if reach is None:
-        return None
-    centre = rest + float(
-        scipy.optimize.brentq(end_difference, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300))
-    )  # type: ignore[arg-type]
-    energy = potential(centre + amplitude)
-    x = centre + amplitude * np.sin(_ORBIT_PHASES)
-    # Potential at all points: four Gauss nodes between neighbours suffice, and need a twelfth of the forces.
-    half = 0.5 * np.diff(x)
-    parts = half * (force(x[:-1, None] + half[:, None] * (_X_PART + 1), law) @ _W_PART)
-    inside = potential(x[0]) + np.concatenate([[0.0], np.cumsum(parts)])
-    if inside.max() > energy * (1 + 1e-9):
-        return None
-    speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
-    width = amplitude * np.cos(_ORBIT_PHASES) * np.pi / ORBIT_POINTS
-    return Orbit(energy, x, speed, width)
+    orbit = orbit_about(by_kernel(LAWS.get(restoring).kernel, np.array(law)), rest, amplitude)
+    return orbit if np.isfinite(orbit.energy) else None
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
@@ -354,8 +296,8 @@ def unit_works(
     epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s, by default that of the
     solver.
     """
-    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
-    weight = np.concatenate([orbit.width, -orbit.width])
+    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.velocity, -orbit.velocity])
+    weight = np.concatenate([orbit.weight, -orbit.weight])
     return solver.works(x, v, weight, further, active, epsilon)
 
 

@@ -290,7 +290,12 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
                 continue
             frequency, size, law = balanced_frequency, amplitude, d.result.law
             # Correct the error of harmonic balance by that at the mode.
-            scale = orbit.frequency / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
+            scale = (
+                2
+                * np.pi
+                / float(orbit.period)
+                / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
+            )
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
         for law, shift in zip(d.law[::step], h[::step], strict=True):
             rest = _rest_of_draw(d.result, law)

@@ -99,7 +99,7 @@ def free_curve(
             continue
         share = float(np.clip(np.interp(-np.log(a), -np.log(sizes), times) / data.end, 0, 1))
         # Work of a viscous force 2 θ̇ in a cycle: ∮ 2 v dx, twice that of the half cycle.
-        work = float(solver.works(orbit.x, orbit.speed, 2 * orbit.width, np.zeros((1, 0)), ones)[0, 0])
+        work = float(solver.works(orbit.x, orbit.velocity, 2 * orbit.weight, np.zeros((1, 0)), ones)[0, 0])
         factor = zeta * np.exp(at_fraction(g, share)) / (1 + at_fraction(h, share))
         q = np.quantile(factor, (0.5, 0.025, 0.975))
         ratio[i], lost[i] = q * work / (4 * np.pi * orbit.energy), q * work
