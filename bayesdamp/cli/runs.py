@@ -53,7 +53,7 @@ def choose_folder(study: Study) -> Path:
     InputError
         If a file has the name of the folder, or if there are too many folders.
     """
-    for name in (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_ANSWERS))):
+    for name in (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_ANSWERS + 1))):
         folder = check_folder(None, name)
         if not has_other_study(study, folder):
             return folder

@@ -19,7 +19,7 @@ from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_note
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
-from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.record import EnvelopeRecord, level_unit
 from bayesdamp.store import DAMPING_CURVES, TaskResult
 from bayesdamp.store.files import save_bytes
 from bayesdamp.types import OK, InputError
@@ -171,7 +171,7 @@ class Comparison(Result):
         answer, unit = self.answers[first], unit_named(self.units[first])
         if answer.content.envelope is not None:
             three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
-            draw_envelope(three, answer.arrays, answer.verdict, unit.name)
+            draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
             return three
         recorded = unit.of(self.quantities[first])
         show_in_notebook()

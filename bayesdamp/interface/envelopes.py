@@ -12,7 +12,7 @@ from bayesdamp.inference.envelope.posterior import RateLikelihood
 from bayesdamp.inference.envelope.sums import distinguishable_sums, list_assumptions
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude import SUMS
-from bayesdamp.records.envelope.record import EnvelopeRecord
+from bayesdamp.records.envelope.record import EnvelopeRecord, level_unit
 from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent
@@ -102,7 +102,7 @@ def answer_envelope(
     arrays = {"t": t, "level": level}
     if result.curve is not None:
         arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}
-    drawn = picture(arrays, result.verdict, record.unit if record.logarithmic else f"dB of 1 {record.unit}")
+    drawn = picture(arrays, result.verdict, level_unit(record.unit))
     arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
     likelihoods = result.likelihoods if repeated else {}
     numbers = {name: split(value, arrays, f"{LIKELIHOOD}{name}") for name, value in likelihoods.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,9 @@ def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
     assert bd.load(result.save(tmp_path / "r.npz")).verdict.to_dict() == result.verdict.to_dict()
     page = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
     assert page.count("data:image/png") == 1
-    assert len(result.plot()) == 3
+    assert result.plot()[0].get_ylabel() == "level / dBm"
+    in_volts = replace(record, unit="V", level=record.level + 60)
+    assert bd.compare(in_volts).plot()[0].get_ylabel() == "level / dB of 1 V"
     many = bd.compare([record, make_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)
     assert many.verdict.records == 2
     assert [item.verdict.record for item in many.records] == ["r", "s"]

@@ -72,6 +72,11 @@ class EnvelopeRecord:
         return 10.0 ** (level / (10.0 if self.unit in POWER else 20.0)), self.unit
 
 
+def level_unit(unit: str) -> str:
+    """Return the unit of the levels of a record in `unit`: dB of 1 V for V; a unit of DECIBELS stays."""
+    return unit if unit in DECIBELS else f"dB of 1 {unit}"
+
+
 def unit_in(name: str) -> str | None:
     """Return the unit of DECIBELS or POWER that a column's name contains; None if it contains none or several."""
     words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
