@@ -110,9 +110,10 @@ def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
-    """Return `_statistics` of PREDICTIVE_DRAWS series of n standard normal values, (2, PREDICTIVE_DRAWS).
+    """Return the two statistics of `_statistics` for simulated white noise, (2, PREDICTIVE_DRAWS).
 
-    They are cached, as they are the same for all models.
+    The noise consists of PREDICTIVE_DRAWS series of n standard normal values. lags: greatest lag of the first
+    statistic. The result is cached, because it is the same for all models.
     """
     noise = np.random.default_rng(seed + 1)
     return np.stack([_statistics(noise.standard_normal(n), lags) for _ in range(PREDICTIVE_DRAWS)], axis=1)

@@ -14,10 +14,11 @@
 | coulomb_torque | N m | inertia · μ_c (N for a translation) |
 | quadratic_coefficient | N m s² | inertia · μ_q (N s²/m² for a translation) |
 
-E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force in a cycle of this motion,
-both by quadrature with the restoring law of the model. By first-order averaging, the amplitude changes by −ΔE/(dE/dA)
-in a cycle. For a linear oscillator with viscous damping the half-life is exact, and the relative error of the decrement
-is half the damping ratio squared.
+F′_rest is the derivative of the restoring force by the position, F′_damp that of the damping force by the velocity,
+both per unit of inertia. E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force
+in a cycle of this motion, both by quadrature with the restoring law of the model. By first-order averaging, the
+amplitude changes by −ΔE/(dE/dA) in a cycle. For a linear oscillator with viscous damping the half-life is exact, and
+the relative error of the decrement is half the damping ratio squared.
 """
 
 from __future__ import annotations
@@ -91,7 +92,10 @@ class Motions:
 
     @cached_property
     def damping_ratio(self) -> np.ndarray | None:
-        """The damping ratio F′_damp/(2ω_n) of each draw at the equilibrium; None if no damping term is linear there."""
+        """The damping ratio of each draw at the equilibrium; None if no damping term is linear in the velocity there.
+
+        It is F′_damp/(2ω_n), with the derivative F′_damp of the damping force by the velocity.
+        """
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
             return None

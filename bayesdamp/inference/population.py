@@ -25,7 +25,8 @@ HISTOGRAM_BINS = 150
 LOCATIONS, SCALES = 121, 81
 """Numbers of values of the location m and of the scale τ on the grid."""
 GRID_SDS = 9.0
-"""Half-width of the grid of m at each τ, in standard deviations of m given τ."""
+"""Half-width of the grid of m at each τ, in standard deviations of m given τ and the records (for a flat prior of
+m)."""
 LARGEST_TAU = 4.0
 """Largest τ on the grid, in units of the prior scale of m; the prior probability beyond is below 1e-4."""
 FAR_FROM_ZERO = 8.0

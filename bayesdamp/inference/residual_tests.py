@@ -52,7 +52,8 @@ NEAR_REST = 0.1
 """Width of the velocity range in which the tested form "friction near rest" acts, as a fraction of the largest
 velocity."""
 REVERSAL_WIDTH = 0.02
-"""Width of the velocity range within which this friction changes its sign, as a fraction of the largest velocity."""
+"""Width of the velocity range within which the tested form "friction near rest" changes its sign, as a fraction of the
+largest velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
 """A force is not tested if at most this fraction of its direction's length remains after the fitted directions are
 projected out: fitted parameters can then replace the force."""
@@ -82,10 +83,10 @@ def find_spectral_line(
 ) -> SpectralLine:
     """Find the most significant peak in the spectrum of whitened residuals.
 
-    Tested are bands of frequencies at the oscillation, its overtones and low frequencies, and the largest peak of the
-    periodogram. In a band, the squared projection of the residuals on waves from which the fitted directions are
-    projected out is chi-square distributed. The largest of m ordinates of the periodogram exceeds x with probability 1
-    − (1 − e^−x)^m (Fisher 1929).
+    It tests bands of frequencies at the oscillation, at its overtones and at low frequencies, and the largest peak of
+    the periodogram. In a band, the squared projection of the residuals on waves, from which the fitted directions are
+    projected out, is chi-square distributed. The largest of m ordinates of the periodogram exceeds x with probability
+    1−(1−e^−x)^m (Fisher 1929).
 
     Parameters
     ----------

@@ -21,9 +21,9 @@ COARSEST_ERROR = 1.0
 """Largest error of the motion in the first search, in units of the noise's standard deviation divided by √n for a
 record of n samples (conventional)."""
 MOST_RESIDUAL = 1.5
-"""A maximum is not a mode if its root mean square residual is more than this many standard deviations of the record. A
-motion of the right amplitude but without phase relation has √2. If it is more, correlated noise explains the
-oscillation instead of the motion."""
+"""A local maximum of the posterior is rejected if its root mean square residual is more than this many standard
+deviations of the record: correlated noise then explains the oscillation instead of the motion. A motion of the right
+amplitude but without phase relation to the record has √2."""
 IN_PHASE_RESIDUAL = 0.3
 """A motion counts as in phase with the record if its root mean square residual is below this many standard deviations
 of the record, or below 1.5 times the noise."""
@@ -200,7 +200,7 @@ def find_mode(
 def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
     """Return the start at scores z, (d,); parameters of the noise are estimated from the residuals there, if finite.
 
-    tolerance: largest error of the motion, in the unit of the record.
+    seeds: origins of z. tolerance: largest error of the motion, in the unit of the record.
     """
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)

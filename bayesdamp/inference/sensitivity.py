@@ -39,13 +39,14 @@ do not determine the density at zero (conventional)."""
 POLYNOMIAL_DEGREE = 3
 """Degree of the polynomial that approximates the log density of a coefficient between zero and the median."""
 LOWER_FRACTION = 0.5
-"""The polynomial is fitted to the smallest draws; this is their fraction of all draws."""
+"""The density of a coefficient at zero is estimated from a polynomial, which is fitted to this fraction of the draws,
+the smallest ones."""
 FAR_FROM_ZERO = 0.5
 """If the smallest draw is larger than this fraction of the median, the draws do not determine the density at zero."""
 QUADRATURE_NODES = 400
-"""Number of Gauss–Legendre nodes of the integral that normalises the exponential of the polynomial."""
+"""Number of Gauss–Legendre nodes for the integral that normalises a density whose logarithm is a polynomial."""
 MOST_NEWTON_STEPS = 100
-"""Greatest number of Newton steps in the fit of the polynomial."""
+"""Greatest number of Newton steps in the fit of the polynomial of the log density near zero."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,10 @@ class Widths:
 
 
 def scale_prior(prior: Prior, factor: float) -> Prior | None:
-    """Return a half-normal or lognormal prior with scale or sigma multiplied by a factor; None for any other prior."""
+    """Return a copy of a prior that is wider by a factor; None unless it is half-normal or lognormal.
+
+    The factor multiplies the scale of a half-normal prior, and sigma of a lognormal prior.
+    """
     if isinstance(prior, HalfNormal):
         return HalfNormal(scale=prior.scale * factor)
     if isinstance(prior, LogNormal):
@@ -122,7 +126,10 @@ def evidence_by_prior_width(
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in varied}
 
     def evidence_at(factor: float, seed: int) -> tuple[float, float, float, bool, bool]:
-        """Return log_evidence, stderr, effective, anew and trusted of `Widths` for one factor."""
+        """Compute the log evidence for one factor of the prior scales.
+
+        Returns the values of log_evidence, stderr, effective, anew and trusted in `Widths`, in this order.
+        """
         others = {n: p for n in varied if (p := scale_prior(priors[n], factor)) is not None}
         weights = log_weights.copy()
         for name, other in others.items():

@@ -40,8 +40,8 @@ LAW_PANELS = 200
 """Number of intervals in ln A over which the time of a decay is integrated numerically; its relative error is then 1e-8
 (measured)."""
 MIN_RATE = 1e-30
-"""Decay rates (1/s) by which something is divided are raised to at least this, so that an undamped amplitude stays
-constant."""
+"""Before something is divided by a decay rate (1/s), the rate is raised to at least this; an undamped amplitude then
+stays constant."""
 _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # nodes of the two-point Gauss rule on [-1, 1]
 
 Shape = Callable[[np.ndarray], np.ndarray]

@@ -17,7 +17,7 @@ from bayesdamp.types import FeatureValues, InputError, Reference, System
 Parameters = Mapping[str, float | np.ndarray]
 """Values of an oscillator's parameters by name, as scalars or arrays."""
 SEARCH_REACH, SEARCH_POINTS = 10.0, 4001
-"""Half width (rad) and number of points of the grid that is searched for an equilibrium (conventional)."""
+"""Half-width (rad or m) and number of points of the grid on which an equilibrium is searched (conventional)."""
 NEWTON_STEPS = 4
 """Number of Newton steps to the exact equilibrium from a position near it; from 0.1 rad away the result is right to
 1e-15."""
@@ -143,7 +143,7 @@ class Oscillator:
         return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
-        """Return ω_n in rad/s with an error of about 0.1 %, which is less work than `natural_frequency`.
+        """Return ω_n in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
 
         The slope of the force is its difference quotient over the grid step that contains the equilibrium. Raises
         ValueError if no stable equilibrium is within `reach` of `near`.

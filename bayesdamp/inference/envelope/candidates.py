@@ -42,8 +42,8 @@ FIT_SCALE = 30.0
 """Scale of a half-normal prior of the rates during a fit, as a multiple of the mean decay rate of the record. The prior
 keeps the fit well-conditioned if two terms have nearly the same effect; it is not part of the evidence."""
 WIDE_SD = 100.0
-"""Standard deviation of wide normal priors: of ln(A/A_ref) at the start, which is the same for all sums, and of both
-parameters in the fit of a power law, which are replaced by their actual priors afterwards."""
+"""Standard deviation of wide normal priors: of ln(A/A_ref) at the start, where A_ref is the reference amplitude, and of
+both parameters in the fit of a power law, whose priors are replaced by their actual ones after the fit."""
 NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
 """Factors by which the standard deviation of the inferred noise is multiplied; the evidence is averaged over them. They
 are used for fewer than `MANY_READINGS` blocks."""
@@ -221,7 +221,10 @@ class EnvelopeCandidate:
 
 
 def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
-    """Return a solver of the decay law at the times of the blocks. white: matrix that whitens their noise, (n, n)."""
+    """Return a solver of the decay law at the times of the blocks.
+
+    white: matrix that whitens the noise of the blocks, (n, n); None for white noise.
+    """
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
@@ -256,7 +259,7 @@ def fit_rates(
 
 
 def _guess_start(blocks: Blocks) -> float:
-    """Return a first estimate of x at the start: the mean over the first twentieth of the blocks."""
+    """Return a first estimate of ln(A/A_ref) at the start: the mean over the first twentieth of the blocks."""
     return float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
 

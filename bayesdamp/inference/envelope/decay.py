@@ -28,7 +28,8 @@ from bayesdamp.types import Refusal
 MOST_BLOCKS = 100
 """Greatest number of blocks in which the readings are averaged; enough for a decay of 40 dB and its noise."""
 MOST_WINDOW_CHANGES = 3
-"""Greatest number of times that the start or the end of the window of the decay is changed, for each reason."""
+"""Greatest number of times that the window of the decay is changed: first because of a constant level at the start,
+then because of readings that do not belong to the decay or are close to the noise floor."""
 LEAST_SHORTENING = 0.05
 """If the scatter of the readings shows a noise floor, the decay ends where it comes close to the floor, but only if
 this shortens it by at least this fraction of its readings."""
@@ -49,8 +50,8 @@ for errors of the damping laws and of the detector (conventional)."""
 EARLY_FRACTION = 0.1
 """Fraction of the blocks, at the start of the decay, that are tested for whether the later blocks predict them."""
 SURPRISE_SDS = 4.5
-"""An early block, or the sum of a few, that differs from its prediction by more than this many standard deviations does
-not belong to the decay. By chance this occurs once in 30,000 records."""
+"""An early block does not belong to the decay if it, or a sum of up to eight neighbouring blocks, differs from its
+prediction by more than this many standard deviations. By chance this occurs once in 30,000 records."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,8 @@ priors are centred on estimates from the residuals of the blocks and from differ
 LEAST_SCATTER = 1e-4
 """Smallest standard deviation of the scatter and of the white noise of ln A (1e-4, about 1e-3 dB)."""
 SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
-"""Fractions of the floor's fluctuating power that may be slow, equally probable a priori."""
+"""Values of the fraction of the floor's fluctuating power that is slow, over which results are averaged; equally
+probable a priori."""
 SLOWER_FACTOR = 4.0
 """Factor by which `Noise.slower` lengthens the correlation time of the multiplicative scatter."""
 DEVIATION_LENGTH = 0.3

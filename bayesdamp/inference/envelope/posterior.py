@@ -89,7 +89,8 @@ def draw_rates(
     rng : Generator
         Random number generator.
     sensor : float
-        Relative standard deviation of every rate by errors that the record does not show; it is added to the draws.
+        Relative standard deviation of every rate by errors that the record does not show; each draw of the rates is
+        multiplied by a random factor with this scatter.
     exact : bool
         Whether to draw from the posterior under exact laws (no deviation).
 

@@ -53,10 +53,12 @@ POSTERIOR_POINTS = 24
 """Number of points that represent the posterior of the parameters that a sum's terms have besides their
 coefficients."""
 FIRST_ROUNDS = 6
-"""Number of rounds of importance sampling in the search for the best fit of a sum whose terms have such parameters."""
+"""Number of rounds of importance sampling in the search for the best fit of a sum whose terms have parameters besides
+their coefficients."""
 LEAST_RELATIVE_RATE = 0.01
-"""A term's coefficient is expressed by its decay rate at the reference amplitude. If this is less than this fraction of
-its largest rate along the decay, the fraction of the largest rate is used instead."""
+"""In fits and priors a term's coefficient is expressed by the decay rate that it causes at the reference amplitude. If
+this is less than this fraction of its largest rate along the decay, the fraction of the largest rate is used
+instead."""
 STEEPEST_POWER = 3.0
 """Exponent p of the term of the package whose decay dA/dt ∝ -A^p is steepest (cubic damping)."""
 TABLE_MARGIN = 1.0

@@ -22,14 +22,15 @@ LINEAR_WARMUP = 50
 """Greatest number of warm-up draws with deviations from the laws: chains then start with draws from the posterior of
 the linearised model, which is close to the actual one (conventional)."""
 START_SCATTER = 1.5
-"""Standard deviation of the normal scatter that is added to a seed to get the start of a chain, in posterior standard
-deviations. It is above 1, because starts must be scattered more widely than the posterior."""
+"""The start of a chain is a seed (a point from which the mode was searched) plus normal scatter with this standard
+deviation, in posterior standard deviations. It is above 1, because starts must be scattered more widely than the
+posterior."""
 START_NATS = 5.0
 """The log density at the start of a chain is at most this many nats per parameter below that at the centre of the
 whitened coordinates, which is near the mode (conventional)."""
 SEED_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
-"""The start of a chain is moved from its seed (1) towards the centre of the whitened coordinates (0) by trying these
-fractions of the way; the first one with a large enough log density is used."""
+"""Fractions of the way from the centre of the whitened coordinates to a seed (a point from which the mode was
+searched). A chain starts at the first of these places, plus scatter, whose log density is large enough."""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Emcee(Sampler):
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Sample with two ensembles that start about the mode, until there are enough draws."""
+        """Return draws of two ensembles that start near the mode, after enough steps."""
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected

@@ -38,7 +38,7 @@ MOST_DIVERGENT = 0.002
 %.)"""
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
 """If the draws are poor (`is_poor`), sampling is repeated with the exact gradient and a step of `LEAPFROG_STEP` times
-each of these factors in turn, until they are not (conventional)."""
+each of these factors in turn, until the draws are good (conventional)."""
 MOST_DRAWS_FACTOR = 3
 """If the draws are too few, more are made, until they suffice or each chain has this multiple of the requested
 number."""

@@ -201,7 +201,7 @@ class AveragedSolver(Solver):
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Integrate the actual equation over all cycles; return complex amplitudes and midlines of blocks, (b,) each.
 
-        The argument of an amplitude is the phase relative to `real_phases` of the track. The arguments are those of
+        The phase of each complex amplitude is relative to `real_phases` of the track. p, active, g, h: as in
         `Solver.solve`. Return None if the trajectory escapes. The duration is integrated in segments, each of which
         starts from the end of the one before.
         """

@@ -27,10 +27,10 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @compiled
 def quintic(before, after, step, order):
-    """Return the coefficients of powers 0 to 6 of u for the order-th time derivative (0 to 2) of a step's polynomial.
+    """Return the coefficients of powers 0 to 6 of u in the order-th time derivative (0 to 2) of a step's solution.
 
-    u: fraction of the step (s). before, after: value, slope and curvature at the two ends; a fourth number in `before`
-    is the factor k of the correction.
+    u: fraction of the step. before, after: value, slope and curvature (first and second time derivative) at the two
+    ends; a fourth number in `before` is the factor k of the correction. step: length of the step in s.
     """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend
