@@ -325,15 +325,16 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
     return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
 
 
-def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw how much a deviation differs from its linear interpolation at a random time between knots: (n,).
+def between_knots(values: np.ndarray, fraction: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw how much a deviation differs from `at_fraction`, its linear interpolation, at a fraction of the record: (n,).
 
     values: the deviation at the k knots for n draws, (n, k). Between two knots the deviation is a Brownian bridge. Its
     variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian
-    Motion and Stochastic Calculus, 1991, 5.6.B), a sixth on average. The variance of a step is half that of the draw's
+    Motion and Stochastic Calculus, 1991, 5.6.B), and 0 at a knot. The variance of a step is half that of the draw's
     second differences, which contain no linear trend.
     """
-    sd = np.sqrt(np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 12)
+    u = fraction * (values.shape[1] - 1) % 1.0
+    sd = np.sqrt(u * (1 - u) * np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 2)
     return sd * rng.standard_normal(len(values))
 
 
@@ -346,7 +347,7 @@ def deviations_at(
     difference of `between_knots`.
     """
     share = time_fraction(d.result, amplitude)
-    return at_fraction(d.g, share) + between_knots(d.g, rng), at_fraction(d.h, share)
+    return at_fraction(d.g, share) + between_knots(d.g, share, rng), at_fraction(d.h, share)
 
 
 def ratio_at(

@@ -130,21 +130,20 @@ def test_a_candidate_counts_in_a_frequency_by_its_probability(comparison: ModelC
     assert high == pytest.approx([1.0, 1.05], rel=1e-6)
 
 
-def test_between_knots_deviations_are_a_bridge() -> None:
-    """For a random walk that is known at every eighth step, the variance between is a sixth of a knot's step on
-    average.
+@pytest.mark.parametrize("steps", [1, 4, 7])
+def test_between_knots_deviations_are_a_bridge(steps: int) -> None:
+    """For a random walk that is known at every eighth step; three standard errors of 20,000 draws are 3 %.
 
-    Three standard errors of 20,000 draws are 2 %. A straight line has no variance between knots, however steep it is.
+    At a knot nothing is added, nor to a straight line, however steep it is.
     """
     rng = np.random.default_rng(3)
-    walk = np.cumsum(rng.standard_normal((2000, 97)), axis=1)
-    knots = walk[:, ::8]
-    share = np.linspace(0, 1, 97)
-    lines = np.array([np.interp(share, share[::8], row) for row in knots])
-    want = np.mean((walk - lines)[:, :-1] ** 2)
-    found = between_knots(np.tile(knots, (10, 1)), rng)
-    assert np.mean(found**2) == pytest.approx(want, rel=0.06)  # the walk's own: a sixth, less a 64th of it
-    assert np.abs(between_knots(np.linspace(-1, 1, 9)[None] + np.zeros((5, 1)), rng)).max() < 1e-12
+    walk = np.cumsum(rng.standard_normal((20000, 97)), axis=1)
+    knots, fraction = walk[:, ::8], (40 + steps) / 96
+    linear = knots[:, 5] + steps / 8 * (knots[:, 6] - knots[:, 5])
+    drawn = between_knots(knots, fraction, rng)
+    assert np.mean(drawn**2) == pytest.approx(np.mean((walk[:, 40 + steps] - linear) ** 2), rel=0.05)
+    assert np.abs(between_knots(knots, 40 / 96, rng)).max() < 1e-6
+    assert np.abs(between_knots(np.linspace(-1, 1, 9)[None] + np.zeros((5, 1)), fraction, rng)).max() < 1e-12
 
 
 def test_a_midline_that_drifts_has_a_size(comparison: ModelComparison) -> None:
