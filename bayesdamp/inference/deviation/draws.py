@@ -326,7 +326,7 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
 
 
 def between_knots(values: np.ndarray, fraction: float, rng: np.random.Generator) -> np.ndarray:
-    """Draw how much a deviation differs from `at_fraction`, its linear interpolation, at a fraction of the record: (n,).
+    """Draw by how much a deviation differs from its linear interpolation, `at_fraction`, at `fraction`: (n,).
 
     values: the deviation at the k knots for n draws, (n, k). Between two knots the deviation is a Brownian bridge. Its
     variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian
