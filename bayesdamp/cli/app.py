@@ -30,7 +30,7 @@ COMMANDS = {
         "bayesdamp look rig.csv",
     ),
     "init": (
-        "Write a commented study of files next to them; nothing is computed, and no file is overwritten.",
+        "Write a study file with comments next to data files; nothing is computed, and no file is overwritten.",
         "bayesdamp init rig.csv",
     ),
     "study": (
@@ -38,7 +38,7 @@ COMMANDS = {
         "bayesdamp study quickstart",
     ),
     "compare": (
-        "Find which damping records have, how large it is, how well its law holds, and how certain that is.",
+        "Find which damping each record has, how large it is, how well its law holds, and how certain that is.",
         "bayesdamp compare rig.csv --quick",
     ),
     "calibrate": (
@@ -62,11 +62,11 @@ COMMANDS = {
         "bayesdamp claims --paper reports/paper --noise reports/noise",
     ),
     "doctor": (
-        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record.",
+        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small test record.",
         "bayesdamp doctor",
     ),
     "completion": (
-        "Print the shell's completion script.",
+        "Print a script that completes commands and options in your shell.",
         "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
     ),
 }
@@ -183,7 +183,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_error(one_line(refusal))
             return WRONG_INPUT
         what = f"{type(error).__name__}: {error}"
-        print_error(one_line(f"bayesdamp: internal error: {what} (BAYESDAMP_DEBUG=1 shows where)"))
+        print_error(
+            one_line(f"bayesdamp: internal error: {what} (please report it; BAYESDAMP_DEBUG=1 shows where)")
+        )
         return INTERNAL_ERROR
     if status == INTERRUPTED:
         print_error("interrupted; the same command resumes the run")

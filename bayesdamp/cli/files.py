@@ -132,7 +132,7 @@ class SingleFile:
     def _taken(self) -> InputError:
         """Return the error for a file that exists and that the command did not write."""
         what = "already exists and was not made by bayesdamp"
-        return InputError(f"{self.option} {self.path}: {what}: give another name, or remove it")
+        return InputError(f"{self.option} {self.path}: {what}; give another name, or remove it")
 
     def _refused(self, error: OSError) -> InputError:
         """Return the error for a file that the operating system does not let us write."""

@@ -64,7 +64,7 @@ def columns_table(contents: Contents) -> Table:
         y = column.values[np.isfinite(column.values)]
         ends = (f"{y.min():.6g}", f"{y.max():.6g}") if y.size else ("", "")
         rows.append((str(i), column.name or "-", shown or "-", str(y.size), *ends))
-    return Table(["", "column", "unit", "samples", "from", "to"], rows, (1, 2))
+    return Table(["no.", "column", "unit", "samples", "smallest", "largest"], rows, (1, 2))
 
 
 def view_motion(record: FileRecord) -> RecordView:
@@ -132,7 +132,7 @@ def view_envelope(
             f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
             f"The oscillation's frequency is {record.frequency:.9g} Hz."
             if record.frequency is not None
-            else f"For Q: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
+            else f"Q needs the frequency: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
         ]
     y = level if record.logarithmic else np.array([record.amplitude(float(x))[0] for x in level])
     what = f"{t.size} readings from {time_span(t[0], t[-1])}"
@@ -190,5 +190,5 @@ def plot(
     if window:
         ruler = "".join("─" if edges[0] <= i <= edges[1] else " " for i in range(columns))
         text.append(f"{ruler}\n", "cyan")
-    text.append(f"{time_span(t[0], t[-1])}, {y.min():.4g} to {y.max():.4g}")
+    text.append(f"time {time_span(t[0], t[-1])}, values {y.min():.4g} to {y.max():.4g}")
     return text

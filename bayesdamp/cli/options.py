@@ -52,13 +52,22 @@ Quantity = Annotated[
         "or level alone). By default from the file; otherwise angle.",
     ),
 ]
-Clock = Annotated[str, option(READING, "Clock of the samples: auto, as_logged or uniform.")]
+Clock = Annotated[
+    str,
+    option(
+        READING,
+        "How the times of samples are found: as_logged (the time stamps), uniform (equal steps, rebuilt from the time "
+        "stamps), or auto.",
+    ),
+]
 Start = Annotated[str, option(READING, "Start of the free decay in s, or auto.")]
 Stop = Annotated[str, option(READING, "End of the free decay in s, or auto.")]
-Runs = Annotated[str | None, option(READING, "Runs of a file with several, such as 1,3-5; by default all.")]
+Runs = Annotated[
+    str | None, option(READING, "Runs to use of a file with several runs, such as 1,3-5; by default all.")
+]
 Channels = Annotated[
     list[str] | None,
-    option(READING, "A channel of a file with several; may be repeated.", "--channel"),
+    option(READING, "A channel to use of a file with several channels; may be repeated.", "--channel"),
 ]
 Plugins = Annotated[
     list[Path] | None,
@@ -69,11 +78,18 @@ Workers = Annotated[int | None, option(RUNNING, "Number of processes; by default
 Scheduler = Annotated[
     str | None, option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
 ]
-Fresh = Annotated[bool, option(RUNNING, "Compute everything again.", "--fresh")]
-Quick = Annotated[
-    bool, option(RUNNING, "Only the answer from linearised motions, in seconds, without sampling.", "--quick")
+Fresh = Annotated[
+    bool, option(RUNNING, "Compute everything again, and do not use stored results of this run.", "--fresh")
 ]
-Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and what failed.", "--quiet", "-q")]
+Quick = Annotated[
+    bool,
+    option(
+        RUNNING,
+        "Compute only the answer from linearised motions, without sampling; takes seconds.",
+        "--quick",
+    ),
+]
+Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and errors.", "--quiet", "-q")]
 AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdict.json.", "--json")]
 
 

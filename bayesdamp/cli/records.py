@@ -35,7 +35,7 @@ _OPTIONS = {"value": "angle", "rate": "rate"}
 """Map from an argument of `read_records` that is missing in an error to the option with which a user can provide it."""
 _PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
 """Placeholders in a suggested command for values that are not known."""
-_INTRODUCTION = "in one command (check its values): "
+_INTRODUCTION = "all of this in one command (check its values): "
 MOST_SUGGESTED_OPTIONS = 3
 """Largest number of times that a file is read on trial, each time with one more missing option filled in, to suggest a
 single command that provides all of them."""

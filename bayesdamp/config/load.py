@@ -379,4 +379,4 @@ def _check_across_tables(study: Study) -> None:
     if "laplace" not in study.evidence.methods:
         for key, value in (("models.prune", study.models.prune), ("posterior.best", study.posterior.best)):
             if value is not None:
-                raise StudyError(key, 'needs "laplace" among evidence.methods; name it there')
+                raise StudyError(key, 'needs "laplace" in evidence.methods; add it there')

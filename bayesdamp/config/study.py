@@ -99,7 +99,7 @@ class FileTable(StudySection):
         0.0,
         ge=0,
         lt=1,
-        description="a fraction of the amplitude: noise that is added to a record without noise",
+        description="the sd of the noise to add to a record without noise, as a fraction of the amplitude",
     )
 
 
@@ -169,7 +169,7 @@ class EstimatorsTable(StudySection):
         ("initial", "refined"), description='a list of "initial" and "refined"'
     )
     repeats: dict[str, Annotated[int, Field(ge=1)]] = Field(
-        {}, description="a table of whole numbers: the greatest number of repeats on which a method runs"
+        {}, description="a table that gives, for a method, the greatest number of repeats on which it runs"
     )
 
 

@@ -11,6 +11,7 @@ _SYMBOLS = {
 }
 _WORDS = {
     "noise_sd": ("noise sd", "standard deviation of the noise"),
+    "log_likelihood": ("log likelihood", "natural logarithm of the likelihood of the record"),
     "noise_time": ("noise time", "correlation time of the noise"),
     "noise_dof": ("noise dof", "degrees of freedom of the noise"),
     "damping_ratio": ("small-amplitude damping ratio", "damping ratio in the limit of small amplitudes"),

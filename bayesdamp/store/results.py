@@ -45,7 +45,7 @@ HEAD_MEMBER = "cell.json"
 _ZIP_HEADER = 30
 """Bytes before the name of the first member in a zip archive (format specification, local file header)."""
 _ELSEWHERE = "choose another folder with --out"
-_FOREIGN = f"where a run's own files belong; {_ELSEWHERE}, or remove it"
+_FOREIGN = f"but a run writes its results to this name; {_ELSEWHERE}, or remove it"
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
@@ -76,12 +76,12 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
             description = None
         has_run = isinstance(description, dict) and {"name", "seed", "study"} <= description.keys()
         if taken and not has_run:
-            what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
+            what = f"contains {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
         with suppress(FileExistsError):
             create(folder / MARK_FILE, MARK_TEXT.encode())
     if not _is_marked(folder):
-        raise InputError(f"{folder / MARK_FILE}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+        raise InputError(f"{folder / MARK_FILE}: was not written by bayesdamp; {_ELSEWHERE}, or remove it")
     for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
         kind = special_kind(entry)
         if kind is not None:

@@ -104,7 +104,11 @@ def test_what_stops_a_study_is_one_line(
     full = "the disk is full; make room there, then run the same command again"
     for error, status, expected in (
         (KeyboardInterrupt(), 130, "interrupted; the same command resumes"),
-        (RuntimeError("a\nb"), 1, "internal error: RuntimeError: a b (BAYESDAMP_DEBUG=1 shows where)"),
+        (
+            RuntimeError("a\nb"),
+            1,
+            "internal error: RuntimeError: a b (please report it; BAYESDAMP_DEBUG=1 shows where)",
+        ),
         (OSError(28, "No space left on device"), 2, full),
         (InputError("rig.csv: no\nnumbers"), 2, "rig.csv: no numbers"),
         (Refusal("no peak"), 2, "no peak"),

@@ -37,7 +37,7 @@ def test_a_file_of_the_user_s_stays(
             b"t,x\n0,0.3\n# simulated by bayesdamp\n",
         ):
             (folder / name).write_bytes(content)
-            what = "already exists and was not made by bayesdamp: give another name, or remove it"
+            what = "already exists and was not made by bayesdamp; give another name, or remove it"
             assert refused(*words, name) == f"{words[-1]} {name}: {what}"
             assert (folder / name).read_bytes() == content
         (folder / name).unlink()  # the control: a new name, and then what the command itself wrote

@@ -110,7 +110,7 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
     assert "2–5 min" in text
     # The interval of another damping, or of another truth, is not shown: Coulomb has none here.
     assert text.count(" to +") == 1
-    assert page.count("Time for 2 signals together") == 1
+    assert page.count("Computing time of each method for 2 signals together") == 1
     assert "Errors against noise" in page
     assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= {
         p.name for p in (folder / "figures").iterdir()

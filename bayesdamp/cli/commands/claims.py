@@ -36,7 +36,7 @@ def claims(
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
         if not error_series(RunFolder(folder)):
-            what = "has no errors along noise, sampling or length (studies/noise*.toml)"
+            what = "has no series of errors over noise, sampling or length (as studies/noise*.toml has)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     page.write(write_page(judge_all(CLAIMS, runs), runs))
     typer.echo(out)

@@ -52,7 +52,11 @@ def compare(
     time_unit: o.TimeUnit = None,
     restoring: Annotated[
         list[str] | None,
-        o.option(COMPARED, "A restoring law to compare; may be repeated; by default all."),
+        o.option(
+            COMPARED,
+            "A restoring law to compare: linear, pendulum, duffing or horizontal_pendulum; may be repeated; by "
+            "default all.",
+        ),
     ] = None,
     damping: Annotated[
         list[str] | None,
@@ -63,13 +67,17 @@ def compare(
         ),
     ] = None,
     noise: Annotated[
-        str, o.option(COMPARED, "A noise model, or auto to choose one for each record.")
+        str,
+        o.option(
+            COMPARED,
+            "The noise model: gaussian, student_t, correlated or quantised, or auto to choose one for each record.",
+        ),
     ] = "auto",
     repeats: Annotated[
         bool,
         o.option(
             COMPARED,
-            "The records are of one specimen: fit them jointly, each from its own start.",
+            "The records are of one specimen: fit them jointly, each with its own initial conditions.",
             "--repeats",
         ),
     ] = False,
@@ -92,14 +100,17 @@ def compare(
     ] = False,
     deviation: Annotated[
         str,
-        o.option(COMPARED, "auto or law: laws may hold approximately; none: laws hold exactly."),
+        o.option(
+            COMPARED,
+            "Whether the damping and restoring laws may hold only approximately (auto, law) or hold exactly (none).",
+        ),
     ] = "auto",
     sensor: Annotated[
         float,
         o.option(
             COMPARED,
-            "Relative linearity error (sd) of the sensor, added in quadrature to that of every damping ratio; "
-            "0.002 is 0.2 %.",
+            "Relative linearity error of the sensor (standard deviation), added in quadrature to the uncertainty of "
+            "every damping ratio; 0.002 is 0.2 %.",
         ),
     ] = 0.002,
     quiet: o.Quiet = False,

@@ -156,7 +156,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     if "free/amplitude" in arrays and not law_free:
         free, low, high = (arrays[f"free/{n}"] for n in ("amplitude", "ratio_low", "ratio_high"))
         ax.fill_between(
-            free, 100 * low, 100 * high, color=LAW_FREE_COLOUR, alpha=0.45, lw=0, label="without a law"
+            free, 100 * low, 100 * high, color=LAW_FREE_COLOUR, alpha=0.45, lw=0, label="95 %, without a law"
         )
     a, laws = arrays["amplitude"], [name for name in sorted(arrays) if name.startswith("law/")]
     for name in laws:
@@ -164,7 +164,9 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         width = 0.7 if "+" in terms else 1.0
         look = {"color": colour(terms), "ls": dash(terms), "lw": width}
         ax.plot(a, 100 * arrays[name], label=words.model(terms), **look)
-    title = "Equivalent damping ratio, " + ("and each law fitted alone" if laws else "measured without a law")
+    title = "Equivalent damping ratio, " + (
+        "and each model fitted alone" if laws else "measured without a law"
+    )
     ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="%", xscale="log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
     label_with_plain_numbers(ax.xaxis)

@@ -13,7 +13,7 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.answer import exponent, overview
+from bayesdamp.report.figures.answer import MOST_COLOURED, exponent, overview
 from bayesdamp.report.figures.record import draw_motions
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
@@ -50,32 +50,56 @@ SHAPES = (
     "amplitudes means drag"
 )
 CAPTION = (
-    f"Equivalent damping ratio: {SHAPES}. A law whose line leaves both bands does not describe this record. The "
-    "residual should look like noise; a wave in it is not explained by any of these laws. Energy lost in a cycle: the "
-    "highest line belongs to the term that dissipates most at that amplitude."
+    "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
+    "record was averaged over cycles). Upper right: the equivalent viscous damping ratio of this record against "
+    "amplitude (black line) with its 95 % interval (grey band), the 95 % interval that is measured without assuming a "
+    "damping law (brown band, if it could be measured), and each compared damping model fitted by itself (coloured "
+    f"lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower left: the "
+    "residual, which is the record minus the fit. It should look like noise; a wave in it is motion that the fit does "
+    "not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, divided by the mass "
+    "or the moment of inertia. The highest line belongs to the term that dissipates most at that amplitude."
 )
 MEASURED = (
-    f"Equivalent damping ratio, measured without a law: {SHAPES}. The law that fits best contradicts this measurement "
-    "and is not drawn. The energy lost in a cycle is computed from this ratio."
+    "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
+    f"interval (grey band), both measured without assuming a damping law. There {SHAPES}. The law that fits best "
+    "contradicts this measurement and is not drawn. Lower right: the energy lost in a cycle, divided by the mass or "
+    "the moment of inertia, as computed from this ratio."
 )
 LEVELS = (
-    "Left: the level as recorded, the start and end of the decay, and the fit of the best damping sum (± 2 sd), "
-    "including its deviation from the law. Right: the residual, and the power of the velocity with which the damping "
-    "force grows."
+    "Left: the recorded level (grey), the start and the end of the part that is used (orange lines), the level of the "
+    "noise floor (dotted line, if there is one), and the fit of the most probable damping model, including its "
+    "deviation from the law (blue line; band: ± 2 standard deviations). Upper right: averaged readings minus the fit, "
+    "in dB (orange band: ± 2 standard deviations of the noise). Lower right: the power of the velocity with which the "
+    "damping force grows (dot: median; bar: 95 % interval). Dashed lines mark the powers of pure Coulomb, viscous and "
+    "quadratic damping."
 )
 MOTIONS = (
-    "Each oscillation has its own line. On the right, a straight falling line means viscous damping, a level line a "
-    "driven oscillation, and a rising line an oscillation that gains energy. A single free decay would have one line, "
-    "along the edge of the record."
+    "Left: the record (grey) and the amplitude of each oscillation that was found in it (coloured lines). Right: these "
+    "amplitudes against time on a logarithmic scale; the legend gives the frequency and the damping ratio of each "
+    "oscillation. Each amplitude is assumed to change exponentially, so its line is straight on the right: it falls if "
+    "the oscillation decays, is level if something drives it, and rises if it gains energy. A single free decay would "
+    "have one line, along the edge of the record on the left."
 )
 EXCITED = (
-    "Without excitation the amplitude would only decrease. Here it rises and falls randomly, so the rate of its "
-    "decrease is not the damping."
+    "Left: the record. Right: its amplitude in each period (half the range of the samples, as a displacement) on a "
+    "logarithmic scale. Without excitation the amplitude would only decrease. Here it rises and falls randomly, so the "
+    "rate at which it sometimes decreases does not give the damping."
 )
 EXPONENT = (
-    "The damping force as a single power of the velocity: the probability of each exponent, with the 95 % interval "
-    "below. A peak on a dashed line means that damping; a peak between two lines means a sum, or none of the three."
+    "Posterior of the exponent if the damping force is described by a single power of the velocity: probability "
+    "density (grey area; arbitrary scale), median (dot) and 95 % interval (bar). Dashed lines mark the exponents of "
+    "Coulomb (0), viscous (1) and quadratic (2) damping. A peak on a dashed line means that damping; a peak between "
+    "two lines means a sum, or none of the three."
 )
+PARTS_OF_SD = (
+    "Columns with sd: the parts of the standard deviation that are due to the noise and to deviations from the law. "
+    "The interval includes both."
+)
+RATIOS = (
+    "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) at amplitudes of this record, with 95 % intervals "
+    f"in brackets. {PARTS_OF_SD}"
+)
+"""Captions of the tables of damping ratios and of coefficients."""
 MOST_EMBEDDED = 24
 """Largest number of envelopes whose figures are embedded in the page; with more, it links to files in `figures/`."""
 LEAST_SHOWN = 0.005
@@ -83,8 +107,10 @@ LEAST_SHOWN = 0.005
 FEWEST_RECORDS = 3
 """Smallest number of records for which the report has an overview."""
 TABLE_CAPTION = (
-    "One line for each record; click on a header to sort. "
-    "Damping ratios are equivalent viscous damping ratios."
+    "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
+    "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
+    '"Law holds within": median of the mean relative deviation of the damping from its law. "Unexplained": root mean '
+    "square of the residual that neither the law nor the noise accounts for, in % of the first amplitude."
 )
 
 
@@ -102,7 +128,9 @@ class AnswerSection(Section):
     def render(self, run: RunFolder) -> str:
         """Return the verdict on each record."""
         if not run.signals:
-            return paragraph("This folder does not contain any results yet. Run the study.")
+            return paragraph(
+                "This folder does not contain any results yet. Run the study with bayesdamp study."
+            )
         return by_signal(run, self.part, run.signals, ANCHOR)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
@@ -133,7 +161,10 @@ class AnswerSection(Section):
                         )
                         for each in (v.probabilities, {share.term: share.probability for share in v.energy})
                     )
-                    text = f"Probability of each damping sum: {sums}. Probability of each term in any sum: {terms}."
+                    text = (
+                        f"Probability of each damping model: {sums}. Probability that the damping contains a term, "
+                        f"alone or in a sum: {terms}."
+                    )
                     parts.append(paragraph(text))
             elif v.grade is Grade.NO_FREE_DECAY:
                 task_result = run.task_result("signal", signal, run.repeats(signal)[0])
@@ -215,7 +246,9 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     own = run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
     draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
-    caption = f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
+    caption = CAPTION
+    if v.law_free:
+        caption += " For this record, the black line and the grey band are themselves measured without a damping law."
     parts: list[object] = [
         run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else caption, draw)
     ]
@@ -224,7 +257,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         title = f"The damping force {power_in_words(e, v.damping)}"
         draw = partial(exponent, draws, (e.value, e.low, e.high), title)
         parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw))
-    parts.append(ratios_table(v.damping_ratio, "Damping ratio against amplitude", parts=True))
+    parts.append(ratios_table(v.damping_ratio, RATIOS, parts=True))
     if v.coefficients:
         columns: dict[str, Callable[[Coefficient], str]] = {
             "parameter": lambda c: words.symbol(c.name).text,
@@ -233,7 +266,10 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
             "sd from the law": lambda c: fmt.number(c.sd_law, 2),
             "unit": lambda c: words.unit(c.unit),
         }
-        caption = f"Coefficients of {words.model(v.damping)} damping; restoring law: {words.law(v.restoring)}"
+        caption = (
+            f"Coefficients of {words.model(v.damping)} damping under the restoring law {words.law(v.restoring)}, with "
+            f"95 % intervals in brackets. {PARTS_OF_SD}"
+        )
         parts.append(Table.of(v.coefficients, columns, (0, 4), caption))
     rows = [r for r in answer.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
@@ -245,7 +281,11 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         "log Bayes factor under exact laws": lambda r: fmt.fixed_decimals(r.exact - top_exact, 1),
         f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
-    caption = "Log Bayes factors relative to the best model, in nats"
+    caption = (
+        "Every compared model, the most probable first: its log Bayes factors relative to the best model, in nats "
+        "(differences of natural-log evidence), and the root mean square residual of its fit. The first factor allows "
+        "for deviations from the laws wherever they were computed; the second and the fit assume exact laws."
+    )
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, collapsible("All damping models that were compared", table)]
 
@@ -279,9 +319,11 @@ class OverviewSection(Section):
             names = short_names(list(curves))
             unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)
             caption = (
-                "Damping ratio of each record against amplitude, with its 95 % band. Level: viscous damping; falling "
-                "towards large amplitudes: friction; rising: drag."
+                "Equivalent viscous damping ratio of each record against amplitude (line), with its 95 % interval "
+                f"(band): {SHAPES}."
             )
+            if len(curves) > MOST_COLOURED:
+                caption += " All records have the same colour."
             draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
             parts.append(run.drawings.add("overview", caption, draw))
         return stack(*parts, replace(overview_table(records), caption=TABLE_CAPTION))

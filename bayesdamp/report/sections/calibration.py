@@ -32,6 +32,17 @@ EXPLAINED = (
     "conditional on its data, so the ranks of the other records are still uniform. Draws that a sampler's own "
     "diagnostics call unreliable are included, because leaving them out would be a selection by the result.",
 )
+TRIED = (
+    "Simulated records of each damping model: how many were tried, how many could be used, and for how many of these "
+    "each sampler called its own draws unreliable; mean computing time; number of records that were left out for each "
+    "reason."
+)
+LEAST = (
+    'Value of "ranks": the largest difference between the distribution function of the ranks and the uniform one. '
+    'Value of "coverage": the fraction of the intervals that contain the true value; it is between low and high with '
+    "99 % probability if the intervals are right. p (Holm): the p value, corrected for the number of checks in its "
+    "group."
+)
 Counts = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter, the number of records in which the true value had each rank, (draws + 1,)."""
 SERIES = {
@@ -40,11 +51,22 @@ SERIES = {
 }
 """Headings of the series of a model recovery, by their names in run.json."""
 MODELS_EXPLAINED = (
-    "A model is drawn from the uniform prior, its parameters are drawn from their priors, and a record is simulated. "
-    "The noise level and the length are part of a design that the inference knows. The evidence of every model gives "
-    "probabilities. If these are correct, a model with probability p is the true one in a fraction p of the records.",
+    "A damping model is drawn from a uniform prior, its parameters are drawn from their priors, and a record is "
+    "simulated. The noise levels and lengths of the records are chosen in advance, and the inference knows them. The "
+    "evidence of every model gives its posterior probability. If these probabilities are correct, a model with "
+    "probability p is the true one in a fraction p of the records.",
     "Records that show no oscillation are left out. This decision uses the record alone, so the probabilities remain "
     "valid.",
+)
+
+
+BY_MODEL = (
+    "Number of simulated records with each damping model, and the number that is expected from the models' "
+    "probabilities. p (Holm): the p value of the difference, corrected for the number of models."
+)
+DESIGNS = (
+    "How often the most probable model is the true one, by the noise (median of its standard deviation, in % of the "
+    "reference amplitude) and the number of cycles of the simulated records."
 )
 
 
@@ -71,7 +93,10 @@ class CalibratedSection(Section):
             if counts["tests"]
         )
         alarm = f"{100 * result['alarm']:g} %"
-        claim = f"{text[:1].upper()}{text[1:]} (false-alarm rate {alarm} for each of the two tables, Holm)."
+        claim = (
+            f"{text[:1].upper()}{text[1:]}. If all intervals are right, the probability that any check of a group "
+            f"fails is at most {alarm} (Holm's correction)."
+        )
         counts: Mapping[str, Mapping[str, Any]] = result["counts"]
 
         def doubted(model: str) -> str:
@@ -94,18 +119,18 @@ class CalibratedSection(Section):
             "records tried": lambda model: str(counts[model]["tried"]),
             "usable records": lambda model: str(counts[model]["counted"]),
             "of these flagged as unreliable by the sampler": doubted,
-            "time each": time,
-            "left out": refused,
+            "time per record": time,
+            "records left out, and why": refused,
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
-        parts += [Table.of(counts, of_model, (0, 5))]
+        parts += [Table.of(counts, of_model, (0, 5), TRIED)]
         ranks = _csv(run, "ranks.csv")
         parts += [
             _model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model) for model in counts
         ]
         columns: dict[str, Callable[[dict[str, str]], str]] = {
             "model": lambda r: words.model(r["model"]),
-            "method": lambda r: words.method(r["method"]),
+            "method": lambda r: _method(r["method"]),
             "parameter": lambda r: words.symbol(r["parameter"]).text,
             "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
             "records": lambda r: r["records"],
@@ -115,11 +140,19 @@ class CalibratedSection(Section):
         }
         least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:LISTED_P_VALUES]
         left = (0, 1, 2, 3, 10)
-        table = Table.of(least, columns, left, kind=lambda r: "alert" if r["verdict"] == "wrong" else "")
+        table = Table.of(least, columns, left, LEAST, lambda r: "alert" if r["verdict"] == "wrong" else "")
         parts.append(
-            collapsible(f"The {LISTED_P_VALUES} smallest p values; calibration.csv contains all", table)
+            collapsible(
+                f"The {LISTED_P_VALUES} checks with the smallest p values; calibration.csv contains all",
+                table,
+            )
         )
         return stack(*parts)
+
+
+def _method(name: str) -> str:
+    """Return the name of a sampler, or of the trajectory fits (`calibrate.tables.CLASSICAL`), in words."""
+    return words.stage("refined") if name.startswith("refined") else words.method(name)
 
 
 def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
@@ -141,9 +174,11 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         counts.setdefault(row["sampler"], {})[row["parameter"]] = own
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (
-        f"{words.model(model)}. Upper row: ranks of the true value among {result['draws']} draws. Lower row: their "
-        "distribution function minus that of the uniform distribution. Grey: 99 % band if the posteriors are "
-        "calibrated; in the lower row it holds for the whole curve, in the upper row for each bin separately."
+        f"Ranks of the true value of each parameter among {result['draws']} independent posterior draws, over "
+        f"{result['counts'][model]['counted']} simulated records with {words.model(model)} damping. Upper row: number "
+        "of records in each bin of the rank. Lower row: empirical distribution function of the ranks (ECDF) minus that "
+        "of the uniform distribution. One line for each sampler. Grey: 99 % band if the posteriors are calibrated; in "
+        "the lower row it holds for the whole curve, in the upper row for each bin separately."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     covered = rows_of(rows, check="coverage")
@@ -155,10 +190,13 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         shares[row["parameter"], row["method"], row["level"]] = text
     columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
     for method, level in dict.fromkeys((r["method"], r["level"]) for r in covered):
-        columns[f"{words.method(method)} {100 * float(level):g} %"] = lambda name, own=(method, level): (
+        columns[f"{_method(method)}, {100 * float(level):g} %"] = lambda name, own=(method, level): (
             shares.get((name, *own), fmt.NONE)
         )
-    caption = "Percentage of intervals that contain the true value; *: the check failed"
+    caption = (
+        f"Percentage of the records with {words.model(model)} damping in which the 50 %, 80 % or 95 % interval of each "
+        'method contains the true value. *: the check failed. "2 without": for 2 records the method gives no interval.'
+    )
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
 
 
@@ -236,17 +274,19 @@ class RecoveredSection(Section):
             claim = (
                 f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
                 f"({share:.1f} %, 95 % interval {interval}); {hits['expected']:.1f} are "
-                f"expected from the probabilities. The difference of {excess} is {inside} its "
-                f"{100 * (1 - result['alarm']):g} % band, {low} to {high}."
+                f"expected from the models' probabilities. The difference of {excess} records is {inside} the range "
+                f"{low} to {high}, which contains it with {100 * (1 - result['alarm']):g} % probability if the "
+                "probabilities are correct."
             )
             score, expected, ignorant = (
                 fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
             )
             reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
             scores = (
-                f"Mean log probability of the true model: {score} nats (expected from the probabilities: {expected}; "
-                f"uniform guess: {ignorant}). {own['doubtful']} of {own['evidences']} evidence values are flagged as "
-                f"unreliable, but counted. {own['counted']} of {own['tried']} simulated records were usable"
+                f"Mean natural-log probability of the true model: {score} nats ({expected} nats are expected from the "
+                f"probabilities; guessing would give {ignorant} nats). Of {own['evidences']} evidence values, "
+                f"{own['doubtful']} are flagged as unreliable, but counted. Of {own['tried']} simulated records, "
+                f"{own['counted']} were usable"
                 f"{f'; left out: {reasons}' if reasons else ''}."
             )
             parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]
@@ -261,7 +301,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     """
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
-    caption = "Number of records, by true model (rows) and most probable model (columns)"
+    caption = "Number of simulated records, by true damping model (rows) and most probable one (columns)."
     confusion = Table(["", *names], lines, caption=caption)
 
     def fixed(name: str, places: int = 3) -> Callable[[Mapping[str, Any]], str]:
@@ -272,7 +312,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
         "p (Holm)": lambda row: fmt.number(row["p_holm"], 2),
     }
     by_probability: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "probability of the best": lambda b: f"{b['from']:g} to {b['to']:g}",
+        "probability of the most probable model": lambda b: f"{b['from']:g} to {b['to']:g}",
         "records": lambda b: str(b["records"]),
         "mean": fixed("probability"),
         "fraction correct": fixed("share"),
@@ -280,8 +320,9 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
         **p_values,
     }
     caption = (
-        "How often the most probable model is correct, by its probability. If the probabilities are correct, all "
-        "fractions are between low and high with 99 % probability."
+        "How often the most probable model is the true one, for records grouped by the probability of that model. "
+        "Mean: the mean of this probability in the group. If the probabilities are correct, all fractions are between "
+        "low and high with 99 % probability. p (Holm): the p value, corrected for the number of groups."
     )
 
     def kind(b: Mapping[str, Any]) -> str:
@@ -295,14 +336,16 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
         **p_values,
     }
     by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "noise": lambda d: f"{100 * d['noise']:g} %",
+        "noise sd": lambda d: f"{100 * d['noise']:g} %",
         "cycles": lambda d: fmt.as_entered(d["cycles"]),
         "records": lambda d: str(d["records"]),
         "fraction correct": fixed("share"),
-        "mean probability of the best": fixed("probability"),
+        "mean probability of the most probable model": fixed("probability"),
     }
-    designs = [Table.of(result["by_design"], by_design)] if len(result["by_design"]) > 1 else []
-    return [confusion, bins, Table.of(result["by_model"], by_model), *designs]
+    designs = (
+        [Table.of(result["by_design"], by_design, caption=DESIGNS)] if len(result["by_design"]) > 1 else []
+    )
+    return [confusion, bins, Table.of(result["by_model"], by_model, caption=BY_MODEL), *designs]
 
 
 PLUGINS = (CalibratedSection(), RecoveredSection())

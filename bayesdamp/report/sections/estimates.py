@@ -58,6 +58,17 @@ TABULATED = {
     "path_threshold", "path_terms", "path_score",
 }  # fmt: skip
 """Names of details that have a table of their own, or that are intermediate steps."""
+OTHERS = (
+    "Estimates of the parameters of the restoring law and of the initial conditions, with the standard error (±) if "
+    "the method gives one."
+)
+TRACES = (
+    "The title of each panel names the method, the stage (initial: the method's own estimate; refined: the trajectory "
+    "fit that starts there) and the quantity that is drawn: a damping coefficient, or a measure of the misfit or of "
+    "the size of the model. The rms of a trajectory fit is its root mean square residual in the unit of the record. "
+    "For SINDy and symbolic regression the axis counts models of different sparsity or length instead of iterations."
+)
+"""Parts of captions that do not depend on the run."""
 FIRST = 3
 """Value of `order` that puts the comparison first, in the report of a study with published errors."""
 
@@ -70,8 +81,9 @@ class EstimatesSection(SignalSection):
     title = "The estimators"
     lead = Markup(
         "Each estimator first works by itself: its <em>own estimate</em> uses the record alone. A <em>trajectory "
-        "fit</em> (output-error fit) then starts from this estimate. The fitted values should agree, because there is "
-        "one optimum. The error of its own estimate shows how well a method works on this record."
+        "fit</em> (output-error fit by least squares) then starts from this estimate. The trajectory fits of all "
+        "methods should agree, because the fit has one optimum. The error of a method's own estimate shows how well "
+        "the method works on this record."
     )
     nothing = "No estimator ran in this study."
 
@@ -101,7 +113,9 @@ class EstimatesSection(SignalSection):
                     "value": lambda r: fmt.with_error(r["value"], r["stderr"]),
                     "unit": lambda r: words.unit(r["unit"]),
                 }
-                content.append(collapsible("The other parameters", Table.of(others, columns, (0, 1, 2, 4))))
+                content.append(
+                    collapsible("The other parameters", Table.of(others, columns, (0, 1, 2, 4), OTHERS))
+                )
             curves = {
                 f"{words.method(task_result.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
                 for task_result in (
@@ -111,7 +125,7 @@ class EstimatesSection(SignalSection):
                 if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
             }
             if curves:
-                caption = f"{signal}, {words.model(model)}: progress of the iterative methods."
+                caption = f"Progress of the iterative methods on {signal} under {words.model(model)} damping. {TRACES}"
                 draw = partial(traces, curves)
                 figure = run.drawings.add(f"traces-{signal}-{model}", caption, draw)
                 content.append(collapsible("How the iterative methods converged", figure))
@@ -132,22 +146,27 @@ def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
         return []
     repeats = len(run.repeats(signal))
     caption = [
-        f"{signal}, {words.model(model)}{f', repeat 1 of {repeats}' if repeats > 1 else ''}. Each method's own "
-        "estimate (open) and the result of the trajectory fit that starts there (filled)."
+        f"Coefficients of {words.model(model)} damping, estimated from {signal}"
+        f"{f' (repeat 1 of {repeats})' if repeats > 1 else ''}: each method's own estimate (open circle) and the "
+        "result of the trajectory fit that starts there (filled circle)."
     ]
+    if any(math.isfinite(e.truth) for e in estimates):
+        caption.append("Dashed line: the true value.")
     if any(e.posterior for e in estimates):
         caption.append(
-            "An estimate inside the shaded interval is as good as the record allows. Outside it, the error is due to "
-            "the method."
+            "Shaded: the 95 % interval of the posterior. An estimate inside it is as good as the record allows. "
+            "Outside it, the error is due to the method."
         )
     if any(e.posterior and e.source != signal for e in estimates):
         caption.append(
-            f"A record without noise has no posterior; the figure shows the posterior of {estimates[0].source}."
+            f"A record without noise has no posterior, so the posterior of {estimates[0].source} is drawn."
         )
     if any(e.published for e in estimates):
-        caption.append("Published errors have no sign, so there is a tick on each side of the truth.")
+        caption.append(
+            "Ticks: the published error, on both sides of the true value because its sign was not published."
+        )
     if any(math.isfinite(value) for e in estimates for value in e.own.values()):
-        caption.append("Arrows mark estimates that are off the axis.")
+        caption.append("An arrow with a number stands for an estimate that is off the axis.")
     draw = partial(estimate_panels, estimates)
     picture = run.drawings.add(f"estimates-{signal}-{model}", " ".join(caption), draw)
     sentence = coverage_sentence(estimates)
@@ -218,10 +237,16 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
         for n, v in known.items()
         if math.isfinite(v)
     )
-    caption = f"Truth: {truths}. " if truths else ""
+    caption = (
+        f"Coefficients of {words.model(model)} damping from {signal}, by method and stage, with the standard error (±) "
+        "if the method gives one. Evaluations: number of times that the method evaluated its objective."
+    )
+    if truths:
+        caption += f" Truth: {truths}. Errors are absolute, in % of it."
     if len(repeats) > 1:
         caption += (
-            f"Range over {len(repeats)} repeats; the largest number of evaluations and the longest time."
+            f" Values and errors are ranges over {len(repeats)} repeats; the number of evaluations and the time are "
+            "the largest."
         )
 
     def kind(rows: Sequence[Row]) -> str:
@@ -252,8 +277,8 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     damping += [[words.method(m), str(d["chosen"])] for m, d in by_method.items() if "chosen" in d]
     if damping:
         caption = (
-            "The form of the damping force that each method chose: the terms of a sparse regression, or the expression "
-            "of a symbolic regression."
+            f"The form of the damping force that each method chose on {signal}: the terms of a sparse regression with "
+            "their coefficients, or the expression of a symbolic regression in the velocity v."
         )
         parts.append(Table(["method", "damping"], damping, (0, 1), caption))
     for method, details in by_method.items():
@@ -264,18 +289,29 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
                 TableLine([str(length), fmt.number(error, 3), text], "best" if i == chosen else "")
                 for i, (length, error, text) in enumerate(front)
             ]
-            table = Table(["length", "relative error", "expression"], lines, (2,))
+            caption = (
+                "The expressions for the damping force that have the smallest error for their length (number of nodes "
+                "in the expression tree). v: velocity. Bold: the chosen expression."
+            )
+            table = Table(["length", "relative error", "expression"], lines, (2,), caption)
             parts.append(collapsible(f"The Pareto front of {words.method(method)}", table))
         name, by = f"{method}-{signal}-{model}", words.method(method)
         if {"generator_eigenvalues_re", "generator_eigenvalues_im"} <= set(details):
             real, imaginary = details["generator_eigenvalues_re"], details["generator_eigenvalues_im"]
             draw = partial(eigenvalues, real, imaginary, model)
-            caption = f"{signal}: eigenvalues of the generator by {by}."
+            caption = (
+                f"Eigenvalues of the linear generator that {by} identified from {signal}. Real part: rate of growth, "
+                "negative for a decay. Imaginary part: angular frequency."
+            )
             parts.append(run.drawings.add(f"eigenvalues-{name}", caption, draw))
         elif {"velocity", "force", "law"} <= set(details):
             curves = (details[k] for k in ("velocity", "force", "law"))
             draw = partial(force, *curves, model, run.unit(signal).base)
-            caption = f"{signal}: the damping force that the {by} learnt, and the law fitted to it."
+            caption = (
+                f"Damping force against velocity, from {signal}: as learnt by the {by} (solid line), and the "
+                f"{words.model(model)} law that was fitted to it (dashed line). The force is divided by the mass or "
+                "the moment of inertia."
+            )
             parts.append(run.drawings.add(f"force-{name}", caption, draw))
         rest = [
             [name.replace("_", " "), _plain(value)]
@@ -285,7 +321,10 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
         ]
         if rest:
             parts.append(
-                collapsible(f"Settings that {words.method(method)} used", Table(["", ""], rest, (0, 1)))
+                collapsible(
+                    f"Settings and further results: {words.method(method)}",
+                    Table(["quantity", "value"], rest, (0, 1)),
+                )
             )
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
 
@@ -342,7 +381,11 @@ class ComparisonSection(Section):
             columns["published"] = lambda m: comparison.times.get(m, fmt.NONE)
         count = len(comparison.signals)
         signals = f"{count} signals" if count > 1 else "the signal"
-        caption = f"Time for {signals} together, including compilation if it was necessary."
+        caption = (
+            f"Computing time of each method for {signals} together: for its own estimate and for the trajectory fit, "
+            "including compilation if it was necessary"
+        )
+        caption += ", and the published time." if comparison.times else "."
         times = Table.of(comparison.methods, columns, (0,), caption)
         return stack(paragraph(" ".join(sentences)), _errors(run, comparison), times)
 
@@ -365,8 +408,12 @@ def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
         cells += [fmt.short(comparison.mean(method, stage)) for stage in STAGES]
         cells += [fmt.short(comparison.mean_published(method))] * published
         lines.append(TableLine(cells))
-    caption = "Errors in per cent of the truth: the method's own estimate, then the trajectory fit that starts there"
+    caption = (
+        "Error of the damping coefficients on each signal, in % of the true values (absolute; over several values, the "
+        "root mean square): the method's own estimate (own), then the trajectory fit that starts there (fit)"
+    )
     caption += ", then the published error." if published else "."
+    caption += " Last columns: the mean over the signals."
     posteriors: list[Row] = []
     differences: list[tuple[str, int]] = []
     for signal in comparison.signals if published else ():
@@ -384,12 +431,13 @@ def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
     if posteriors:
         foot = [("posterior, 95 %", 2), *differences, ("", len(headers))]
         caption += (
-            " Last line: the difference of the posterior's 95 % interval from the truth, in per cent, for a record "
-            "with noise."
+            " Last line: where the 95 % interval of the posterior begins and ends, relative to the true value, for a "
+            "record with noise."
         )
     if any(o != OK for o in comparison.outcomes.values()):
         caption += (
-            " *: the method reports that this answer is unreliable, for the reason in the estimators' tables."
+            " *: the method reports that this value is unreliable; the tables of the section on the estimators give "
+            "the reason."
         )
     values = [
         f"{words.symbol(row['parameter']).text} {row['q2.5']:.5g} to {row['q97.5']:.5g} {row['unit']} ({row['signal']})"
@@ -423,12 +471,14 @@ class SweepsSection(Section):
         for along in error_series(run):
             model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
             counts = sorted({tried for pairs in along.answers.values() for _, tried in pairs if tried})
-            over = f" over {fmt.listing(map(str, counts), 'or')} repeats," if counts else ""
+            over = f" over {fmt.listing(map(str, counts), 'or')} repeats" if counts else ""
             others = fmt.listing([factor for factor in FACTORS if factor != along.factor])
             caption = (
-                f"{model}: rms relative error of the damping coefficients, in %,{over} against the {along.factor}; "
-                f"{others} are constant. An error below the Cramér–Rao bound means that the "
-                "method is biased, or that it uses information from outside the record."
+                f"Root mean square error of the coefficients of {model} damping, in % of the true values{over}, "
+                f"against the {along.factor} of simulated records; {others} are constant. Left: the methods' own "
+                "estimates; right: the trajectory fits that start there. Dashed: the Cramér–Rao bound, the smallest "
+                "standard error of an unbiased estimate. An error below it means that the method is biased, or that "
+                "it uses information from outside the record."
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
@@ -458,8 +508,9 @@ def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
             cells.append(fmt.number(error, 2) + limits + some)
         lines.append(TableLine([words.method(method), *cells]))
     caption = (
-        f"Root mean square error in per cent of the truth, by {FACTORS[along.factor]}. In brackets: its 95 % interval "
-        "from the repeats. Then the number of repeats with an estimate, if some have none."
+        f"Root mean square error of the coefficients of {words.model(along.model)} damping, in % of the true values. "
+        f"Each column is a value of: {FACTORS[along.factor]}. In brackets: the 95 % interval of the error, from the "
+        'repeats. "3 of 5" after it means that only 3 of 5 repeats gave an estimate.'
     )
     return Table(headers, lines, (0,), caption)
 

@@ -28,8 +28,13 @@ from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.types import OK
 
+EVIDENCE = (
+    "Natural-log evidence of each model by each method, with its standard error (±); log Bayes factor (nats) relative "
+    "to the best model by the same method; posterior probability among the models of this table; and how reliable the "
+    "computation is. Bold: the best model."
+)
 ADOPTED = (
-    "The adopted evidence is that of nested sampling if it was computed as a check, otherwise the mean of the other "
+    'The "adopted evidence" is that of nested sampling if it was computed as a check, otherwise the mean of the other '
     "methods, weighted by inverse variance. Nested sampling is computed if the study requires it, or if the other "
     "methods are unreliable or differ by more than three standard errors."
 )
@@ -62,6 +67,12 @@ WIDE_PRIOR = (
 )
 
 
+PRIORS = (
+    "Prior of each inferred parameter, in the units of the equation of motion (rad or m, and s), and the models that "
+    "have it."
+)
+
+
 class EvidenceSection(SignalSection):
     """The section with the evidence of each model by every method."""
 
@@ -69,7 +80,8 @@ class EvidenceSection(SignalSection):
     name = "evidence"
     title = "Which damping: the evidence"
     lead = (
-        "The evidence of a model is the probability with which it predicts the record, averaged over its prior. A log "
+        "The evidence of a model is the probability with which it predicts the record, averaged over the prior of its "
+        "parameters. A log "
         "Bayes factor of one nat is hardly worth mentioning, three nats are positive evidence, and five or more are "
         "strong, if the noise model is correct and the priors below are accepted."
     )
@@ -98,7 +110,10 @@ class EvidenceSection(SignalSection):
                 "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
                 "reason": lambda model: reason_of(why[model]),
             }
-            caption = "Evidence by Laplace's approximation, for models whose mode was found before they were pruned."
+            caption = (
+                "Models that were left out of further computations, and the reason. Log evidence, and log Bayes factor "
+                "(nats) relative to the best model: by Laplace's approximation, if the posterior mode had been found."
+            )
             pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
             count = f"{len(why)} model{'s' * (len(why) > 1)}"
             parts.append(collapsible(f"Not computed further: {count}, and why", pruned))
@@ -139,6 +154,7 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
     left = [i for i, header in enumerate(columns) if header in ("model", "method", "diagnostic")]
     methods = {r["method"] for r in lines}
     captions = [text for method, text in (("combined", ADOPTED), ("smc", ANSWER)) if method in methods]
+    captions.insert(0, EVIDENCE)
     return Table.of(lines, columns, left, " ".join(captions), kind)
 
 
@@ -167,8 +183,9 @@ class SensitivitySection(SignalSection):
             for factor, own in shares.items():
                 columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
             caption = (
-                "Probability of each damping sum if each term after the first multiplies its prior probability by the "
-                f"factor in the column's header. The rest of the report uses {fmt.number(FURTHER_TERM, 3)}."
+                "Posterior probability of each damping model if each term after the first multiplies the model's prior "
+                "probability by the factor in the column's header. The rest of the report uses the factor "
+                f"{fmt.number(FURTHER_TERM, 3)}."
             )
             parts.append(Table.of(ranked.dampings, columns, caption=caption))
         if ranked:
@@ -208,9 +225,9 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
     ]
     caption = (
         f"Log Bayes factor (nats) relative to {words.model(best)} if the scales of all specified damping priors are "
-        "multiplied by the factor in the column's header. The importance draws are reweighted, with an effective "
-        f"sample size of at least {fmt.number(float(min(effective)), 2)}; if that is too small, new draws are made. "
-        "?: the diagnostics are poor."
+        "multiplied by the factor in the column's header. The draws of importance sampling are reweighted (effective "
+        f"sample size at least {fmt.number(float(min(effective)), 2)}); where that is not enough, new draws are made. "
+        'A "?" marks a value whose diagnostics are poor.'
     )
     return Table.of(task_results, columns, caption=caption)
 
@@ -246,8 +263,9 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
         if math.isfinite(log_evidence)
     }
     caption = (
-        "Log Bayes factors (nats) relative to the best model of each column, by Laplace's approximation: from parts of "
-        "the record, and from the whole record under each noise model (only for the more probable models)."
+        "Log Bayes factors (nats) of the models by Laplace's approximation, each relative to the best model of its "
+        "column: first from parts of the record, then from the whole record under each noise model (only for the more "
+        "probable models)."
     )
     return Table.of(rows, {"model": words.model, **columns}, caption=caption) if columns else None
 
@@ -282,9 +300,10 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
         "diagnostic": lambda m: halves[m].evidence.diagnostic,
     }
     caption = (
-        "Results from the first half of the record alone: the log Bayes factors, and how well each model predicts the "
-        "second half: the rms error divided by the expected error, the percentage of samples inside their 95 % "
-        "interval, and the log density of the second half given the first, relative to the best model (nats)."
+        "Log Bayes factors (nats) from the whole record and from its first half alone, and how well each model, "
+        "fitted to the first half, predicts the second: the root mean square error divided by the expected one, the "
+        "percentage of samples inside their 95 % prediction interval, and the log density of the second half given "
+        "the first, relative to the best model (nats)."
     )
 
     def kind(model: str) -> str:
@@ -313,7 +332,8 @@ def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | Non
             ]
             lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
     caption = (
-        "A third check, for pairs of nested models: two log Bayes factors of the smaller model against the larger. "
+        "A check of the evidence for pairs of nested models: the log Bayes factor of the smaller model against the "
+        "larger, computed in two ways, which should agree. "
         "Savage–Dickey: the logarithm of the larger model's posterior density at zero coefficient, divided by its "
         "prior density there. Evidence: the log evidence of the smaller model minus that of the larger."
     )
@@ -364,7 +384,7 @@ class PriorsSection(SignalSection):
             for text, where in texts.items():
                 everywhere = 1 < len(where) == len(models)
                 lines.append([symbol.text, symbol.meaning, text, "all" if everywhere else "; ".join(where)])
-        return stack(Table(["parameter", "meaning", "prior", "models"], lines, range(4)))
+        return stack(Table(["parameter", "meaning", "prior", "models"], lines, range(4), PRIORS))
 
 
 PLUGINS = (EvidenceSection(), SensitivitySection(), PriorsSection())

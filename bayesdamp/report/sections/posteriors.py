@@ -98,13 +98,22 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
         return []
     true = {name: truth(run, signal, name) for own in draws.values() for name in own}
     samplers = fmt.listing(map(words.method, draws))
-    caption = f"{signal}, {words.model(model)}: marginal posterior of each parameter by {samplers}."
+    caption = (
+        f"Marginal posterior density of each parameter of {words.model(model)} damping, from {signal}, by {samplers}. "
+        "Each curve is scaled to a maximum of 1."
+    )
+    if any(math.isfinite(value) for value in true.values()):
+        caption += " Dashed lines: the true values."
     damping = coefficients(run, model)
     draw = partial(marginals, model, draws, units, true, damping)
     figures = [run.drawings.add(f"marginals-{signal}-{model}", caption, draw)]
     names = [n for n in damping if all(n in own for own in draws.values())]
     if len(names) > 1:
-        caption = f"{signal}, {words.model(model)}: pairs of damping coefficients; the contours contain 50 % and 90 %."
+        caption = (
+            f"Joint posterior of each pair of coefficients of {words.model(model)} damping, from {signal}: the "
+            "contours contain 50 % and 90 % of the probability. On the diagonal: the marginal density of each "
+            "coefficient."
+        )
         draw = partial(pairs, model, names, draws, units, {n: true[n] for n in names})
         figures.append(run.drawings.add(f"pairs-{signal}-{model}", caption, draw))
     return figures
@@ -134,13 +143,17 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
-            "Reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio, "
-            "the decrement and the damping capacity are at the reference amplitude. The decrement is the decrease of "
-            "ln A in a cycle; if it is small, it is 2π times the damping ratio."
+            f"Posterior of the parameters of {words.model(model)} damping and of quantities derived from them: mean, "
+            "standard deviation (sd) and 95 % interval, with the diagnostics of the sampler. They are reliable if R̂ "
+            "≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio, the "
+            "decrement and the damping capacity are at the reference amplitude, which is that of the record unless "
+            "the study states another one. The logarithmic decrement is the decrease of ln A in a cycle, where A is "
+            "the amplitude; if it is small, it is 2π times the damping ratio."
         )
         if any(math.isnan(r["rhat"]) for r in sampled):
             caption += (
-                " Without R̂: independent draws from an approximation; the ESS is that of importance weights."
+                " Rows without R̂ are from independent draws of an approximation; their ESS is that of importance "
+                "weights."
             )
         sampled.sort(key=lambda r: order.index(r["parameter"]))
         parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
@@ -149,8 +162,8 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         without = PosteriorContent.of(task_result).without
         if without:
             names = fmt.listing(words.symbol(n).text for n in without)
-            why = f"they do not exist for {max(without.values())} draws (no stable equilibrium, or the motion escapes)"
-            sentences.add((task_result.parts.method, f"{names} not shown: {why}"))
+            why = f"for {max(without.values())} draws they do not exist (no stable equilibrium, or the motion escapes)"
+            sentences.add((task_result.parts.method, f"{names} are not shown, because {why}."))
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
     return parts
@@ -163,8 +176,9 @@ class RunningSection(SignalSection):
     name = "running"
     title = "The damping estimate during the record"
     lead = (
-        "The estimate of a Kalman filter after each sample. Its first pass uses every sample once. Each further pass "
-        "starts from the same priors and linearises about the result of the pass before."
+        "The damping coefficients as a Kalman filter estimates them after each sample. The first pass of the filter "
+        "uses every sample once. Each further pass starts from the same priors and linearises the motion about the "
+        "result of the pass before."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -207,7 +221,11 @@ class RunningSection(SignalSection):
                     true,
                 )
                 by = words.method(task_result.parts.method)
-                caption = f"{signal}, {words.model(model)}: running estimate of the damping by {by}."
+                caption = (
+                    f"Coefficients of {words.model(model)} damping as estimated by {by} from the part of {signal} up "
+                    "to each time: mean (solid line) ± 2 standard deviations (band) in the last pass, and mean in the "
+                    "first pass (dashed line)."
+                )
                 figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
                 parts.append(collapsible(words.model(model), figure) if parts else figure)
         return stack(*parts)
@@ -220,9 +238,10 @@ class SeedsSection(SignalSection):
     name = "seeds"
     title = "Starting points of the searches and chains"
     lead = (
-        "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
-        "from the prior. The chains start from the same points, with a scatter that is larger than the posterior's "
-        "width. A starting point that is too far away for a chain is moved towards the mode."
+        "To find the mode of the posterior, an optimisation (Levenberg–Marquardt) starts at every estimator's values, "
+        "at each of their stages, and at a few draws from the prior. The chains start from the same points, with a "
+        "scatter that is larger than the posterior's width. A starting point that is too far away for a chain is moved "
+        "towards the mode."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -240,11 +259,9 @@ class SeedsSection(SignalSection):
         columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
             "chain": lambda s: str(s[0]),
             "starting point": lambda s: _listing([s[1].seed]),
-            "sds from the mode": lambda s: fmt.number(s[1].seed_distance, 3),
-            "sds from the mode after moving it": lambda s: fmt.number(s[1].distance, 2),
-            "difference of its mean from that of all chains / sd": lambda s: fmt.fixed_decimals(
-                s[1].shift, 2
-            ),
+            "distance from the mode / sd": lambda s: fmt.number(s[1].seed_distance, 3),
+            "after moving it / sd": lambda s: fmt.number(s[1].distance, 2),
+            "difference of the means / sd": lambda s: fmt.fixed_decimals(s[1].shift, 2),
         }
         for model in models_by_rank(run, signal, repeat):
             mode = mode_of(run, signal, repeat, model)
@@ -258,7 +275,12 @@ class SeedsSection(SignalSection):
             for task_result in run.task_results("posterior", signal, repeat, model):
                 starts = PosteriorContent.of(task_result).posterior.starts
                 if starts:
-                    caption = f"Chains of {words.method(task_result.parts.method)}"
+                    caption = (
+                        f"Chains of {words.method(task_result.parts.method)}: the starting point of each chain, its "
+                        "distance from the mode before and after it was moved, and the largest difference between the "
+                        "mean of a parameter in this chain and in all chains; all in posterior standard deviations "
+                        "(sd)."
+                    )
                     tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
             parts.append(stack(summary, collapsible(f"Starting points and chains of {name}", *tables)))
         more = parts[VISIBLE_MODELS:]
@@ -287,7 +309,7 @@ def _sentences(mode: ModeContent) -> list[str]:
         )
         sentences.append(
             f"{_starting_points(elsewhere)} ended in another maximum; the highest of these is {fmt.number(depth, 3)} "
-            f"nats lower{share} and was not sampled."
+            f"nats lower{share} and was not sampled by the chains."
         )
     failed = [c for c in climbs if c.mode is None]
     if failed:
@@ -296,7 +318,7 @@ def _sentences(mode: ModeContent) -> list[str]:
         sentences.append(f"Estimates without usable values: {_listing(r.seed for r in mode.refused)}.")
     touching = [words.symbol(n).text for n in mode.touching_zero]
     if touching:
-        sentences.append(f"The posterior of {fmt.listing(touching)} touches zero.")
+        sentences.append(f"Within one standard deviation of zero: {fmt.listing(touching)}.")
     return sentences
 
 
@@ -337,12 +359,17 @@ def _searches(mode: ModeContent) -> Table:
     columns: dict[str, Callable[[SearchContent], str]] = {
         "starting point": lambda c: _listing((c.seed, *c.same)),
         "start: nats below the mode": lambda c: below(c.start),
-        "sds from the mode": lambda c: fmt.number(c.distance, 3),
+        "start: sds from the mode": lambda c: fmt.number(c.distance, 3),
         "likelihood evaluations": lambda c: str(c.evaluations),
         "ended in": ended,
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
-    return Table.of(mode.climbs, columns, (0, 4), kind=kind)
+    caption = (
+        "Searches for the mode: how far the log posterior at the starting point and at the end of the search is below "
+        "its maximum (nats), and how far the starting point is from the mode in posterior standard deviations (sds). "
+        "Grey rows ended in another maximum, coloured rows in none."
+    )
+    return Table.of(mode.climbs, columns, (0, 4), caption, kind)
 
 
 PLUGINS = (PosteriorsSection(), RunningSection(), SeedsSection())

@@ -29,6 +29,18 @@ from bayesdamp.store.contents import NoiseEvidence, RecordContent
 from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
 
 USED = "used for the answer"
+NOISES = (
+    "Noise models: by how many nats the log evidence of each is below that of the best one, and its fitted parameters, "
+    "in the units of the equation of motion."
+)
+WIDTHS = (
+    "Widths ε that were compared: the posterior probability of each, and the coefficients of all damping terms in the "
+    "fit with this width."
+)
+CHECKS = (
+    "Checks of the fit of each model at its posterior mode: root mean square residual, autocorrelation of the residual "
+    "at lag one, stability over sub-records (in standard deviations), predictive p, and the conclusion."
+)
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 _EXACT = (
     "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
@@ -91,14 +103,21 @@ class RecordSection(SignalSection):
             origin = Provenance.of(content.provenance)
             window = next(((o.start, o.stop) for o in (own, origin) if o.stop is not None), (None, None))
             draw = partial(draw_raw_record, raw_t, raw_y * factor, axis, *window, origin.decays)
-            figures.append(run.drawings.add(f"raw-{signal}", f"{signal}: the record as it was read.", draw))
+            caption = f"{signal}: the whole record as it was read."
+            if window[0] is not None:
+                caption += " Shaded: the part that is used and, in a lighter shade, other free decays."
+            figures.append(run.drawings.add(f"raw-{signal}", caption, draw))
         if fits:
             caption = (
-                f"{signal}: the record as used, the fits of the most probable models at their posterior modes, the "
-                "best first, and their residuals. Time counts from the start of the used part."
+                f"{signal}: the used part of the record (grey; time counts from its start) and the fits of the most "
+                "probable models at their posterior modes. Top: the best fit. Middle: the first and the last cycles "
+                "with all fits. Below: the residual of each fit, the best first, with its root mean square (rms)."
             )
             if any(len(fit.autocorrelation) for fit in fits):
-                caption += " Grey band: expected for white noise."
+                caption += (
+                    " Right of it: the autocorrelation of the residual, whitened by the noise model; white noise stays "
+                    "in the grey band (± 2 standard deviations)."
+                )
             period = content.features.period if content.features is not None else 0.04 * float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, ratio, period)
             figures.append(run.drawings.add(f"record-{signal}", caption, draw))
@@ -106,7 +125,9 @@ class RecordSection(SignalSection):
             draw = partial(draw_raw_record, t, y, axis)
             figures.append(
                 run.drawings.add(
-                    f"record-{signal}", f"{signal}: the record as used. Time counts from its start.", draw
+                    f"record-{signal}",
+                    f"{signal}: the used part of the record. Time counts from its start.",
+                    draw,
                 )
             )
         return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
@@ -120,16 +141,16 @@ class NoiseSection(SignalSection):
 
     order = 45
     name = "noise"
-    title = "Noise model, and width of friction"
+    title = "Noise model, and width ε of friction"
     lead = (
         "The noise models are compared once for each record, on the residual of the fit of all damping terms, and all "
         "damping models use the chosen noise model. The evidence is Laplace's approximation. For the noise model of "
         "rounded values, probabilities are divided by the recording step, so that all noise models are on one scale. "
         "If correlated noise is the most probable, the answer uses Gaussian noise with the variance of the residual "
-        "near the oscillation frequency. Friction changes its sign within a velocity ε, which affects a precise record "
-        "at small amplitudes and at each turning point. If ε was not given, several values are compared once for each "
-        "record, with all damping terms, and all damping models use the chosen value. The table shows how the "
-        "coefficients of the fit of all terms depend on ε. Estimators use 2 % of the peak velocity."
+        "near the oscillation frequency. The sign of dry friction changes gradually, within a range of velocities of "
+        "width ε. This affects a precise record at small amplitudes and at each turning point. If ε was not given, "
+        "several values are compared once for each record, with all damping terms, and all damping models use the "
+        "chosen value. Estimators use 2 % of the peak velocity."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -162,12 +183,12 @@ class NoiseSection(SignalSection):
         tables: list[Table] = []
         if len(noises) > 1:
             best = {content.noise: "best"}
-            tables.append(Table.of(noises, of_noise, (0, 2, 3), kind=lambda n: best.get(n.name, "")))
+            tables.append(Table.of(noises, of_noise, (0, 2, 3), NOISES, lambda n: best.get(n.name, "")))
         if content.frictions:
             width = {content.epsilon: "best"}
             left = (len(of_width) - 1,)
             tables.append(
-                Table.of(content.frictions, of_width, left, kind=lambda w: width.get(w.epsilon, ""))
+                Table.of(content.frictions, of_width, left, WIDTHS, lambda w: width.get(w.epsilon, ""))
             )
         return stack(*tables)
 
@@ -180,11 +201,12 @@ class FitQualitySection(SignalSection):
     title = "Quality of the fits"
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
-        "white noise. The stability over sub-records is the largest change of a damping coefficient when only half of "
-        "the record is used, in units of the standard deviation that is expected by chance. Up to about three it can "
-        "be chance; above that, the accuracy is limited by this change and not by the width of the posterior. The "
-        "predictive p is the fraction of simulated white noise that is as strongly autocorrelated as the residual, "
-        "averaged over the posterior."
+        "white noise (then it is near 0). The stability over sub-records is the largest change of a damping "
+        "coefficient when only half of the record is used, in units of the standard deviation that is expected by "
+        "chance. Up to about three it can be chance; above that, the accuracy is limited by this change and not by "
+        "the width of the posterior. The predictive p is the fraction of simulated white noise that is as strongly "
+        "autocorrelated as the residual, averaged over the posterior; a small value means that structure remains in "
+        "the residual."
     )
     nothing = "No model was fitted in this study."
 
@@ -215,8 +237,9 @@ class FitQualitySection(SignalSection):
             for n in names:
                 of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n))
             caption = (
-                f"Damping coefficients of {words.model(model)} from parts of the record. If they differ by much more "
-                "than their standard deviations, the model is incomplete and the posterior is too narrow."
+                f"Coefficients of {words.model(model)} damping from parts of the record, with their standard "
+                "deviations (±). If they differ by much more than these, the model is incomplete and the posterior is "
+                "too narrow."
             )
             table = Table.of(windows, of_part, caption=caption)
             parts.append(
@@ -228,12 +251,18 @@ class FitQualitySection(SignalSection):
         if mode is not None and mode.rivals:
             columns: dict[str, Callable[[AddedForm], str]] = {
                 "additional form": lambda form: form.words,
-                "ln Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
+                "log Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
                 "probability at equal prior odds": lambda form: fmt.probability(
                     float(scipy.special.expit(form.log_bayes))
                 ),
             }
-            table = Table.of(sorted(mode.rivals, key=lambda form: -form.log_bayes), columns)
+            caption = (
+                f"Log Bayes factor (nats) of {words.model(ranked[0])} with each additional form of damping against "
+                f"{words.model(ranked[0])} alone, and the probability that this gives if both are equally probable in "
+                "advance."
+            )
+            forms = sorted(mode.rivals, key=lambda form: -form.log_bayes)
+            table = Table.of(forms, columns, caption=caption)
             parts.append(
                 collapsible(f"Other forms of damping in addition to {words.model(ranked[0])}", table)
             )
@@ -257,7 +286,7 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
         "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
         "verdict": lambda r: r["verdict"] or fmt.NONE,
     }
-    return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1))
+    return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1), CHECKS)
 
 
 PLUGINS = (RecordSection(), NoiseSection(), FitQualitySection())

@@ -36,7 +36,7 @@ LAWS = {
 """Explanation of a joint fit, by the study's setting `deviation`."""
 ASSUMED = {
     "none": "if every law held exactly",
-    "law": "with laws that hold approximately and deviations of each record",
+    "law": "with laws that hold approximately and separate deviations in each record",
 }
 """Assumption of a joint fit or a population in words, by the study's setting `deviation`."""
 
@@ -73,8 +73,9 @@ class SpecimensSection(Section):
                 for n in row.summary
             ]
             caption = (
-                f"{name}, {words.model(best)}: median and 95 % interval of each record alone. Grey: the specimen, from "
-                "the joint fit."
+                f"Coefficients of {words.model(best)} damping: median (dot) and 95 % interval (bar) from each record "
+                f"of {name} alone. Grey: median and 95 % interval for the specimen, from the joint fit of all its "
+                "records."
             )
             draw = partial(intervals, list(joint.alone), panels, colour(best))
             parts.append(run.drawings.add(f"joint-{name}", caption, draw))
@@ -94,8 +95,9 @@ def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
     elif joint.agree:
         agree = "agree with one damping"
     sentences = [
-        f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: the records {agree}. The log Bayes factor "
-        f"of equal sizes in all records against different sizes is {fmt.nats(joint.no_spread)} nats"
+        f"Joint fit of {len(joint.records)} records, {ASSUMED[joint.deviation]}: the records {agree}. The log Bayes "
+        "factor of damping of the same size in all records against different sizes is "
+        f"{fmt.nats(joint.no_spread)} nats"
     ]
     outcome = joint.candidates[joint.best].outcome
     sentences += [outcome.rstrip(".")] if outcome != OK else []
@@ -169,8 +171,9 @@ def _candidates(joint: JointContent) -> Table:
         columns[words.symbol(name).text] = partial(size, name=name)
     columns["outcome"] = lambda model: rows[model].outcome
     caption = (
-        "Joint fit of all records of the specimen. Probabilities: as in the verdict on the specimen. Coefficients: "
-        "mean ± sd for the specimen."
+        "Damping models in the joint fit of all records of the specimen, the most probable first (bold): posterior "
+        "probability, as in the verdict on the specimen; log Bayes factor (nats) relative to the best model; and "
+        "coefficients of the specimen, mean ± standard deviation."
     )
     return Table.of(ranked, columns, (0, len(columns) - 1), caption, kind)
 
@@ -203,7 +206,10 @@ def _population(run: RunFolder, task_result: TaskResult) -> list[object]:
         for label, own, digits, kind in rows:
             bounds = fmt.interval(own["q2.5"], own["q97.5"])
             lines.append(TableLine([label, fmt.number(own["median"], digits), bounds, unit], kind))
-    caption = "Mean and spread (sd) of the population, and each specimen's value given all specimens."
+    caption = (
+        "Mean and spread (standard deviation) of each damping coefficient in the population of specimens, and the "
+        "value of each specimen given all specimens: posterior median and 95 % interval."
+    )
     parts += [paragraph(how), Table(["quantity", "median", "95 %", "unit"], lines, (0, 3), caption)]
     labels = list(content.specimens)
     panels = [
@@ -216,8 +222,8 @@ def _population(run: RunFolder, task_result: TaskResult) -> list[object]:
         for n, population in content.populations.items()
     ]
     caption = (
-        "Median and 95 % interval of each specimen alone (filled) and given all specimens (open); grey: the "
-        "population's mean."
+        "Damping coefficients of each specimen, median and 95 % interval: from its own records alone (filled) and "
+        "given all specimens (open). Grey: median and 95 % interval of the population's mean."
     )
     draw = partial(intervals, labels, panels, colour(content.best))
     return [*parts, run.drawings.add("population", caption, draw)]

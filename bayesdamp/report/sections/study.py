@@ -16,6 +16,8 @@ from bayesdamp.report.sections import Section, collapsible, fill, stack
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
+FACTS = "Revision of the source code, the machine, and the seed of the random numbers."
+
 
 class AskedSection(Section):
     """The section with the signals, the known and unknown parameters, and the methods."""
@@ -46,7 +48,7 @@ class AskedSection(Section):
         noise = posterior.get("noise")
         suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
         if run.under_law:
-            suffix = ", with white noise of the variance that the deviations do not account for"
+            suffix = ", with deviations from the laws, and white noise for the rest of the residual"
         used = {
             "Estimators": (run.study.get("estimators") or {}).get("use"),
             "Posteriors": posterior.get("samplers"),
@@ -62,9 +64,11 @@ class AskedSection(Section):
         elif any(a.candidates for a in answers(run)):
             sampled = any(run.task_results("sampled", signal) for signal in run.signals)
             more = "; the most probable ones were also sampled" if sampled else ""
-            sentences.append(f"The models were compared by linear approximations about each best fit{more}.")
+            sentences.append(
+                f"The damping models were compared by linear approximations about the best fit of each{more}."
+            )
         if run.info.get("seed") is not None:
-            sentences.append(f"All random numbers are determined by the seed {run.info['seed']}.")
+            sentences.append(f"The seed {run.info['seed']} determines all random numbers.")
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
         details = collapsible(
             "All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text))
@@ -134,7 +138,8 @@ def _signals(run: RunFolder) -> Table | str:
         "samples used": lambda s: used[s][0],
         "duration / s": lambda s: used[s][1],
     }
-    return Table.of(run.signals, columns, (0, 1, 2)) if used else ""
+    caption = "The records of this run (signals), and the part of each that was used."
+    return Table.of(run.signals, columns, (0, 1, 2), caption) if used else ""
 
 
 class ProvenanceSection(Section):
@@ -154,9 +159,9 @@ class ProvenanceSection(Section):
         }
         lines = [[name, str(value)] for name, value in facts.items() if value is not None]
         inputs, versions = (list((info.get(key) or {}).items()) for key in ("inputs", "versions"))
-        parts: list[object] = [Table(["fact", "value"], lines, text)] if lines else []
+        parts: list[object] = [Table(["item", "value"], lines, text, FACTS)] if lines else []
         if inputs:
-            parts.append(Table(["input", "SHA-256"], inputs, text))
+            parts.append(Table(["input", "SHA-256"], inputs, text, "Input files and their SHA-256 digests."))
         if versions:
             table = Table(["package", "version"], versions, text)
             parts.append(collapsible(f"Versions of {len(versions)} packages", table))
@@ -171,7 +176,7 @@ class ProvenanceSection(Section):
                 [why, ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")]
                 for why, names in tasks.items()
             ]
-            caption = f"{count} task{'s' if count > 1 else ''} ended without a result"
+            caption = f"{count} task{'s' if count > 1 else ''} ended without a result, by reason."
             parts.append(Table(["reason", "tasks"], lines, text, caption))
         known = {n: s for n, s in (info.get("seconds") or {}).items() if isinstance(s, (int, float))}
         if known:
@@ -180,22 +185,27 @@ class ProvenanceSection(Section):
                 kinds.setdefault(TaskName.of(name).kind, []).append(seconds)
             kinds["all"] = list(known.values())
             of_kind: dict[str, Callable[[str], str]] = {
-                "stage": str,
+                "kind of task": str,
                 "tasks": lambda kind: str(len(kinds[kind])),
-                "sum": lambda kind: fmt.duration(sum(kinds[kind])),
-                "longest": lambda kind: fmt.duration(max(kinds[kind])),
+                "total time": lambda kind: fmt.duration(sum(kinds[kind])),
+                "longest task": lambda kind: fmt.duration(max(kinds[kind])),
             }
-            parts.append(Table.of(kinds, of_kind, caption="Time, summed over workers"))
+            caption = "Computing time of each kind of task, summed over all worker processes."
+            parts.append(Table.of(kinds, of_kind, caption=caption))
             longest = sorted(known, key=lambda name: -known[name])[:20]
             times = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
             parts.append(collapsible(f"The {len(longest)} longest tasks", times))
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
         if rows:
-            columns: dict[str, Callable[[str], str]] = {"task": str}
+            columns: dict[str, Callable[[str], str]] = {"signal/model": str}
             for name in dict.fromkeys(key for own in rows.values() for key in own):
                 columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
-            caption = "Error budget of the solver: changes with finer integration steps, within three sds of the mode"
+            caption = (
+                "Numerical error of the ODE solver: the largest changes with finer integration steps, within three "
+                "posterior standard deviations of the mode. Step error: of a sample of the motion, in the unit of the "
+                "equation of motion. Log likelihood change: in nats."
+            )
             parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
 
