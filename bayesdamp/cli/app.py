@@ -30,7 +30,7 @@ COMMANDS = {
         "bayesdamp look rig.csv",
     ),
     "init": (
-        "Write a study file with comments next to data files; nothing is computed, and no file is overwritten.",
+        "Write a commented study of files next to them; nothing is computed, and no file is overwritten.",
         "bayesdamp init rig.csv",
     ),
     "study": (
@@ -38,7 +38,7 @@ COMMANDS = {
         "bayesdamp study quickstart",
     ),
     "compare": (
-        "Find which damping each record has, how large it is, how well its law holds, and how certain that is.",
+        "Find which damping records have, how large it is, how well its law holds, and how certain that is.",
         "bayesdamp compare rig.csv --quick",
     ),
     "calibrate": (
@@ -62,11 +62,11 @@ COMMANDS = {
         "bayesdamp claims --paper reports/paper --noise reports/noise",
     ),
     "doctor": (
-        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small test record.",
+        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record.",
         "bayesdamp doctor",
     ),
     "completion": (
-        "Print a script that completes commands and options in your shell.",
+        "Print the shell's completion script.",
         "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
     ),
 }

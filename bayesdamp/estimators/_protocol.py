@@ -98,9 +98,15 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
         return reason
     for term in map(TERMS.get, damping):
         if term.placed and estimator.by_position:
-            return f"{term.name} damping depends on the position: {estimator.by_position}"
+            return (
+                f"the method cannot estimate {term.name} damping, which depends on the position: "
+                f"{estimator.by_position}"
+            )
         if term.inferred and estimator.with_parameters:
-            return f"{term.name} damping has parameters besides its coefficient: {estimator.with_parameters}"
+            return (
+                f"the method cannot estimate {term.name} damping, which has parameters besides its coefficient: "
+                f"{estimator.with_parameters}"
+            )
     return None
 
 

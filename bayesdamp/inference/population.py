@@ -179,7 +179,7 @@ def infer_population(samples: Sequence[Sample], scale: float) -> Population:
         If there are fewer than two specimens.
     """
     if len(samples) < 2:
-        raise Refusal("a spread needs two specimens or more")
+        raise Refusal("two specimens or more are needed to infer the spread between specimens")
     kernels = [Kernels.of(s) for s in samples]
     m, tau, log_prior = _grid(kernels, scale)
     logs = [k.log_likelihood(m, tau) for k in kernels]

@@ -36,8 +36,8 @@ from bayesdamp.types import OK, candidate_parts
 FAR_BEHIND = 5.0
 """A candidate is far behind if its log evidence is at least this many nats below the largest: its Bayes factor against
 the best candidate is then at most 1:148."""
-FAR_IN_ANSWER = Status.PRUNED.because("far behind in the answer")
-NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
+FAR_IN_ANSWER = Status.PRUNED.because("much less probable than the best model in the answer")
+NOT_SAMPLED = Status.NOT_SAMPLED.because("its evidence is not among the highest, so it was not sampled")
 
 
 class CandidateSelection:

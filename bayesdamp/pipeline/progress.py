@@ -21,7 +21,7 @@ ACTIVITIES = {
     "fit": "estimating and fitting",
     "evidence": "computing the evidence of",
     "sample": "sampling",
-    "sensitivity": "trying other priors and half the record with",
+    "sensitivity": "repeating with other priors and with half the record:",
 }
 """What a job on damping models does, by its `task_group`."""
 
@@ -44,8 +44,8 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
     return {
         "sampled": f"checking the answer on {records} by sampling",
         "average": "averaging over damping models",
-        "specimen": f"joining the records of {_with_count(len(jobs), 'specimen')}",
-        "population": "comparing the specimens",
+        "specimen": f"fitting all records together of {_with_count(len(jobs), 'specimen')}",
+        "population": "inferring the population of the specimens",
     }[str(job.task_group)]
 
 

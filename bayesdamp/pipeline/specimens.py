@@ -45,7 +45,9 @@ from bayesdamp.store.contents import (
 from bayesdamp.types import OK, Reference, Refusal, candidate_parts, sum_probabilities
 from bayesdamp.units import UNITS
 
-NOT_JOINED = Status.PRUNED.because("far behind, so its coefficients were not inferred from all records")
+NOT_JOINED = Status.PRUNED.because(
+    "much less probable than the best model, so its coefficients were not inferred from all records"
+)
 NOT_COMPARED = Status.PRUNED.because("not compared in the answer on any record")
 LOCATION_SCALE = 3.0
 """Scale of the half-normal prior of a population's location, as a multiple of the largest coefficient of a specimen.
@@ -158,7 +160,7 @@ def compute_joint(specimen: Specimen) -> Product:
     Raises Refusal if fewer than two have an answer, or if no model was fitted to all of them.
     """
     if len(specimen.answered) < 2:
-        raise Refusal("fewer than two of its records have an answer")
+        raise Refusal("fewer than two records of the specimen have an answer")
     rows, arrays = compare_candidates(specimen)
     comparison = specimen.comparison
     if not comparison.repeats:
@@ -253,7 +255,9 @@ def compute_population(study: Study, store: Store) -> Product:
         raise Refusal("no population: laws hold exactly for some specimens, approximately for others")
     bases = sorted({UNITS[s.specs[0].source.unit].base for s in specimens})
     if len(bases) > 1:
-        raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
+        raise Refusal(
+            f"no population: some specimens are measured in {', others in '.join(bases)}; record all in one unit"
+        )
     rows: dict[str, Mapping[str, JointCandidate]] = {}
     draws: dict[str, Arrays] = {}
     for s in specimens:

@@ -18,7 +18,9 @@ from bayesdamp.types import InputError
 Job = TypeVar("Job")
 MOST_TRIES = 2
 """Number of times that a task is tried if its process is killed (conventional)."""
-KILLED_OUTCOME = "failed: the process that computed it was killed, twice (by hand, or for lack of memory)"
+KILLED_OUTCOME = (
+    "failed: its process was killed twice, by a user or because memory ran out; use fewer --workers"
+)
 
 
 @contextmanager
@@ -49,7 +51,7 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
     except Exception as error:  # a wrong address can raise any exception
         raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
     if not client.scheduler_info().get("workers"):
-        wait_for = "waiting for one. Ctrl-C stops this, and the same command resumes"
+        wait_for = "waiting for one. Ctrl-C stops this, and the same command resumes the run"
         say(f"--scheduler {scheduler}: it has no worker; {wait_for}")
     with client:
         # not pure: the same task in another folder is another task
@@ -57,7 +59,7 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
         try:
             yield pool
         except CancelledError:
-            lost = "the scheduler or all its workers are gone; the same command resumes"
+            lost = "the connection to the scheduler or to all its workers is lost; the same command resumes the run"
             raise InputError(f"--scheduler {scheduler}: {lost}") from None
         finally:
             # Do not wait for running tasks: there may be no worker left to complete them.

@@ -312,7 +312,8 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
         )
     if v.power_law > thresholds.POWER_LAW and not v.decided and decay.readings >= thresholds.FEW_READINGS:
         texts.append(
-            "A single power law of the amplitude describes the decay better than every sum, so rates are from it. "
+            "A single power law of the amplitude describes the decay better than every sum of damping terms, so the "
+            "rates are computed from it. "
             "Use --damping power, or --damping cubic where the power is near 3, to compare it with the sums."
         )
     facts = record.facts.items()
@@ -440,8 +441,9 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     more = by_ten(with_interval(value, next_low, next_high, f" {unit}" if unit else ""))
     texts = (
         *spread_remark(verdict),
-        f"One more record would have {what} = {more}.",
-        f"The standardised variance of the records' own values is {verdict.standardised:.1f}.",
+        f"One more record would have {what} = {more} with 95 % probability.",
+        f"The differences between the records' values, divided by their standard deviations, have a mean square of "
+        f"{verdict.standardised:.1f}; 1 is expected if the records agree.",
         *(verdict.remarks if joint else ()),
     )
     return replace(verdict, remarks=texts, sentence=sentence(verdict))

@@ -129,7 +129,7 @@ def specimen(
         Where there is no record.
     """
     if not records:
-        raise ValueError("a specimen needs a record with a verdict")
+        raise ValueError("a specimen needs at least one record with a verdict")
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
     damping, restoring, others = specimen_probabilities(comparison)
     own = [r.verdict for r in records]
@@ -152,7 +152,7 @@ def specimen(
     )
     r = following[len(following) // 2]
     ratio = with_interval(r.value, r.low, r.high, " %", 100)
-    more = f"At the middle amplitude one more record would have a damping ratio of {ratio}."
+    more = f"One more record would have a damping ratio of {ratio} at the middle amplitude, with 95 % probability."
     texts = (*spread_remark(verdict), more, *verdict.remarks)
     return replace(verdict, remarks=texts, sentence=sentence(verdict))
 

@@ -92,7 +92,7 @@ def _answer(v: Verdict) -> str:
     shown.sort(key=lambda item: -item[1])
     dampings = " or ".join(f"{named(name)} ({probability(p)})" for name, p in shown)
     sure = [words_of(s.term) for s in v.energy if s.probability >= thresholds.TERM_SURE]
-    certain = f"; {' and '.join(sure)} {'is' if len(sure) == 1 else 'are'} sure" if sure else ""
+    certain = f"; it surely contains {' and '.join(sure)} damping" if sure else ""
     return f"{answer}; damping {dampings}{certain}{power}{_law_quality(v)}."
 
 

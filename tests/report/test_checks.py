@@ -94,9 +94,9 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
     assert passed == [
         "NUTS converged: R̂ at most 1.002, effective sample size at least 2,500.",
         "emcee converged: R̂ at most 1.002, effective sample size at least 2,500.",
-        "Probability of viscous among the compared damping models, other forms left out: 0.99 by importance "
-        "sampling; the answer gives > 0.999.",
-        "Residuals: viscous fits.",
+        "Probability of viscous damping among the damping models of the study: 0.99 by importance sampling; the "
+        "answer gives > 0.999.",
+        "Residuals: viscous damping fits.",
         "Truth: the record was simulated with viscous damping, as the answer says.",
     ]
     table = RecordChecks(run_of(verdict(), truth="viscous", **tables), "a").table()
@@ -108,11 +108,11 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
 CONTRADICTIONS: dict[str, dict[str, Any]] = {
     "NUTS: not converged: R̂ of ζ": {"posteriors": chain(outcome="not converged: R̂ of ζ is 1.03.")},
     "NUTS contradicts the answer: its ζ differs by 2.0": {"posteriors": chain(at=0.052)},
-    "Importance sampling ranks Coulomb first": {"evidence": evidence(coulomb=0.7, viscous=0.3)},
-    "Residuals: viscous does not fit: why.": {"fits": [{**ROW, **MISFIT}], "posteriors": chain()},
+    "Importance sampling ranks Coulomb damping first": {"evidence": evidence(coulomb=0.7, viscous=0.3)},
+    "Residuals: viscous damping does not fit: why.": {"fits": [{**ROW, **MISFIT}], "posteriors": chain()},
     "1 of 1 trajectory fits give ζ = 0.0600000, outside": {"estimates": [fitted(0.06)]},
     "with Coulomb damping, to which the answer gives 0.02.": {"truth": "coulomb", "posteriors": chain()},
-    "Truth: ζ = 0.06, outside": {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
+    "Truth: ζ = 0.06, which is outside": {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
     "The evidence of Coulomb (importance sampling): the posterior has no curvature at its mode.": {
         "evidence": [*evidence(viscous=0.99), {**evidence(coulomb=math.nan)[0], "outcome": NO_CURVATURE}]
     },

@@ -141,7 +141,7 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
         ),
         (
             {"damping": BOTH, "damping_if_exact": BOTH, "term": SURE}, {"term": {**SURE, "viscous": 0.9}},
-            "; viscous is sure",
+            "; it surely contains viscous damping",
         ),
         ({"unexplained": thresholds.REMARK}, {"unexplained": thresholds.REMARK - TINY}, "not explained"),
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),

@@ -216,8 +216,8 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
         # Several dampings, the likeliest first, also where it is another form, and no more than three; two sure terms.
         (
             replace(OPEN, rivals=FORMS, energy=SHARES),
-            "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); viscous and "
-            "Coulomb (dry friction) are sure",
+            "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); it surely "
+            "contains viscous and Coulomb (dry friction) damping",
         ),
         (
             replace(OPEN, probability=0.04, rivals=FORMS),

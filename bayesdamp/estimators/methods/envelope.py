@@ -57,9 +57,7 @@ class Envelope(Estimator[EnvelopeOptions]):
     def refuses(self, damping: tuple[str, ...]) -> str | None:
         """Return a reason for dry_position, whose friction slope has no effect on an envelope; None for other terms."""
         if "dry_position" in damping:
-            return (
-                "the slope of dry_position's friction takes no energy, so that an envelope does not show it"
-            )
+            return "the slope in dry_position friction dissipates no energy, so an envelope does not depend on it"
         return None
 
     def initial(

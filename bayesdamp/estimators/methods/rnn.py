@@ -79,7 +79,7 @@ class Rnn(Estimator[RnnOptions]):
     Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features.
     """
 
-    with_parameters = "its network is trained to give one number"
+    with_parameters = "its network is trained to give one coefficient"
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -116,7 +116,7 @@ class Rnn(Estimator[RnnOptions]):
                 break
             half = max(NARROWEST, min(half / 2, 5.0 * half * error)) if inside else half
         if not inside:
-            raise Refusal("the record's damping lies outside of all that the network was trained on")
+            raise Refusal("the record's damping is outside the range on which the network was trained")
         parameter, value = simulator.parameter, float(np.exp(answers[-1]))
         values = {parameter: value, **{name: simulator.base[name] for name in free_names(problem)}}
         stderr = {parameter: value * errors[-1]}

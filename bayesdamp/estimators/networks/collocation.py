@@ -173,7 +173,7 @@ def estimate(
     count, last = loss.network.count, loss.network.count + len(loss.coefficients)
     training = train(descend(loss.evaluate, loss.first), rounds, lambda x: x[count:last])
     if not np.all(np.isfinite(training.losses)):
-        raise Refusal("the network's training came to numbers that are not finite")
+        raise Refusal("the training of the network gave numbers that are not finite")
     watched = training.watched * loss.units[: last - count]
     values = dict(zip((*loss.coefficients, *loss.restoring), (training.x[count:] * loss.units).tolist()))
     x = torch.from_numpy(training.x)

@@ -245,7 +245,7 @@ def estimate(
     loss = Shooting(signal, problem, features, rng, **settings)
     training = train(descend(loss.evaluate, loss.first), rounds, loss.project, STEADY, loss.y.numel())
     if not np.all(np.isfinite(training.watched)):
-        raise Refusal("the training came to trajectories that are not finite")
+        raise Refusal("the training of the network gave trajectories that are not finite")
     x, coefficients = training.x, training.watched * loss.units
     values = dict(zip(loss.coefficients, coefficients[-1].tolist()))
     values |= dict(zip(loss.restoring, (x[loss.count : loss.physical] * loss.free_units.numpy()).tolist()))

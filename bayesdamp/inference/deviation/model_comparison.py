@@ -612,7 +612,7 @@ class _CandidateFits:
         if fit is None:
             fit = search(solver, data, parameters, [start | own for own in own_starts])
         if fit is None:
-            self.refused[c] = "no motion under it stays in phase with the record"
+            self.refused[c] = "no motion with this damping stays in phase with the record"
         else:
             self.fits[c] = fit
 

@@ -7,8 +7,8 @@ from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
 
-NORMAL_DIAGNOSTIC = "no draws: right where the posterior is normal"
-LINEAR_DIAGNOSTIC = "of the linear model: parameters and deviations integrated out about the best motion"
+NORMAL_DIAGNOSTIC = "Laplace's approximation, which is accurate if the posterior is normal"
+LINEAR_DIAGNOSTIC = "motion linearised about the best fit; parameters and deviations are integrated out"
 """Texts that say how Laplace's approximation was computed, stored as the `diagnostic` of its evidence:
 `NORMAL_DIAGNOSTIC` for exact laws, `LINEAR_DIAGNOSTIC` with deviations from the laws."""
 

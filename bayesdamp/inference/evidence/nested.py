@@ -105,7 +105,7 @@ class NestedSampling(EvidenceMethod):
         effective, highest = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
         outcome = OK
         if not done:
-            outcome = f"not to be trusted: not finished after {count} likelihoods"
+            outcome = f"not to be trusted: not finished after {count} evaluations of the likelihood"
         elif top - highest > MAX_GAP_NATS:
             gap = f"{top - highest:.0f} nats above all of its points"
             outcome = f"not to be trusted: it missed a mode {gap}"
@@ -114,7 +114,7 @@ class NestedSampling(EvidenceMethod):
             method=self.name,
             log_evidence=float(np.asarray(sampler.log_z)),
             stderr=effective**-0.5,
-            diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{fallback_note}",
+            diagnostic=f"{effective:.0f} effective draws from {count} evaluations of the likelihood{fallback_note}",
             evaluations=int(count),
             outcome=outcome,
         )

@@ -47,7 +47,9 @@ class UffReader(Reader):
         sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == 58]
         if not sets:
             present = ", ".join(map(str, sorted(set(kinds))))
-            raise InputError(f"its data sets are {present}; a record is a data set 58: export time histories")
+            raise InputError(
+                f"its data sets are {present}; a record must be a data set of type 58; export time histories"
+            )
         timed = [
             data
             for data in sets

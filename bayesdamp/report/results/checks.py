@@ -190,8 +190,17 @@ class RecordChecks:
         if self.run.is_simulated(self.signal):
             columns["truth"] = lambda name: fmt.as_entered(truth(self.run, self.signal, name))
         return Table.of(
-            self.coefficient_names, columns, (0, 1), f"Coefficients of {words.model(self.model)} damping"
+            self.coefficient_names, columns, (0, 1), self._caption(bool(samplers), any(fits.values()))
         )
+
+    def _caption(self, sampled: bool, fitted: bool) -> str:
+        """Return the caption of the table of coefficients: what the columns contain."""
+        caption = f"Coefficients of {words.model(self.model or '')} damping, with 95 % intervals in brackets."
+        if sampled:
+            caption += " Columns with the name of a sampler: posterior median."
+        if fitted:
+            caption += " Trajectory fits: range of the values, and in brackets the number of methods."
+        return caption
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
         """Return the rows of a table that belong to `model` on this record."""
@@ -343,7 +352,8 @@ class RecordChecks:
             true = truth(self.run, self.signal, name)
             if math.isfinite(true) and not low <= true <= high:
                 yield Check(
-                    f"Truth: {symbol} = {fmt.as_entered(true)}, outside the 95 % interval.", fails=True
+                    f"Truth: {symbol} = {fmt.as_entered(true)}, which is outside the 95 % interval.",
+                    fails=True,
                 )
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
@@ -377,7 +387,7 @@ class RecordChecks:
                 total = sum(p for damping, p in each if _same_sum(ranked.dampings, damping) is not None)
                 answer = f"; the answer gives {fmt.probability(v.probability / total)}" if total > 0 else ""
             yield Check(
-                f"Probability of {words.model(named)} among the compared damping models, other forms left out: "
+                f"Probability of {words.model(named)} damping among the damping models of the study: "
                 f"{by}{answer}."
             )
         # Methods that rank another damping first.
@@ -385,7 +395,10 @@ class RecordChecks:
             first = max(p, key=lambda damping: p[damping])
             if first == named:
                 continue
-            text = f"{_name(method)} ranks {words.model(first)} first, with probability {fmt.probability(p[first])}"
+            text = (
+                f"{_name(method)} ranks {words.model(first)} damping first, with probability "
+                f"{fmt.probability(p[first])}"
+            )
             if self.exact_only:
                 text = f"If the laws held exactly: {text}. The ranking depends on how closely the laws hold."
             else:
@@ -396,8 +409,8 @@ class RecordChecks:
         factor = min(widths, key=lambda f: widths[f], default=1.0)
         if widths and widths[factor] < min(WIDTH_HOLDS, ranked.dampings[leading]):
             text = (
-                f"The width of the priors is important: with priors {fmt.number(factor, 2)} times as wide, the "
-                f"probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
+                f"The result depends on the width of the priors: with priors {fmt.number(factor, 2)} times as wide, "
+                f"the probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
             )
             yield Check(text, fails=True)
         rankings = [r for r in (rank_models(run, signal, each) for each in run.repeats(signal)) if r]
@@ -419,7 +432,7 @@ class RecordChecks:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
             fitting = fitting_of(verdict)
             if verdict and status_of(verdict) not in UNLISTED_OUTCOMES:
-                text = f"Residuals: {name}{'' if fitting else ':'} {verdict}."
+                text = f"Residuals: {name} damping{'' if fitting else ':'} {verdict}."
                 yield Check(text, fails=fitting is FitStatus.DOES_NOT_FIT and not self.exact_only)
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (

@@ -35,8 +35,8 @@ CATEGORIES = {
 """The paper's three categories (Table 2)."""
 FACTORS = {
     "noise": "noise / % of the first amplitude",
-    "sampling": "samples a period",
-    "length": "periods",
+    "sampling": "samples per period",
+    "length": "length / periods",
 }
 """Factors that a series of signals may vary, with the labels of their axes."""
 LEAST_VALUES = 3
