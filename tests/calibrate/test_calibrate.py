@@ -223,5 +223,5 @@ def test_overconfident_probabilities_are_seen(tmp_path, monkeypatch, sharper, in
         assert (gap < 0.15) is inside
     assert len(read_rows(out / "recovery.csv")) == 440
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert ("is inside its 99 % band" in page) is inside
+    assert ("is inside the 99 % band" in page) is inside
     assert result["recovery"]["by_model"][0]["p_holm"] > 0.001 or not inside

@@ -52,12 +52,13 @@ SHAPES = (
 CAPTION = (
     "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
     "record was averaged over cycles). Upper right: the equivalent viscous damping ratio of this record against "
-    "amplitude (black line) with its 95 % interval (grey band), the 95 % interval that is measured without assuming a "
-    "damping law (brown band, if it could be measured), and each compared damping model fitted by itself (coloured "
-    f"lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower left: the "
-    "residual, which is the record minus the fit. It should look like noise; a wave in it is motion that the fit does "
-    "not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, divided by the mass "
-    "or the moment of inertia. The highest line belongs to the term that dissipates most at that amplitude."
+    "amplitude (thick black line) with its 95 % interval (grey band), the 95 % interval that is measured without "
+    "assuming a damping law (brown band, if it could be measured), and each compared damping model fitted by itself "
+    f"(coloured lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower "
+    "left: the residual, which is the record minus the fit. It should look like noise; a wave in it is motion that "
+    "the fit does not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
+    "divided by the mass or the moment of inertia. The highest line belongs to the term that dissipates most at that "
+    "amplitude."
 )
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
@@ -267,8 +268,8 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
             "unit": lambda c: words.unit(c.unit),
         }
         caption = (
-            f"Coefficients of {words.model(v.damping)} damping under the restoring law {words.law(v.restoring)}, with "
-            f"95 % intervals in brackets. {PARTS_OF_SD}"
+            f"Coefficients of {words.model(v.damping)} damping, and parameters of the {words.law(v.restoring)} "
+            f"restoring law, with 95 % intervals in brackets. {PARTS_OF_SD}"
         )
         parts.append(Table.of(v.coefficients, columns, (0, 4), caption))
     rows = [r for r in answer.candidates if r.outcome == OK]

@@ -274,9 +274,8 @@ class RecoveredSection(Section):
             claim = (
                 f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
                 f"({share:.1f} %, 95 % interval {interval}); {hits['expected']:.1f} are "
-                f"expected from the models' probabilities. The difference of {excess} records is {inside} the range "
-                f"{low} to {high}, which contains it with {100 * (1 - result['alarm']):g} % probability if the "
-                "probabilities are correct."
+                f"expected from the models' probabilities. The difference of {excess} records is {inside} the "
+                f"{100 * (1 - result['alarm']):g} % band that is expected by chance, {low} to {high}."
             )
             score, expected, ignorant = (
                 fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")

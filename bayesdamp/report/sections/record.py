@@ -149,8 +149,8 @@ class NoiseSection(SignalSection):
         "If correlated noise is the most probable, the answer uses Gaussian noise with the variance of the residual "
         "near the oscillation frequency. The sign of dry friction changes gradually, within a range of velocities of "
         "width ε. This affects a precise record at small amplitudes and at each turning point. If ε was not given, "
-        "several values are compared once for each record, with all damping terms, and all damping models use the "
-        "chosen value. Estimators use 2 % of the peak velocity."
+        "several values are compared once for each record, with all damping terms. All damping models use 2 % of the "
+        "peak velocity, or the most probable value if it is clearly more probable. Estimators use 2 %."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:

@@ -40,8 +40,9 @@ class AskedSection(Section):
         if forces and rests:
             units = sorted({run.unit(s).base for s in run.signals}, reverse=True)
             sentences.append(
-                f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp consists of {fmt.listing(forces)} and "
-                f"F_rest is {fmt.listing(rests, 'or')}; θ in {' or '.join(units)}, time in s."
+                "Equation of motion: θ̈ + F_damp + F_rest = 0. The damping force F_damp is the sum of the terms of a "
+                f"model: {fmt.listing(forces)}. The restoring force F_rest is {fmt.listing(rests, 'or')}. θ is in "
+                f"{' or '.join(units)}, time in s; forces are divided by the mass or the moment of inertia."
             )
         sentences += _systems(run)
         posterior = run.study.get("posterior") or {}
