@@ -227,6 +227,7 @@ def write_page(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str
         "Made by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",
         "*refined* is the trajectory fit that starts there. *Better than claimed* means that an error is more than ten",
         "times, or a time more than three times, below the printed one; such a figure does not confirm the claim.",
+        "*Claim* is what the paper states, and *where* the section, equation or figure in which it does.",
         "",
         markdown_table(("claim", "where", "measured", "verdict"), rows),
     ]

@@ -71,7 +71,7 @@ DEFAULT_DRAWS = 1000
 _OF_THE_MOTION = {
     "theta0": "displacement at the first sample",
     "omega0": "velocity at the first sample",
-    "epsilon": "velocity over which friction changes its sign: tanh(velocity/epsilon); 0 is the sign itself",
+    "epsilon": "velocity over which friction changes its sign: tanh(velocity/epsilon); 0: the sign function",
 }
 """Definitions of parameters that belong neither to a damping term nor to a restoring law."""
 
@@ -162,7 +162,10 @@ class Posterior(Result, types.Posterior):
             z = target.prior_draws(shape[1], np.random.default_rng([self.seed, 1]))[None]
             prior = _parameters(self, np.stack(list(target.values(z).values()), axis=-1))
             own = _parameters(self, self.draws)
-            lp = {"definition": "log prior plus log likelihood, in natural units", "units": "nat"}
+            lp = {
+                "definition": "log prior density plus log likelihood, as a density of the parameters in their units",
+                "units": "nat",
+            }
             stats["lp"] = (dims, self.log_prior + self.log_likelihood, lp)
         else:
             prior = _with_deviations(self, law, law.prior_draws(shape[1], self.seed)[None])
@@ -391,7 +394,7 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
 
     groups = {"log_likelihood": group(likelihoods, "nat", definition)}
     if replications is not None:
-        text = "motion of a draw with noise of its own"
+        text = "motion of a posterior draw with simulated noise added"
         groups["posterior_predictive"] = group(replications, post.fit.signal.y_unit, text)
     return groups
 

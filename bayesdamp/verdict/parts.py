@@ -267,7 +267,8 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
     }
     if qualities:
         columns["Q (95 %)"] = lambda i: number(qualities[i])
-    return Table.of(range(len(rates)), columns)
+    caption = "Decay rate of the amplitude, and Q if the frequency is known, with 95 % intervals in brackets."
+    return Table.of(range(len(rates)), columns, caption=caption)
 
 
 def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
@@ -287,4 +288,8 @@ def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Tabl
         f"{first} amplitude": lambda m: f"{m.first:.3g} {m.unit}",
         f"{last} amplitude": lambda m: f"{m.last:.3g} {m.unit}",
     }
-    return Table.of(modes, columns, left=(), caption="Oscillations in the record")
+    caption = (
+        f"Oscillations in the record, with the {first} and the {last} amplitude of the displacement. The 95 % interval "
+        "of the damping ratio is in brackets."
+    )
+    return Table.of(modes, columns, left=(), caption=caption)

@@ -46,12 +46,15 @@ def packages() -> CheckResult:
         try:
             own = version(library.name)
         except PackageNotFoundError:
-            wrong.append(f"{library.name} is missing ({library.specifier})")
+            wrong.append(f"{library.name} is missing; run pip install '{library.name}{library.specifier}'")
             continue
         if library.specifier.contains(own, prereleases=True):
             right += 1
         else:
-            wrong.append(f"{library.name} is {own}, but {library.specifier} is required")
+            wrong.append(
+                f"{library.name} is {own}, but {library.specifier} is required; run pip install "
+                f"'{library.name}{library.specifier}'"
+            )
     return CheckResult("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
 
 
