@@ -184,7 +184,9 @@ class ModelsTable(StudySection):
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
     prune: float | None = Field(
-        None, gt=0, description="a positive number of nats: models farther behind are left out"
+        None,
+        gt=0,
+        description="a positive number: models whose log evidence is more nats below the best are left out",
     )
 
 

@@ -130,7 +130,7 @@ def test_a_decay_steeper_than_the_paper_s_laws_has_its_own_rates_without_being_a
     result = analyse(envelope(FORCES["cubic"], 3)).verdict
     assert result.grade == "deviates"
     assert not result.decided
-    assert any("rates are from it" in line for line in result.remarks)
+    assert any("rates are computed from it" in line for line in result.remarks)
     t, a = turning_points(FORCES["cubic"])
     for item in result.decay_rate:
         near = item.amplitude * np.exp([0.1, -0.1])

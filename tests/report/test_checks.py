@@ -135,7 +135,7 @@ def test_a_check_that_assumes_exact_laws_does_not_contradict_an_answer_with_devi
     about = verdict(deviation=Interval(0.02, 0.0, 0.04))
     passed, failed = checked(run_of(about, **tables))
     assert failed == []
-    assert "If the laws held exactly: Importance sampling ranks Coulomb first" in " ".join(passed)
+    assert "If the laws held exactly: Importance sampling ranks Coulomb damping first" in " ".join(passed)
     assert "assume that the laws hold exactly" in passed[-1]
     assert len(checked(run_of(verdict(), **tables))[1]) == 3
     assert len(checked(run_of(about, under_law=True, **tables))[1]) == 2  # exact fits are not compared there
