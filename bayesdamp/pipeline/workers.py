@@ -18,9 +18,7 @@ from bayesdamp.types import InputError
 Job = TypeVar("Job")
 MOST_TRIES = 2
 """Number of times that a task is tried if its process is killed (conventional)."""
-KILLED_OUTCOME = (
-    "failed: its process was killed twice, by a user or because memory ran out; use fewer --workers"
-)
+KILLED_OUTCOME = "failed: the process that computed it was killed twice, by a user or because memory ran out"
 
 
 @contextmanager

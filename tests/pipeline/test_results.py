@@ -66,7 +66,7 @@ def test_read_again(run: bd.Run, tmp_path: Path) -> None:
     assert copy.candidate("bench", "viscous").values == run.candidate("bench", "viscous").values
     with pytest.raises(bd.InputError, match="give a new folder"):
         run.save(tmp_path / "copy")
-    with pytest.raises(bd.InputError, match=r"no run\.json here"):
+    with pytest.raises(bd.InputError, match=r"does not contain run\.json"):
         bd.Run.load(tmp_path)
 
 
