@@ -25,6 +25,10 @@ RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
 """RHAT_LIMIT is the largest R̂, and ESS_LIMIT the smallest effective sample size, at which draws count as reliable
 (recommended by Vehtari et al. 2021)."""
+HDI_PROBABILITY = 0.95
+"""Probability of the shortest (highest-density) interval of a parameter."""
+QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
+"""Levels of the quantiles in a summary, by name."""
 
 
 def rhat(draws: np.ndarray) -> float:
@@ -131,6 +135,23 @@ def _ess(chains: np.ndarray) -> float:
     return float(chains.size / max(time, 1.0 / np.log10(chains.size)))
 
 
+def moments_and_quantiles(values: np.ndarray) -> dict[str, float]:
+    """Return mean, sd, five quantiles and the ends of the shortest 95 % interval of values, (n,).
+
+    They have the names that `summarise` lists.
+    """
+    ordered = np.sort(values)
+    inside = int(np.ceil(HDI_PROBABILITY * ordered.size))
+    first = int(np.argmin(ordered[inside - 1 :] - ordered[: ordered.size - inside + 1]))
+    return {
+        "mean": float(values.mean()),
+        "sd": float(values.std(ddof=1)),
+        **{name: float(np.quantile(ordered, level)) for name, level in QUANTILES.items()},
+        "hdi_low": float(ordered[first]),
+        "hdi_high": float(ordered[first + inside - 1]),
+    }
+
+
 def summarise(
     draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
 ) -> dict[str, float]:
@@ -156,22 +177,8 @@ def summarise(
     chains = draws
     if ensembles is not None:  # (walker, step) to (ensemble, step · walker)
         chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
-    flat = draws.reshape(-1)
-    quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
-    ordered = np.sort(flat)
-    inside = int(0.95 * ordered.size)
-    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
-    low, high = float(ordered[start]), float(ordered[start + inside])
     return {
-        "mean": float(flat.mean()),
-        "sd": float(flat.std(ddof=1)),
-        "median": float(quantiles[2]),
-        "q2.5": float(quantiles[0]),
-        "q25": float(quantiles[1]),
-        "q75": float(quantiles[3]),
-        "q97.5": float(quantiles[4]),
-        "hdi_low": low,
-        "hdi_high": high,
+        **moments_and_quantiles(draws.reshape(-1)),
         "ess_bulk": ess_bulk(draws) if effective is None else effective,
         "ess_tail": ess_tail(draws) if effective is None else effective,
         "rhat": rhat(chains) if effective is None else float("nan"),

@@ -38,6 +38,7 @@ from bayesdamp.inference.deviation.forms import bound_other_forms
 from bayesdamp.inference.deviation.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.tempered import TemperedDraws
+from bayesdamp.inference.diagnostics import moments_and_quantiles
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import NORMAL_95, Ratio, sum_probabilities
@@ -59,12 +60,9 @@ TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
 """Only a combination of two parameters is determined if the absolute correlation of their draws is larger than the
 first value, and for each of them half the 95 % interval is larger than the second value times its mean
 (conventional)."""
-HDI_PROBABILITY = 0.95
-"""Probability of the shortest (highest-density) interval of a parameter that `posterior_of` returns."""
 MOST_PLOTTED = 3000
 """Largest number of samples in a figure. A longer record is cut into stretches, and only the minimum and the maximum of
 each are drawn."""
-QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 
 
 @dataclass(frozen=True)
@@ -400,22 +398,16 @@ def posterior_of(
     d, n = parameters.free.size, result.solver.knots.size
     values = parameters.values(u[:, :d])[:, parameters.free]
     sizes = mean_deviation(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
-    inside, summaries = int(np.ceil(HDI_PROBABILITY * len(values))), {}
-    noise_sd = noise_sds(comparison, result)
+    noise_sd, summaries = noise_sds(comparison, result), {}
     for name, own in zip(parameters.free_names, values.T, strict=True):
-        sd, ordered = float(np.std(own, ddof=1)), np.sort(own)
-        noise = min(noise_sd[name], sd)
-        first = int(np.argmin(ordered[inside - 1 :] - ordered[: own.size - inside + 1]))
+        summary = moments_and_quantiles(own)
+        noise = min(noise_sd[name], summary["sd"])
         summaries[name] = {
-            "mean": float(np.mean(own)),
-            "sd": sd,
+            **summary,
             "sd_noise": noise,
-            "sd_law": float(np.sqrt(sd**2 - noise**2)),
-            **{q: float(np.quantile(own, level)) for q, level in QUANTILES.items()},
-            "hdi_low": float(ordered[first]),
-            "hdi_high": float(ordered[first + inside - 1]),
+            "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2)),
         }
-    summary = {
+    table = {
         "parameters": summaries,
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
         "unexplained": unexplained_and_noise(result)[0],
@@ -424,7 +416,7 @@ def posterior_of(
         "acceptance": sampled.acceptance,
         "temperatures": sampled.temperatures,
     }
-    return summary, values
+    return table, values
 
 
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:

@@ -90,6 +90,15 @@ def test_contract(sampler):
     assert not np.array_equal(other.draws.ravel()[:50], posterior.draws.ravel()[:50])
 
 
+def test_the_shortest_interval_of_an_exponential_distribution_begins_at_zero() -> None:
+    """Its 95 % interval is 0 to ln 20; control: the interval between quantiles is not."""
+    values = -np.log1p(-(np.arange(20000) + 0.5) / 20000)
+    row = diagnostics.moments_and_quantiles(values)
+    assert [row["hdi_low"], row["hdi_high"]] == pytest.approx([0.0, np.log(20)], abs=1e-3)
+    assert [row["q2.5"], row["q97.5"]] == pytest.approx([-np.log(0.975), -np.log(0.025)], rel=1e-3)
+    assert [row["mean"], row["sd"]] == pytest.approx([1.0, 1.0], rel=1e-3)
+
+
 def test_draws_that_are_not_to_be_trusted_are_said_to_be():
     rng = np.random.default_rng(0)
     few = diagnostics.summarise(rng.normal(size=(4, 60)))
