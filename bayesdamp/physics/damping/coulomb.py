@@ -24,7 +24,11 @@ class Coulomb(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """Return tanh(v/ε)."""
+        """Return the friction per unit of its coefficient μ_c at velocity v (rad/s or m/s), which is tanh(v/ε).
+
+        epsilon: width ε, in the unit of v, of the range of velocities in which the friction changes its sign. The
+        argument x (displacement) has no effect on this term.
+        """
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

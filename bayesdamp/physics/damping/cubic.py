@@ -18,7 +18,10 @@ class Cubic(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """Return v³."""
+        """Return the damping force per unit of its coefficient μ₃ at velocity v (rad/s or m/s), which is v³.
+
+        The arguments x (displacement) and epsilon have no effect on this term.
+        """
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

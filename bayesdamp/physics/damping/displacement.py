@@ -24,7 +24,11 @@ class Displacement(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
-        """Return (x − x_e)² v with x_e = `rest`."""
+        """Return the damping force per unit of its coefficient c at displacement x and velocity v: (x − x_e)² v.
+
+        x, v: in rad and rad/s, or in m and m/s. rest: the equilibrium x_e, in the unit of x. The argument epsilon has
+        no effect on this term.
+        """
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

@@ -41,7 +41,12 @@ class Power(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
-        """Return v ((v² + ε²)/V²)^((p − 1)/2) with V = `scale`, which is V |v/V|^p sgn v for |v| ≫ ε."""
+        """Return the damping force per unit of its coefficient c at velocity v: v ((v² + ε²)/V²)^((p − 1)/2).
+
+        For |v| ≫ ε this is V |v/V|^p sgn v. v: in rad/s or m/s. epsilon: width ε, in the unit of v, of the range of
+        velocities in which the force is smoothed. p: the exponent. scale: the reference velocity V, in the unit of v.
+        The argument x (displacement) has no effect on this term.
+        """
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:

@@ -20,7 +20,10 @@ class Quadratic(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """Return v|v|."""
+        """Return the damping force per unit of its coefficient μ_q at velocity v (rad/s or m/s), which is v|v|.
+
+        The arguments x (displacement) and epsilon have no effect on this term.
+        """
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

@@ -29,7 +29,11 @@ class Structural(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
-        """Return |x − x_e| tanh(v/ε) with x_e = `rest`."""
+        """Return the damping force per unit of its coefficient κ at displacement x and velocity v: |x − x_e| tanh(v/ε).
+
+        x, v: in rad and rad/s, or in m and m/s. epsilon: width ε, in the unit of v, of the range of velocities in which
+        the force changes its sign. rest: the equilibrium x_e, in the unit of x.
+        """
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

@@ -21,7 +21,10 @@ class Viscous(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """Return 2v."""
+        """Return the damping force per unit of its coefficient ζ at velocity v (rad/s or m/s), which is 2v.
+
+        The arguments x (displacement) and epsilon have no effect on this term.
+        """
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

@@ -87,7 +87,8 @@ class Track:
     def combine(self, size: np.ndarray, phase: np.ndarray, midline: np.ndarray) -> np.ndarray:
         """Multiply amplitudes, phases and midlines, (c, ...) each, of the first c blocks by the track's factors.
 
-        Return them in one array, (3c, ...): three values for each block in turn. size: the amplitudes.
+        The factors are `weights` for amplitudes and midlines and the matrix `whitening` for phases. Return the products
+        in one array, (3c, ...): three values for each block in turn. size: the amplitudes.
         """
         count = len(size)
         one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))
@@ -173,9 +174,9 @@ class AveragedSolver(Solver):
     def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return a copy whose defect is computed at parameters p, (k,); None if a trajectory escapes.
+        """Return a copy of this solver with the defect that `defect_at` computes at parameters p, (k,).
 
-        active, g, h: as in `Solver.solve`.
+        active, g, h: as in `Solver.solve`. Return None if a trajectory escapes to infinity.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -257,7 +258,7 @@ class AveragedSolver(Solver):
 
 
 def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort times, (b, s), of points of blocks, which may overlap.
+    """Sort the times of the s points of each of b blocks, (b, s); the blocks may overlap in time.
 
     Return the times in rising order, (b·s,), and the index of each original time in this order, (b·s,).
     """

@@ -36,10 +36,10 @@ TEMPLATES, END = ("tangents", "march"), "# --- end ---"
 MAX_STORED = 50
 """Greatest number of kernels on disk (0.6 MB each); the least recently used ones are removed first (conventional)."""
 USUAL_TERMS = 3
-"""For each of this number of first damping terms, the generated code tests whether it is switched on. The other terms,
-which are rarely on, share one test, which skips all of them."""
+"""Number of frequent damping terms, which are the first of a kernel. The generated code tests for each of them whether
+it is switched on. The later terms, which are rarely on, are skipped by one common test if all of them are off."""
 IN_USE_SECONDS = 3600.0
-"""A kernel that was used in this time (s) before now is not removed, because another process may be compiling it
+"""A kernel that was last used less than this time ago (s) is not removed, because another process may be compiling it
 (conventional)."""
 # First lines of each kernel's source.
 _HEAD = f"""import math
@@ -84,7 +84,11 @@ def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: object) -> Kernel:
-    """Return the kernel, cached; the objects are part of the cache key, because a name can be registered again."""
+    """Return the kernel from a cache, or generate it.
+
+    _registered: the objects of the terms and laws. They are part of the cache key, because another object can be
+    registered under the same name.
+    """
     module = _module(source_of(terms, laws))
     return Kernel(terms, laws, module.march, module.sums)
 
@@ -155,16 +159,16 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
 
 
 def _njit(signature: str, *lines: str) -> str:
-    """Return the source of a function with this signature and these lines of its body, which Numba compiles."""
+    """Return the source of a function that Numba compiles, with this signature and these lines of its body."""
     return "".join([f"@njit\ndef {signature}:\n", *(f"    {line}\n" for line in lines)])
 
 
 def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
     """Return the source of a function that computes a damping term's force and its derivatives.
 
-    The derivatives are by x, v and the further parameters. source: source of the term's force. number: index of the
-    term. further: number of its further parameters. Also return the text of an additional argument of calls of the
-    function: ", sizes" if it uses difference quotients, else "".
+    The derivatives are by x, v and the further parameters (those besides the coefficient). source: source of the term's
+    force. number: index of the term. further: number of its further parameters. Also return the text that calls of the
+    function need after their other arguments: ", sizes" if it uses difference quotients, else "".
     """
     given, name = _arguments(source), f"_slopes_{number}"
     try:
@@ -180,7 +184,8 @@ def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
     """Return the sources of the functions of all restoring laws, and of `restoring` and `restoring_slopes`.
 
-    The latter two call the functions of one law, whose index is stored in `p` after the parameters.
+    The latter two call the functions of the one law whose index is the last element of their argument `p`; the elements
+    before it are the law's parameters.
     """
     sizes = [len(LAWS.get(name).parameters) for name in laws]
     parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
@@ -242,7 +247,8 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
 
     Annotations and defaults are removed, because they may refer to names that the module does not import. `math.tanh`
     is replaced by `_tanh`, which takes a third of the time and has an absolute error of 2e-16. base: base class of the
-    plug-in. what: the plug-in in messages of errors. Raises Refusal if it has no `kernel` that can be compiled.
+    plug-in, whose `kernel` is only a placeholder. what: description of the plug-in for error messages. Raises Refusal
+    if it has no `kernel` that can be compiled.
     """
     function = plugin.kernel
     if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
@@ -271,7 +277,10 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
 
 @lru_cache(maxsize=64)
 def _module(text: str) -> ModuleType:
-    """Import the source of a kernel as a module, after writing it to a file if this does not exist yet."""
+    """Import the source of a kernel as a module, after writing it to a file if this does not exist yet.
+
+    The file's name contains a digest of the source. Modules are cached in memory.
+    """
     name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     spec = importlib.util.spec_from_file_location(name, _store(name, text))
     assert spec is not None

@@ -27,10 +27,10 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @compiled
 def quintic(before, after, step, order):
-    """Return the coefficients of powers 0 to 6 of u in the order-th time derivative (0 to 2) of a step's solution.
+    """Return the coefficients of powers 0 to 6 of u of the solution's order-th time derivative (0 to 2) in one step.
 
     u: fraction of the step. before, after: value, slope and curvature (first and second time derivative) at the two
-    ends; a fourth number in `before` is the factor k of the correction. step: length of the step in s.
+    ends; a fourth number in `before` is the factor k of the correction k u³(1 − u)³. step: length of the step in s.
     """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend
@@ -57,10 +57,10 @@ def quintic(before, after, step, order):
 
 @compiled
 def end_of_step(times, node, t, first):
-    """Return the index after the last of the increasing times t that lie in the step after node number `node`.
+    """Return the index after the last of the increasing times t that lie in the step after the node with index `node`.
 
-    first: index of the first time in this step. times: times of all nodes, (s,). Times after the last node count to the
-    last step.
+    times: times of all nodes, (s,). first: index in t of the first time in this step. Times after the last node count
+    to the last step.
     """
     end = first
     if node == times.size - 2:
@@ -93,11 +93,12 @@ def at_times(times, states, t, order):
 
 @compiled
 def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
-    """Return the factors of seven node values in a weighted sum of the solution over samples within one step.
+    """Return the seven factors that turn node values into a weighted sum of the solution over samples within one step.
 
-    The sum is that of weight times the order-th time derivative (0 to 2) of the solution. The node values are value,
-    slope, curvature and correction k at the start of the step, then value, slope and curvature at its end. m0 to m6:
-    sums over the samples of weight times power 0 to 6 of u, the fraction of the step. step: its length in s.
+    The sum, over the samples, is that of weight times the order-th time derivative (0 to 2) of the solution. It equals
+    the sum of factor times node value. The seven node values are value, slope, curvature and correction k (see
+    `quintic`) at the start of the step, then value, slope and curvature at its end. m0 to m6: sums over the samples of
+    weight times power 0 to 6 of u, the fraction of the step. step: its length in s.
     """
     if order == 1:
         m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
@@ -119,8 +120,9 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
 def slopes_at_times(times, slopes, columns, t, order):
     """Return the order-th time derivative (0 to 2) of tangents at increasing times t, (n,): shape (n, columns.size).
 
-    times: times of the nodes, (s,). slopes: value, slope, curvature (and factor k, see `quintic`) of all p tangents at
-    the nodes, (s, p, 3 or 4). columns: indices of the tangents to evaluate.
+    A tangent is the derivative of the motion by one parameter. times: times of the nodes, (s,). slopes: value, slope,
+    curvature (and factor k, see `quintic`) of all p tangents at the nodes, (s, p, 3 or 4). columns: indices of the
+    tangents to evaluate.
     """
     k, four = columns.size, slopes.shape[2] > 3
     values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0

@@ -27,7 +27,7 @@ SLOPES = {
 
 
 class NoSlopeError(Exception):
-    """The source contains something that this module cannot differentiate."""
+    """Exception for a source that contains something that this module cannot differentiate."""
 
 
 def derivative_source(source: str, name: str, seeds: list[str]) -> str:
@@ -62,8 +62,8 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
 class _Lines:
     """Builder of a function body in which each line is one operation on names and numbers.
 
-    A value is represented by the text of its name or number, and by a mapping from each seed (a variable by which is
-    differentiated) on which it depends to the text of its derivative.
+    A value is represented by a pair: the text of its name or number, and a dictionary of the texts of its derivatives.
+    The keys of the dictionary are the seeds, which are the variables of differentiation, on which the value depends.
     """
 
     def __init__(self, seeds: list[str], arguments: list[str]) -> None:
@@ -150,9 +150,9 @@ class _Lines:
 def difference_source(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
     """Return the source of a function `name` that returns a value and its derivatives by central differences.
 
-    call: text of an expression that computes the value, with each seed in braces. arguments: arguments of the new
-    function. seeds: variables by which is differentiated, with the text of the step of each. The function returns a
-    tuple: the value, then one derivative for each seed.
+    call: text of an expression that computes the value, with each variable of differentiation (seed) in braces.
+    arguments: names of the arguments of the new function. seeds: for each seed, the text of the step of its difference
+    quotient. The function returns a tuple: the value, then one derivative for each seed.
     """
     plain = {seed: seed for seed in seeds}
     lines, returned = [], [call.format_map(plain)]

@@ -1,11 +1,14 @@
 """Template of the part of a kernel that integrates the equation of motion
 
-    θ̈ + (1 + g(t)) Σ c_j shape_j(θ, θ̇) + (1 + 2 h(t)) F_rest(θ) = 0,
+    θ̈ + (1 + g(t)) Σ c_j shape_j(θ, θ̇) + (1 + 2 h(t)) F_rest(θ) = 0.
 
-where g and h are linear between knots. It uses Verner's Runge–Kutta pair of orders 7 and 6 (J. H. Verner, Numer.
-Algorithms 53, 383 (2010)); steps end on the knots. `build` puts the forces of an oscillator before this source and
-compiles both together; the imported forces are stand-ins. Each step propagates all tangents by the same transition
-matrix, so that their cost hardly grows with the number of knots.
+Here c_j is the coefficient of damping term j, shape_j its force per unit of the coefficient, and F_rest the restoring
+force; g and h, relative deviations of the damping and of the frequency, are linear between given times (knots). The
+integration uses Verner's Runge–Kutta pair of orders 7 and 6 (J. H. Verner, Numer. Algorithms 53, 383 (2010)); steps end
+on the knots. `build` puts the forces of an oscillator before this source and compiles both together; the forces that
+this module imports from `tangents` are only placeholders. The derivatives of the motion by its parameters (tangents)
+are computed together with it. In each step all tangents are propagated by the same transition matrix, so that their
+cost hardly grows with the number of knots.
 
 If ε = 0 and a term jumps with the sign of the velocity, dry friction is exact. The sign of the velocity is then
 constant from one turning point to the next, steps end on turning points, and a second node at the same time has the
@@ -45,7 +48,8 @@ from bayesdamp.physics.kernel.tangents import (
 
 # --- march ---
 
-# Nodes C, matrix A and weights B of the pair; E are the weights of the error estimate.
+# Nodes C, matrix A and weights B (order 7) of the Runge–Kutta pair. E: B minus the weights of order 6, with which the
+# error is estimated.
 C = np.array([0.0, 0.005, 49 / 450, 49 / 300, 911 / 2000, 0.60950944899783813171, 0.884, 0.925, 1.0, 1.0])
 A = np.array(
     [
@@ -89,28 +93,40 @@ E = B - np.array(
     ]
 )  # fmt: skip
 DENSE_ERROR = 0.022 / 64
-"""Error of the dense output, relative to its correction and to ωh of the step (derived for a sine, by comparison with
-the Hermite polynomial of one degree more)."""
+"""The error of the dense output (interpolation within a step) is estimated as `DENSE_ERROR` · |k| ωh. Here k is the
+factor of the correction k u³(1 − u)³ (see `dense`), ω the angular frequency and h the length of the step (derived for a
+sine, by comparison with the Hermite polynomial of one degree more)."""
 EDGE, WIDE, PARTS = 4.0, 3.0, 4.0
-"""For ε > 0, friction changes its sign while |v| < EDGE · ε. If a step that enters this range is longer than 1/WIDE of
-the time that it takes to cross it, the step ends at the edge, and steps of 1/PARTS of the crossing follow. Otherwise
-the stages of a long step would hardly sample the change of sign, and its error estimate would miss it (measured: errors
-10 to 30 times smaller at a tolerance of 1e-6, and trajectories that depend smoothly on the parameters)."""
+"""Limits of the length of a step near v = 0, where friction that is smoothed within ε > 0 changes its sign.
+
+The change of sign takes place while |v| < EDGE · ε, which lasts for the time T = 2 EDGE ε/|θ̈|. A step that reaches
+this range from outside and is longer than T/WIDE is shortened such that it ends at |v| = EDGE · ε; within the range,
+steps are not longer than T/PARTS. Otherwise a long step would evaluate the force at hardly any time during the change
+of sign, and its error estimate would be too small (measured: with these limits errors are 10 to 30 times smaller at a
+tolerance of 1e-6, and trajectories depend smoothly on the parameters).
+"""
 
 
 AT_TURN, NEAR_TURN = 1e-4, 0.1
-"""Times to a turning point, in radians of the oscillation. Below the first, the accelerations give the turning point to
-rounding; below the second, Newton's method finds it (measured)."""
+"""Times between the end of a step and a turning point, in units of 1/ω (radians of the oscillation). If the time is
+shorter than `AT_TURN`, the end of the step is moved to the turning point, whose time then follows from the
+accelerations to rounding error. If it is shorter than `NEAR_TURN`, the step is repeated with its length corrected by
+Newton's method (measured)."""
 STILL = 1e-12
-"""A body at rest sticks if its acceleration, relative to the peak acceleration, is smaller (conventional)."""
+"""A body at rest sticks if its acceleration is not larger than `STILL` · ω²A, where ω²A is the peak acceleration of a
+harmonic oscillation with the scales of amplitude A and frequency ω (conventional). `STILL` is also the relative
+difference of time below which a turning point and a knot count as simultaneous."""
 
 
 @njit
 def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
-    """Return θ̈ at one point, under relative deviations g of the damping and h of the frequency.
+    """Return the acceleration θ̈ at displacement x and velocity v, in rad/s² or m/s².
 
-    w: position between two knots (0 to 1); g, h: deviations at these two. c, q, law: as returned by `to_tuples`.
-    rounding: the ε of terms that are steep but continuous.
+    w: position of the time between two knots, from 0 at the left knot to 1 at the right one. g, h: relative deviations
+    of the damping and of the frequency, two numbers each, for the left and the right knot. c, q, law: tuples of the
+    coefficients, further parameters, and parameters of the restoring law, as returned by `to_tuples`. epsilon: width ε
+    of the velocity within which dry friction changes its sign. rounding: the ε of terms whose force is steep but
+    continuous at v = 0.
     """
     damps, pulls = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
     return -(1.0 + damps) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * pulls) * restoring(x, law)
@@ -118,17 +134,21 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
 
 @njit
 def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
-    """Return `acceleration` if dry friction has exactly this sign of the velocity."""
+    """Return the acceleration θ̈ with dry friction that has exactly the given sign of the velocity (1 or −1).
+
+    This holds even if v is 0 or has the other sign. The other arguments are those of `acceleration`.
+    """
     v, epsilon = exact_sign(v, sign)
     return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)
 
 
 @njit
 def release_direction(x, w, g, h, c, q, rounding, law, first, least):
-    """Return the direction (sign) in which a body at rest starts to move, and its acceleration.
+    """Return the direction (1 or −1) in which a body at rest starts to move, and its acceleration (with sign).
 
-    Both are 0 if friction holds the body. If both directions are possible, `first` is returned. least: smallest
-    acceleration that counts as motion. The other arguments are those of `acceleration`.
+    Both are 0 if static friction holds the body. x: displacement of the body. first: direction, 1 or −1, that is tried
+    before the opposite one; it is returned if the body could start in both. least: largest absolute acceleration, in
+    rad/s² or m/s², with which the body still sticks. The other arguments are those of `acceleration`.
     """
     for sign in (first, -first):
         a = acceleration_with_sign(x, 0.0, w, g, h, c, q, rounding, sign, law)
@@ -141,8 +161,12 @@ def release_direction(x, w, g, h, c, q, rounding, law, first, least):
 def release_time(x, t, piece, knots, g, h, c, q, rounding, law, least):
     """Return the time at which a stuck body is released, the index of the knot before, and the direction of its motion.
 
-    If it is never released, return the last time and direction 0. Between two knots, restoring force and friction
-    change linearly in time. piece: index of the knot before t.
+    The direction is 1 or −1. If the body is never released, return the time of the last knot, the index of the knot
+    before it, and direction 0. Between two knots, restoring force and friction change linearly in time, because g and h
+    do; the time of the release follows from this. x: displacement of the stuck body. t: time in s from which the search
+    starts. piece: index of the knot before t. knots: times of the n knots in s, (n,). g, h: deviations at the knots,
+    (n,). least: as in `release_direction`; for the release the acceleration must be larger than twice this value. c, q,
+    rounding, law: as in `acceleration`.
     """
     at = (t - knots[piece]) / (knots[piece + 1] - knots[piece])
     while True:
@@ -166,9 +190,11 @@ def release_time(x, t, piece, knots, g, h, c, q, rounding, law, least):
 
 @njit
 def fraction_until(v, a, new_v, new_a, step, wanted):
-    """Return the fraction of a step at which the velocity equals `wanted`, a value between v and new_v.
+    """Return the fraction of a step (0 to 1) after which the velocity equals `wanted`, a value between v and new_v.
 
-    The velocity is the cubic through velocities and accelerations at both ends; Newton's method with bisection.
+    v, a: velocity and acceleration at the start of the step. new_v, new_a: those at its end. step: length of the step
+    in s. The velocity within the step is the cubic polynomial through these four values; its root is found by Newton's
+    method, with bisection where that fails.
     """
     low, high, at = 0.0, 1.0, (wanted - v) / (new_v - v)
     for _ in range(30):
@@ -197,7 +223,11 @@ def fraction_until(v, a, new_v, new_a, step, wanted):
 
 @njit
 def enlarge(times, states, slopes, count, room):
-    """Copy the first `count` nodes to arrays with space for `room` nodes, by loops, which compile fast."""
+    """Copy the first `count` nodes to longer arrays of times, states and tangents with space for `room` nodes.
+
+    Return these three arrays. times: (s,). states: (s, 4). slopes: the tangents, (s, k, 4). The numbers are copied in
+    loops, because array slices take longer to compile.
+    """
     more_times, more_states = np.zeros(room), np.zeros((room, 4))
     more_slopes = np.zeros((room, slopes.shape[1], 4))
     for i in range(count):
@@ -211,9 +241,12 @@ def enlarge(times, states, slopes, count, room):
 
 @njit(cache=True, nogil=True)
 def sums(x, v, weight, epsilon, rounding, q, active, out):
-    """Write weighted sums over n points of the terms' forces per unit coefficient into `out`, (d, m).
+    """Compute weighted sums over n points of the damping terms' forces, each per unit of its coefficient.
 
-    q: d sets of the further parameters, (d, e).
+    The sums are written into `out`, (d, m). x, v, weight: displacement, velocity and weight of each point, (n,).
+    epsilon: width of the velocity within which dry friction changes its sign; with 0 it jumps with the sign of v.
+    rounding: the ε of terms whose force is steep but continuous at v = 0. q: d sets of the e further parameters of all
+    m terms, (d, e); each set gives one row of `out`. active: which terms are on, (m,); the sums of the others are 0.
     """
     work = np.zeros(out.shape[1])
     for d in range(out.shape[0]):
@@ -233,21 +266,54 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, max_steps
 ):
-    """Integrate the equation of motion and return node times, states and tangents; no nodes if the trajectory escapes.
+    """Integrate the equation of motion and return the times of the nodes (ends of steps), the states and the tangents.
 
-    Times have shape (s,). States, (s, 4), are θ, θ̇, θ̈ and the correction of the dense output in the step after the
-    node; tangents, (s, k, 4), are the derivatives of these. With exact friction there are two nodes at the same time at
-    turning points, and where a body starts and stops to stick.
+    All three arrays are empty if the trajectory escapes to infinity or needs more than `max_steps` steps. With exact
+    friction there are two nodes at the same time at each turning point and where a stuck body is released.
 
-    coefficients, q: of the terms, and their further parameters. active: which terms are on. law: parameters of the
-    restoring law, padded to the largest number of any law, then the law's index. epsilon, rounding: width of the sign
-    change of friction (0: exact), and of terms that are steep but continuous. start: θ₀, θ̇₀. knots: (n,), from the
-    first to the last time; g, h: deviations there. tolerance: error of a step relative to the scales of θ and θ̇,
-    sizes[:2]; the other sizes are scales of the law's parameters. tangents: 0 none, 1 by the parameters, 2 also by g
-    and h, in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. max_steps: largest number of steps.
+    Parameters
+    ----------
+    coefficients, q
+        Coefficients of the m damping terms, (m,), and their further parameters, term by term, (e,).
+    active
+        Which terms are on, (m,).
+    law
+        Parameters of the restoring law, padded to the largest number r of any law in the kernel, then the index of the
+        law, (r + 1,).
+    epsilon
+        Width of the velocity within which dry friction changes its sign; 0 for exact friction.
+    rounding
+        The ε of terms whose force is steep but continuous at v = 0.
+    start
+        θ and θ̇ at the first knot, (2,).
+    knots
+        Increasing times in s, (n,). The integration extends from the first to the last.
+    g, h
+        Relative deviations of the damping and of the frequency at the knots, (n,).
+    tolerance
+        Largest error of a step, relative to `sizes[0]` for θ and to `sizes[1]` for θ̇.
+    sizes
+        Typical magnitudes of θ and θ̇, then of each parameter of the law (for difference quotients).
+    tangents
+        0 to compute no tangents; 1 for derivatives by the coefficients, the further parameters, the r padded parameters
+        of the law, θ₀ and θ̇₀, in this order; 2 for these, then by the n values of g and the n values of h.
+    max_steps
+        Largest number of steps that are tried.
+
+    Returns
+    -------
+    times
+        Times of the s nodes, (s,).
+    states
+        θ, θ̇ and θ̈ at each node, and the factor of the correction of the dense output in the step after it (see
+        `dense`), (s, 4).
+    slopes
+        The tangents: derivatives of these four numbers by k parameters, (s, k, 4); 0 for terms that are off.
     """
-    # --- Sizes and work arrays. base: index of θ₀ among the tangents; sources_of: parameters whose tangents have a
-    # source; carried: these, θ₀ and θ̇₀; c, q_p, law_p: coefficients, further parameters and law as tuples.
+    # --- Sizes and work arrays. base: index of the tangent by θ₀; sources_of: indices of the parameters whose tangents
+    # have a source (those of the law and of terms that are on); carried: these indices, and those of θ₀ and θ̇₀. rows:
+    # results of `linearise` at `POINTS`; hats: first of the four columns in them for sources by g and h; sources: all
+    # columns for sources that are not zero. c, q_p, law_p: coefficients, further parameters and law as tuples.
     m, e, r, n = coefficients.size, q.size, law.size - 1, knots.size
     end_of_law = m + e + LAW_SIZES[int(law[r])]
     base = m + e + r
@@ -335,7 +401,7 @@ def march(
                 curvatures(slopes[count], rows[0], sources_of, base, piece, n, tangents == 2)
             count += 1
             continue
-        # --- One Runge–Kutta step of length `taken`, which ends at the latest on the next knot (`whole`).
+        # --- One Runge–Kutta step of length `taken`, which ends on the next knot (`whole`) or before it.
         whole = step >= remaining * (1 - 1e-9)
         taken = remaining if whole else (step if is_aimed or step < 0.5 * remaining else 0.5 * remaining)
         xs[0], vs[0], ws[0], kv[0] = x, v, since_knot / width, a
@@ -453,7 +519,8 @@ def march(
                     close(old[base + 2 + n + i], new[base + 2 + n + i], rows, taken)
             for i in range(row_size):
                 rows[0, i] = rows[4, i]
-            # After a knot, the hat function on its left ends and the next one begins.
+            # g is a sum of hat functions, one for each knot, times its values there; so is h. After a knot, the hat
+            # function of the knot before ends and that of the next knot begins.
             if whole and tangents == 2:
                 rows[0, hats], rows[0, hats + 1] = rows[4, hats + 1], 0.0
                 rows[0, hats + 2], rows[0, hats + 3] = rows[4, hats + 3], 0.0

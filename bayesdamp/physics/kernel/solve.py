@@ -179,9 +179,10 @@ class Motion:
 class _Layout:
     """Indices of a solver's damping terms and parameters in its kernel, which may have more of them.
 
-    terms: indices of the m damping terms, (m,). given: indices of their e parameters besides the coefficients among
-    those of the kernel, (e,). further: number of these in the kernel. law: index of the restoring law in the kernel.
-    most: largest number of parameters of a restoring law in the kernel.
+    terms: indices of the solver's m terms among those of the kernel, (m,). given: indices of the solver's e further
+    parameters (those of terms besides the coefficients) among the further parameters of the kernel, (e,). further:
+    number of further parameters of the kernel. law: index of the restoring law in the kernel. most: largest number of
+    parameters of a restoring law in the kernel.
     """
 
     terms: np.ndarray
@@ -231,7 +232,10 @@ class Solver:
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver without windows for another quantity at other times t in s, (n,), before the last knot."""
+        """Return a solver without windows for another quantity at other times t in s, (n,).
+
+        The times must not be after the last knot.
+        """
         return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property

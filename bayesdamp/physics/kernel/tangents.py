@@ -1,8 +1,14 @@
 """Template of the part of a kernel that integrates the tangents (derivatives of the motion by the parameters).
 
-The tangents obey the variational equations. Within a step these are linear, with coefficients that are evaluated along
-the motion at five points; they are solved by a power series in time. `build` copies only the part between two marks;
-the functions before it are stand-ins for the forces of an oscillator, which `build` generates.
+The tangents obey the variational equations, which are the derivatives of the equation of motion by the parameters.
+These are linear; their coefficients depend on the motion and are evaluated at five points of each step. The equations
+are solved by a power series in time. `build` copies only the part between two marked lines; the functions and constants
+before it are placeholders for the forces of an oscillator, which `build` generates.
+
+In all functions, m is the number of damping terms, e the number of their further parameters (those besides the
+coefficients), and r the largest number of parameters of a restoring law in the kernel. A tangent at a node consists of
+four numbers: the derivatives of displacement, velocity and acceleration, and the factor of the correction of the dense
+output in the step after the node (see `dense`).
 """
 
 from __future__ import annotations
@@ -13,61 +19,77 @@ from numba import njit
 from bayesdamp.physics.damping import EXACT, TINY
 
 OWNERS = np.array([0], np.int64)
-"""For each further parameter, the index of its damping term."""
+"""For each of the e further parameters, the index of the damping term to which it belongs."""
 SWITCHES = np.array([False])
-"""For each term, whether its force changes its sign with the velocity, within the width ε."""
+"""For each of the m damping terms, whether its force changes rapidly near v = 0, within the width ε of the velocity."""
 LAW_SIZES = np.array([1], np.int64)
-"""For each restoring law, the number of its parameters."""
+"""For each restoring law, by its index, the number of its parameters."""
 JUMPS = np.array([False])
-"""For each term, whether its force jumps if ε = 0 (dry friction), instead of being steep but continuous."""
+"""For each of the m damping terms, whether its force jumps at v = 0 if ε = 0, as dry friction does. It is false for a
+force that is smooth there, or steep but continuous."""
 
 
 @njit
 def shapes(x, v, epsilon, rounding, q, active, out):
-    """Write the terms' forces per unit of their coefficients at one point into `out`; 0 for terms that are off.
+    """Write the force of each damping term, per unit of its coefficient, into `out`, (m,); 0 for terms that are off.
 
-    rounding: the ε of terms that are steep but continuous; q: the further parameters of all terms in sequence.
+    x, v: displacement and velocity. epsilon: width of the velocity within which dry friction changes its sign.
+    rounding: the ε of terms whose force is steep but continuous at v = 0. q: further parameters of all terms, term by
+    term, (e,). active: which terms are on, (m,).
     """
     out[:] = 0.0
 
 
 @njit
 def damping(x, v, epsilon, rounding, q, c):
-    """Return the damping force at one point. Terms with coefficient 0 are not evaluated. c: see `to_tuples`."""
+    """Return the damping force per unit of inertia, summed over all terms, at displacement x and velocity v.
+
+    Terms with coefficient 0 are not evaluated. c, q: tuples of coefficients and further parameters (see `to_tuples`).
+    epsilon, rounding: as in `shapes`.
+    """
     return 0.0
 
 
 @njit
 def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
-    """Return the damping force at one point, and its derivatives by x and v.
+    """Return the damping force per unit of inertia, and its derivatives by displacement x and velocity v.
 
-    The derivatives by the coefficients, then by the further parameters, all times `share`, are written into `out[2:]`.
-    sizes: scales of x and v, for difference quotients.
+    Its derivatives by the m coefficients, then by the e further parameters, are multiplied by the factor `share` and
+    written into `out` from index 2 on; those of terms that are off are not written. sizes: typical magnitudes of x and
+    v, from which the steps of difference quotients follow. c, q: as in `damping`. epsilon, rounding, active: as in
+    `shapes`.
     """
     return 0.0, 0.0, 0.0
 
 
 @njit
 def to_tuples(coefficients, q, active, law):
-    """Return coefficients, further parameters and law as tuples, which Numba passes without reference counts.
+    """Return coefficients, further parameters and law as three tuples, which Numba passes faster than arrays.
 
-    Coefficients of terms that are off are 0. After the coefficients follows 1 if any term beyond the first
-    `build.USUAL_TERMS` is on, else 0.
+    The first, (m + 1,), has the coefficients, with 0 for terms that are off, and then 1 if any term after the first
+    `build.USUAL_TERMS` is on, else 0. The second, (e + 1,), has the further parameters q, term by term, and a 0. The
+    third, (r + 1,), has the parameters of the restoring law, padded to r, and the index of the law. active: which terms
+    are on, (m,).
     """
     return (coefficients[0],), (0.0,), (law[0], law[1])
 
 
 @njit
 def restoring(x, p):
-    """Return the restoring force at one point. p: the law's parameters, then the index of the law."""
+    """Return the restoring force per unit of inertia at displacement x.
+
+    p: parameters of the law, padded to r, then the index of the law, as returned by `to_tuples`.
+    """
     return p[0] * x
 
 
 @njit
 def restoring_slopes(x, p, sizes, share, out, first):
-    """Return the restoring force at one point, and its derivative by x.
+    """Return the restoring force per unit of inertia at displacement x, and its derivative by x.
 
-    The derivatives by the law's parameters, times `share`, are written into `out` from index `first` on.
+    Its derivatives by the law's parameters are multiplied by the factor `share` and written into `out` from index
+    `first` on. p: as in `restoring`. sizes: typical magnitudes of x, of the velocity, and of the law's parameters, from
+    which the steps of difference quotients follow.
     """
     out[first] = share * x
     return p[0] * x, p[0]
@@ -76,21 +98,27 @@ def restoring_slopes(x, p, sizes, share, out, first):
 # --- tangents ---
 
 POINTS = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
-"""Fractions of a step at which the coefficients are evaluated: the five Gauss–Lobatto nodes (order eight)."""
+"""Fractions of a step at which the coefficients and sources of the variational equations are evaluated: the five nodes
+of Gauss–Lobatto quadrature, which has order eight."""
 POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
-"""Matrix that gives the coefficients of a polynomial from its values at `POINTS`."""
+"""Matrix, (5, 5), that converts the values of a polynomial at `POINTS` to its coefficients of powers 0 to 4."""
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
-"""Weights at `POINTS` of the integral over a whole step, and over its first half."""
+"""Weights for the values of a function at `POINTS`, (5,) each. The weighted sum of the values is the integral of the
+function over a whole step (`WHOLE`), or over the first half of a step (`HALF`), if the step has length 1."""
 MAX_TERMS, SMALL = 30, 1e-13
-"""Most terms of the power series in a step; it ends when the terms are smaller than this relative to the sum."""
+"""Largest number of terms of the power series in time that solves the homogeneous variational equations in a step. The
+series ends earlier when its last two terms are together smaller than `SMALL`, relative to the sum."""
 SLOW = 2e-6
-"""With exact friction, derivatives of the force are evaluated at no smaller velocity than this fraction of the peak
-velocity. It is twice the step of central differences, which must not cross v = 0."""
+"""With exact friction, derivatives of the force are evaluated at no smaller |v| than this fraction of the peak
+velocity. It is twice the step of the central differences, which must not cross v = 0."""
 
 
 @njit
 def exact_sign(v, sign):
-    """Return v (if 0, a tiny value instead) and an ε such that tanh(v/ε) is exactly `sign`."""
+    """Return v and an ε such that tanh(v/ε) is exactly `sign` (1 or −1), even if v has the other sign.
+
+    If v is 0, a tiny velocity with this sign is returned in its place.
+    """
     if v == 0.0:
         v = sign * TINY
     return v, sign * v * EXACT
@@ -98,12 +126,17 @@ def exact_sign(v, sign):
 
 @njit
 def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
-    """Write the derivatives of the force at one point into `row`, (2 + m + e + r + 4,).
+    """Write the derivatives of the total force at one point of the motion into `row`, (2 + m + e + r + 4,).
 
-    They are the derivatives by x and v, then by coefficients, further parameters, law's parameters, and by the values
-    of g and h at the knots to the left and right. Those after the first two are the source terms of the variational
-    equations. w, g_at, h_at, c, q, epsilon, rounding, law: as in `acceleration`. sign: sign of the friction's velocity
-    if friction is exact, else 0.
+    The total force is (1 + g) times the damping force plus (1 + 2h) times the restoring force. Elements 0 and 1 are its
+    derivatives by x and v, the coefficients of the variational equations. The others are their sources: the derivatives
+    by the m coefficients, the e further parameters and the r parameters of the law, then by g at the knots to the left
+    and right, and by h at these two knots.
+
+    x, v: displacement and velocity. w: position of the time between the two knots, from 0 to 1. g_at, h_at: two values
+    each, of g and of h at the two knots. sign: sign of the velocity (1 or −1) if friction is exact; 0 if it is
+    smoothed. c, q, law: tuples from `to_tuples`. epsilon, rounding, active: as in `shapes`. sizes: as in
+    `restoring_slopes`.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
@@ -120,9 +153,10 @@ def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, s
 
 @njit
 def middle(before, after, step):
-    """Return value, slope and curvature at the middle of a step (s) of the quintic Hermite polynomial.
+    """Return value, slope and curvature at the middle of a step of the quintic Hermite polynomial between two nodes.
 
-    before, after: value, slope and curvature at its ends.
+    Slope and curvature are the first and second time derivative. before, after: value, slope and curvature at the start
+    and end of the step. step: its length in s.
     """
     value = 0.5 * (before[0] + after[0]) + step * (
         5 / 32 * (before[1] - after[1]) + step / 64 * (before[2] + after[2])
@@ -135,7 +169,11 @@ def middle(before, after, step):
 
 @njit
 def along(before, after, step, more, share):
-    """Return value and slope at a fraction `share` of a step (s), of the quintic with the correction `more`."""
+    """Return value and slope (time derivative) of the solution at the fraction u = `share` of a step.
+
+    The solution is the quintic Hermite polynomial plus the correction k u³(1 − u)³ with k = `more`. before, after,
+    step: as in `middle`.
+    """
     u, r = share, 1.0 - share
     value = (
         r
@@ -165,7 +203,11 @@ def along(before, after, step, more, share):
 
 @njit
 def polynomial_coefficients(read, column):
-    """Return the coefficients of the polynomial, in the fraction of a step, through the five values of a column."""
+    """Return the coefficients of powers 0 to 4 of the polynomial through the values in one column of `read`.
+
+    read: rows of `linearise` at `POINTS`, (5, l). column: index of the column. The variable of the polynomial is the
+    fraction of the step.
+    """
     r0, r1, r2, r3, r4 = read[0, column], read[1, column], read[2, column], read[3, column], read[4, column]
     return (
         r0,
@@ -180,12 +222,15 @@ def polynomial_coefficients(read, column):
 def homogeneous_solutions(x, v, step):
     """Return two solutions of the homogeneous variational equation in a step, at the last four of `POINTS`, (8,) each.
 
-    The first starts with displacement 1 and velocity 0, the second with displacement 0 and velocity 1. Each result
-    alternates displacement and velocity. x, v: derivatives of the force by displacement and velocity, as coefficients
-    of powers of the fraction of a step, (5,).
+    The equation is ÿ = −x(u) y − v(u) ẏ, where u is the fraction of the step. The first solution starts with
+    displacement y = 1 and velocity ẏ = 0, the second with y = 0 and ẏ = 1. Each result contains displacement and
+    velocity at the first of the four points, then at the second, and so on. x, v: derivatives of the force by
+    displacement and velocity, as coefficients of the powers 0 to 4 of u, (5,). step: length of the step in s.
     """
     # The equation is ÿ = -x(u) y - v(u) ẏ. y0 to y4 and s0 to s4 are the last five terms of the power series of
-    # displacement and velocity of the first solution, z and t those of the second; a and b, c and d are the sums.
+    # displacement and velocity of the first solution at the end of the step, z and t those of the second. p1 to p3 are
+    # powers of `POINTS`. a and b are the sums of the series of the first solution at the last four of `POINTS`, c and d
+    # those of the second.
     y0, y1, y2, y3, y4, s0, s1, s2, s3, s4 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z0, z1, z2, z3, z4, t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     a1, a2, a3, a4, b1, b2, b3, b4 = 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
@@ -220,12 +265,14 @@ def homogeneous_solutions(x, v, step):
 
 @njit
 def solve_step(read, step, sources, local, half):
-    """Solve the variational equations over a step, by variation of constants.
+    """Solve the variational equations over a step, separately for each source, by variation of constants.
 
-    Displacements and velocities at the end are written into `local`, (2, l), displacements at the middle into `half`,
-    (l,). Columns 0 and 1 start with unit displacement and unit velocity and have no source; each other column starts
-    with zeros and has one source. read: rows of `linearise` at `POINTS`, (5, l); sources: the columns that are not
-    zero.
+    read: rows of `linearise` at the five `POINTS`, (5, l): columns 0 and 1 are the coefficients of the equations, and
+    each other column is one source. The solutions have the same l columns: displacement and velocity at the end of the
+    step are written into `local`, (2, l), and displacement at the middle into `half`, (l,). Columns 0 and 1 of these
+    are the solutions without source that start with displacement 1 and velocity 0, or 0 and 1; each other column is the
+    solution that starts from zero and has the source of its column. sources: indices of the columns from 2 on that are
+    computed; the others stay as they are. step: length of the step in s.
     """
     of_x, of_v = homogeneous_solutions(
         polynomial_coefficients(read, 0), polynomial_coefficients(read, 1), step
@@ -235,6 +282,8 @@ def solve_step(read, step, sources, local, half):
     local[0, 0], local[1, 0], half[0] = c4, d4, c2
     local[0, 1], local[1, 1], half[1] = e4, f4, e2
     # A unit velocity at a point corresponds to the start values (−e, c) / (c f − d e) of displacement and velocity.
+    # a, b and m are the factors with which the values of a source at `POINTS` are summed: a for the displacement and b
+    # for the velocity at the end of the step, m for the displacement at its middle.
     i1, i2, i3, i4 = c1 * f1 - d1 * e1, c2 * f2 - d2 * e2, c3 * f3 - d3 * e3, c4 * f4 - d4 * e4
     i1, i2, i3, i4 = -step / i1, -step / i2, -step / i3, -step / i4
     w0, w1, w2, w3 = WHOLE[0], WHOLE[1], WHOLE[2], WHOLE[3]
@@ -258,10 +307,12 @@ def solve_step(read, step, sources, local, half):
 
 @njit
 def curvatures(slopes, row, live, base, piece, knots, by_knots):
-    """Write the second derivatives of the tangents (k, 4) at one point into `slopes[:, 2]`.
+    """Compute the second time derivatives of all k tangents at one node and write them into `slopes[:, 2]`.
 
-    They follow from the values and slopes there and the row of `linearise`. live: the parameters that have a source;
-    base: index of theta0; knots: number of knots; by_knots: whether there are tangents by g and h.
+    slopes: the tangents at the node, (k, 4); their values and first derivatives, columns 0 and 1, must be given. row:
+    derivatives of the force at the node, as written by `linearise`. live: indices of the parameters that have a source,
+    without g and h. base: index of the tangent by the initial displacement θ₀. piece: index of the knot before the
+    node. knots: number of knots. by_knots: whether the last tangents are those by the values of g and h at the knots.
     """
     for p in range(slopes.shape[0]):
         slopes[p, 2] = -(row[0] * slopes[p, 0] + row[1] * slopes[p, 1])
@@ -276,7 +327,13 @@ def curvatures(slopes, row, live, base, piece, knots, by_knots):
 
 @njit
 def carry(old, new, local, half):
-    """Propagate a tangent over a step, without source; `old[3]` stores its value at the middle for `close`."""
+    """Compute a tangent at the end of a step from its values at the start, without the effect of its source.
+
+    old, new: the tangent at the start and at the end of the step, (4,) each. local, half: results of `solve_step`. The
+    displacement and velocity are written into `new`, and the displacement at the middle of the step into `old[3]`,
+    where `close` replaces it by the factor of the correction. The second derivative in `new` is set to 0; `add` and
+    `close` complete it.
+    """
     new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
     new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]
     new[2] = 0.0
@@ -285,7 +342,11 @@ def carry(old, new, local, half):
 
 @njit
 def add(old, new, local, half, read, place):
-    """Add the effect of the source in column `place` to a tangent at the end of a step."""
+    """Add the effect of a source in a step to a tangent that `carry` has computed.
+
+    place: column of the source in `read`, the rows of `linearise` at `POINTS`, and in `local` and `half`, the results
+    of `solve_step`. old, new: as in `carry`.
+    """
     new[0] += local[0, place]
     new[1] += local[1, place]
     new[2] -= read[4, place]
@@ -294,7 +355,11 @@ def add(old, new, local, half, read, place):
 
 @njit
 def close(old, new, read, step):
-    """Complete a tangent's second derivative at the end of a step, and the correction of the step's quintic."""
+    """Complete a tangent after `carry` and `add`: its second derivative at the end of a step, and its correction.
+
+    old, new: as in `carry`; `old[3]` becomes the factor k of the correction k u³(1 − u)³ in the step. read: rows of
+    `linearise` at `POINTS`, (5, l). step: length of the step in s.
+    """
     new[2] -= read[4, 0] * new[0] + read[4, 1] * new[1]
     value, _, _ = middle(old, new, step)
     old[3] = 64.0 * (old[3] - value)

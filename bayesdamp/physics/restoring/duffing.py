@@ -23,7 +23,11 @@ class Duffing(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Return F at the angle x; p = (k, θ_e, β)."""
+        """Return the restoring force k(x − θ_e) + β(x − θ_e)³ per unit of inertia at the displacement x (rad or m).
+
+        The force is in rad/s² or m/s². p: the parameters k (1/s²), θ_e (rad or m) and β (1/(s² rad²) or 1/(s² m²)), in
+        this order.
+        """
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -25,7 +25,10 @@ class HorizontalPendulum(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Return F at the angle x; p = (k, γ, θ_s)."""
+        """Return the restoring force k(x − θ_s) − γ cos x per unit of inertia, in rad/s², at the angle x (rad).
+
+        p: the parameters k (1/s²), γ (rad/s²) and θ_s (rad), in this order.
+        """
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

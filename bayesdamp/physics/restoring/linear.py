@@ -20,7 +20,10 @@ class LinearSpring(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Return F at the angle x; p = (k, θ_e)."""
+        """Return the restoring force k(x − θ_e) per unit of inertia at the displacement x (rad or m).
+
+        The force is in rad/s² or m/s². p: the parameters k (1/s²) and θ_e (rad or m), in this order.
+        """
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -20,7 +20,10 @@ class Pendulum(RestoringLaw):
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """Return F at the angle x; p = (k, θ_e)."""
+        """Return the restoring force k sin(x − θ_e) per unit of inertia, in rad/s², at the angle x (rad).
+
+        p: the parameters k (1/s²) and θ_e (rad), in this order.
+        """
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
