@@ -195,11 +195,13 @@ class RecordChecks:
 
     def _caption(self, sampled: bool, fitted: bool) -> str:
         """Return the caption of the table of coefficients: what the columns contain."""
-        caption = f"Coefficients of {words.model(self.model or '')} damping, with 95 % intervals in brackets."
+        caption = f"Coefficients of {words.model(self.model or '')} damping."
+        if sampled or self.answer_coefficients:
+            caption += " In brackets: 95 % intervals."
         if sampled:
-            caption += " Columns with the name of a sampler: posterior median."
+            caption += " Columns with the name of a sampler: median of its posterior draws."
         if fitted:
-            caption += " Trajectory fits: range of the values, and in brackets the number of methods."
+            caption += " Trajectory fits: range of the values from all methods, and in brackets the number of methods."
         return caption
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:

@@ -280,12 +280,12 @@ class RecoveredSection(Section):
             score, expected, ignorant = (
                 fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
             )
-            reasons = "; ".join(f"{n}: {sentence}" for sentence, n in own["refused"].items())
+            reasons = "; ".join(f"{n} ({sentence})" for sentence, n in own["refused"].items())
             scores = (
                 f"Mean natural-log probability of the true model: {score} nats ({expected} nats are expected from the "
-                f"probabilities; guessing would give {ignorant} nats). Of {own['evidences']} evidence values, "
-                f"{own['doubtful']} are flagged as unreliable, but counted. Of {own['tried']} simulated records, "
-                f"{own['counted']} were usable"
+                f"probabilities; guessing would give {ignorant} nats). Flagged as unreliable, but counted: "
+                f"{own['doubtful']} of {own['evidences']} evidence values. Usable: {own['counted']} of {own['tried']} "
+                "simulated records"
                 f"{f'; left out: {reasons}' if reasons else ''}."
             )
             parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]

@@ -13,7 +13,14 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import eigenvalues, estimate_panels, force, sweep, traces
+from bayesdamp.report.figures.estimators import (
+    LOWEST_ERROR,
+    eigenvalues,
+    estimate_panels,
+    force,
+    sweep,
+    traces,
+)
 from bayesdamp.report.results.estimators import (
     FACTORS,
     STAGES,
@@ -125,7 +132,10 @@ class EstimatesSection(SignalSection):
                 if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
             }
             if curves:
-                caption = f"Progress of the iterative methods on {signal} under {words.model(model)} damping. {TRACES}"
+                caption = (
+                    f"Progress of the iterative methods on the record {signal} under {words.model(model)} damping. "
+                    f"{TRACES}"
+                )
                 draw = partial(traces, curves)
                 figure = run.drawings.add(f"traces-{signal}-{model}", caption, draw)
                 content.append(collapsible("How the iterative methods converged", figure))
@@ -146,7 +156,7 @@ def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
         return []
     repeats = len(run.repeats(signal))
     caption = [
-        f"Coefficients of {words.model(model)} damping, estimated from {signal}"
+        f"Coefficients of {words.model(model)} damping, estimated from the record {signal}"
         f"{f' (repeat 1 of {repeats})' if repeats > 1 else ''}: each method's own estimate (open circle) and the "
         "result of the trajectory fit that starts there (filled circle)."
     ]
@@ -238,8 +248,9 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row], repeats
         if math.isfinite(v)
     )
     caption = (
-        f"Coefficients of {words.model(model)} damping from {signal}, by method and stage, with the standard error (±) "
-        "if the method gives one. Evaluations: number of times that the method evaluated its objective."
+        f"Coefficients of {words.model(model)} damping from the record {signal}, by method and stage, with the "
+        "standard error (±) if the method gives one. Evaluations: number of times that the method evaluated its "
+        "objective."
     )
     if truths:
         caption += f" Truth: {truths}. Errors are absolute, in % of it."
@@ -277,8 +288,8 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     damping += [[words.method(m), str(d["chosen"])] for m, d in by_method.items() if "chosen" in d]
     if damping:
         caption = (
-            f"The form of the damping force that each method chose on {signal}: the terms of a sparse regression with "
-            "their coefficients, or the expression of a symbolic regression in the velocity v."
+            f"The form of the damping force that each method chose on the record {signal}: the terms of a sparse "
+            "regression with their coefficients, or the expression of a symbolic regression in the velocity v."
         )
         parts.append(Table(["method", "damping"], damping, (0, 1), caption))
     for method, details in by_method.items():
@@ -300,17 +311,17 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             real, imaginary = details["generator_eigenvalues_re"], details["generator_eigenvalues_im"]
             draw = partial(eigenvalues, real, imaginary, model)
             caption = (
-                f"Eigenvalues of the linear generator that {by} identified from {signal}. Real part: rate of growth, "
-                "negative for a decay. Imaginary part: angular frequency."
+                f"Eigenvalues of the linear generator that {by} identified from the record {signal}. Real part: rate "
+                "of growth, negative for a decay. Imaginary part: angular frequency."
             )
             parts.append(run.drawings.add(f"eigenvalues-{name}", caption, draw))
         elif {"velocity", "force", "law"} <= set(details):
             curves = (details[k] for k in ("velocity", "force", "law"))
             draw = partial(force, *curves, model, run.unit(signal).base)
             caption = (
-                f"Damping force against velocity, from {signal}: as learnt by the {by} (solid line), and the "
-                f"{words.model(model)} law that was fitted to it (dashed line). The force is divided by the mass or "
-                "the moment of inertia."
+                f"Damping force against velocity, from the record {signal}: as learnt by the {by} (solid line), and "
+                f"the {words.model(model)} law that was fitted to it (dashed line). The force is divided by the mass "
+                "or the moment of inertia."
             )
             parts.append(run.drawings.add(f"force-{name}", caption, draw))
         rest = [
@@ -471,14 +482,15 @@ class SweepsSection(Section):
         for along in error_series(run):
             model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
             counts = sorted({tried for pairs in along.answers.values() for _, tried in pairs if tried})
-            over = f" over {fmt.listing(map(str, counts), 'or')} repeats" if counts else ""
+            over = f", over {fmt.listing(map(str, counts), 'or')} repeats" if counts else ""
             others = fmt.listing([factor for factor in FACTORS if factor != along.factor])
             caption = (
                 f"Root mean square error of the coefficients of {model} damping, in % of the true values{over}, "
                 f"against the {along.factor} of simulated records; {others} are constant. Left: the methods' own "
                 "estimates; right: the trajectory fits that start there. Dashed: the Cramér–Rao bound, the smallest "
                 "standard error of an unbiased estimate. An error below it means that the method is biased, or that "
-                "it uses information from outside the record."
+                "it uses information from outside the record. The legend gives the number of repeats of each method. "
+                f"Errors below {fmt.short(LOWEST_ERROR)} % are drawn there, and a noise of 0 at the left edge."
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)

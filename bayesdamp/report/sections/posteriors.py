@@ -99,8 +99,8 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     true = {name: truth(run, signal, name) for own in draws.values() for name in own}
     samplers = fmt.listing(map(words.method, draws))
     caption = (
-        f"Marginal posterior density of each parameter of {words.model(model)} damping, from {signal}, by {samplers}. "
-        "Each curve is scaled to a maximum of 1."
+        f"Marginal posterior density of each parameter of {words.model(model)} damping, from the record {signal}, by "
+        f"{samplers}. Each curve is scaled to a maximum of 1."
     )
     if any(math.isfinite(value) for value in true.values()):
         caption += " Dashed lines: the true values."
@@ -110,8 +110,8 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     names = [n for n in damping if all(n in own for own in draws.values())]
     if len(names) > 1:
         caption = (
-            f"Joint posterior of each pair of coefficients of {words.model(model)} damping, from {signal}: the "
-            "contours contain 50 % and 90 % of the probability. On the diagonal: the marginal density of each "
+            f"Joint posterior of each pair of coefficients of {words.model(model)} damping, from the record {signal}: "
+            "the contours contain 50 % and 90 % of the probability. On the diagonal: the marginal density of each "
             "coefficient."
         )
         draw = partial(pairs, model, names, draws, units, {n: true[n] for n in names})
@@ -143,17 +143,17 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
         caption = (
-            f"Posterior of the parameters of {words.model(model)} damping and of quantities derived from them: mean, "
-            "standard deviation (sd) and 95 % interval, with the diagnostics of the sampler. They are reliable if R̂ "
-            "≤ 1.01 and the effective sample sizes (ESS) are at least 400. The equivalent damping ratio, the "
-            "decrement and the damping capacity are at the reference amplitude, which is that of the record unless "
-            "the study states another one. The logarithmic decrement is the decrease of ln A in a cycle, where A is "
-            "the amplitude; if it is small, it is 2π times the damping ratio."
+            f"Posterior of the parameters of {words.model(model)} damping and of quantities derived from them, from "
+            f"the record {signal}: mean, standard deviation (sd) and 95 % interval, with the diagnostics of the "
+            "sampler. They are reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The "
+            "equivalent damping ratio, the decrement and the damping capacity are at the reference amplitude, which "
+            "is that of the record unless the study states another one. The logarithmic decrement is the decrease of "
+            "ln A in a cycle, where A is the amplitude; if it is small, it is 2π times the damping ratio."
         )
         if any(math.isnan(r["rhat"]) for r in sampled):
             caption += (
-                " Rows without R̂ are from independent draws of an approximation; their ESS is that of importance "
-                "weights."
+                " Rows without R̂ are not from chains: they are from the answer's sequential Monte Carlo, or from an "
+                "approximation, whose ESS is that of importance weights."
             )
         sampled.sort(key=lambda r: order.index(r["parameter"]))
         parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
@@ -222,9 +222,9 @@ class RunningSection(SignalSection):
                 )
                 by = words.method(task_result.parts.method)
                 caption = (
-                    f"Coefficients of {words.model(model)} damping as estimated by {by} from the part of {signal} up "
-                    "to each time: mean (solid line) ± 2 standard deviations (band) in the last pass, and mean in the "
-                    "first pass (dashed line)."
+                    f"Coefficients of {words.model(model)} damping as estimated by {by} from the part of the record "
+                    f"{signal} up to each time: mean (solid line) ± 2 standard deviations (band) in the last pass, "
+                    "and mean in the first pass (dashed line)."
                 )
                 figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
                 parts.append(collapsible(words.model(model), figure) if parts else figure)
