@@ -196,8 +196,8 @@ def common_verdict(
     alone = Counter(max(v.probabilities, key=v.probabilities.__getitem__) for v in own)
     remarks = tuple(twin_remark(*pair, limit, len(own)) for pair, limit in twins.items())
     if set(alone) != {likeliest}:
-        counts = ", ".join(f"{named(n)} {count}" for n, count in alone.most_common())
-        remarks += (f"The most probable damping of each record by itself: {counts}.",)
+        counts = ", ".join(f"{named(n)} in {count}" for n, count in alone.most_common())
+        remarks += (f"The most probable damping of the records, each by itself: {counts}.",)
     return Verdict(
         record=name,
         grade=grade,

@@ -195,7 +195,7 @@ def of_overview(v: Any, unit: float) -> dict[str, Stored]:
         "probability": {"": v["probability"]},
         "frequency / Hz": {"": v["frequency"]["value"]},
         "damping ratio (95 %), amplitude": sized(r, 100) | {"amplitude": unit * r["amplitude"]},
-        "law holds within / %": {"": 100 * deviation["value"]},
+        "deviation from the law / %": {"": 100 * deviation["value"]},
         "unexplained / %": {"": v["unexplained_pct"]},
     }
 

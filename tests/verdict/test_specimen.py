@@ -88,7 +88,7 @@ def test_probabilities_are_those_of_all_records_together() -> None:
     (rival,) = found.rivals
     assert (rival.damping, rival.probability) == ("quadratic", pytest.approx(1 / (1 + np.exp(0.5)), rel=1e-4))
     assert not found.decided
-    said = "The most probable damping of each record by itself: viscous 1, quadratic (drag) 1."
+    said = "The most probable damping of the records, each by itself: viscous in 1, quadratic (drag) in 1."
     assert said in found.remarks
 
 

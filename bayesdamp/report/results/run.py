@@ -591,7 +591,7 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
         )
         columns["power of the velocity (95 %)"] = lambda a: number(a.verdict.exponent)
     if not brief:
-        columns["law holds within / %"] = lambda a: (
+        columns["deviation from the law / %"] = lambda a: (
             fmt.number(100 * a.verdict.deviation.value, 2) if a.verdict.deviation else fmt.NONE
         )
         columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)

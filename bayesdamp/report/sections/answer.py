@@ -67,8 +67,8 @@ MEASURED = (
     "the moment of inertia, as computed from this ratio."
 )
 LEVELS = (
-    "Left: the recorded level (grey), the start and the end of the part that is used (orange lines), the level of the "
-    "noise floor (dotted line, if there is one), and the fit of the most probable damping model, including its "
+    "Left: the recorded level (grey), the start and the end of the part that is used (vertical lines), the level of "
+    "the noise floor (dotted line, if there is one), and the fit of the most probable damping model, including its "
     "deviation from the law (blue line; band: ± 2 standard deviations). Upper right: averaged readings minus the fit, "
     "in dB (orange band: ± 2 standard deviations of the noise). Lower right: the power of the velocity with which the "
     "damping force grows (dot: median; bar: 95 % interval). Dashed lines mark the powers of pure Coulomb, viscous and "
@@ -110,7 +110,7 @@ FEWEST_RECORDS = 3
 TABLE_CAPTION = (
     "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
     "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
-    '"Law holds within": median of the mean relative deviation of the damping from its law. "Unexplained": root mean '
+    "The deviation from the law is the median of the damping's mean relative deviation. Unexplained: the root mean "
     "square of the residual that neither the law nor the noise accounts for, in % of the first amplitude."
 )
 
@@ -148,7 +148,10 @@ class AnswerSection(Section):
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
                 numbers, embed = _numbers(v), len(run.signals) <= MOST_EMBEDDED
-                remarks = (*([f"The decay {v.window.why}."] if v.window else []), *remarks)
+                remarks = (
+                    *([f"The decay {v.window.why.replace('; ', ' and ')}."] if v.window else []),
+                    *remarks,
+                )
                 png = answer.arrays["picture"].tobytes()
                 parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png, embed))
                 if v.decay_rate:
