@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -89,13 +90,16 @@ class Expression:
         return total
 
     def constants(self) -> np.ndarray:
-        """Return all constants, (k,): of each product its coefficient, then the constants inside its functions."""
+        """Return all constants, (k,): of each product its coefficient, then the constants inside its functions.
+
+        The coefficient of a product inside |product| is left out: it is always 1.
+        """
         constants: list[float] = []
         for atoms, c in self.terms:
             constants.append(c)
             for atom in atoms:
-                if atom.inner is not None and not _is_unit(atom):
-                    constants.extend(atom.inner.constants())
+                if atom.inner is not None:
+                    constants.extend(atom.inner.constants()[_is_unit(atom) :])
         return np.array(constants)
 
     def with_constants(self, values: Iterable[float]) -> Expression:
@@ -105,8 +109,9 @@ class Expression:
         for atoms, _ in self.terms:
             c, filled = float(next(values)), []
             for atom in atoms:
-                if atom.inner is not None and not _is_unit(atom):
-                    atom = Atom(atom.kind, atom.inner.with_constants(values))
+                if atom.inner is not None:
+                    inner = chain((1.0,), values) if _is_unit(atom) else values
+                    atom = Atom(atom.kind, atom.inner.with_constants(inner))
                 filled.append(atom)
             terms.append((tuple(filled), c))
         return Expression(tuple(terms))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.expressions import front
+from bayesdamp.estimators.expressions import Expression, front
 from tests.estimators.truths import PAPER, error, initial, pendulum
 
 V = np.linspace(-1.5, 1.5, 301)
@@ -48,3 +48,13 @@ def test_another_damping_is_seen_and_is_no_good_fit():
     assert "tanh" in found.details["chosen"]  # it says friction although it was asked for viscous damping
     assert found.details["read"] == "the law that does the same work"
     assert "the model is incomplete" in refined.outcome
+
+
+def test_constants_inside_the_absolute_value_of_a_product_are_fitted() -> None:
+    """Of 2 |v tanh(3 v)| these are 2 and 3; the coefficient inside |...| is 1."""
+    v = np.linspace(-2.0, 2.0, 9)
+    product = Expression.variable(1.0) * Expression.variable(3.0).apply("tanh")
+    expression = product.apply("abs").scaled(2.0)
+    assert expression.constants() == pytest.approx([2.0, 3.0])
+    changed = expression.with_constants([5.0, 0.5])
+    np.testing.assert_allclose(changed(v), 5 * np.abs(v * np.tanh(0.5 * v)))
