@@ -100,7 +100,10 @@ def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPat
 
     def friction() -> tuple[str, float]:
         found = answer(signal, damping=sums, restoring=["linear"], sample=False)
-        assert {noise.name for noise in found.content.noises} >= {"gaussian", "quantised"}  # both were compared
+        assert {noise.name for noise in found.content.noises} >= {
+            "gaussian",
+            "quantised",
+        }  # both were compared
         verdict = found.verdict
         return verdict.damping, next(c.value for c in verdict.coefficients if c.name == "mu_c")
 
