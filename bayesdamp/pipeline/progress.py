@@ -44,7 +44,7 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
     return {
         "sampled": f"checking the answer on {records} by sampling",
         "average": "averaging over damping models",
-        "specimen": f"fitting all records together of {_with_count(len(jobs), 'specimen')}",
+        "specimen": f"fitting the records of {_with_count(len(jobs), 'specimen')} together",
         "population": "inferring the population of the specimens",
     }[str(job.task_group)]
 

@@ -110,8 +110,9 @@ FEWEST_RECORDS = 3
 TABLE_CAPTION = (
     "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
     "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
-    "The deviation from the law is the median of the damping's mean relative deviation. Unexplained: the root mean "
-    "square of the residual that neither the law nor the noise accounts for, in % of the first amplitude."
+    "Deviation from the law: relative deviation of the damping from its law, averaged over the record (median). "
+    "Unexplained: the root mean square of the residual that neither the law nor the noise accounts for, in % of the "
+    "first amplitude."
 )
 
 
@@ -286,9 +287,10 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
     caption = (
-        "Every compared model, the most probable first: its log Bayes factors relative to the best model, in nats "
-        "(differences of natural-log evidence), and the root mean square residual of its fit. The first factor allows "
-        "for deviations from the laws wherever they were computed; the second and the fit assume exact laws."
+        "Every compared model, that with the largest evidence first: its log Bayes factors relative to the best "
+        "model, in nats (differences of natural-log evidence), and the root mean square residual of its fit. The "
+        "first factor allows for deviations from the laws wherever they were computed; the second and the fit assume "
+        "exact laws."
     )
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, collapsible("All damping models that were compared", table)]

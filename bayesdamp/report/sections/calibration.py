@@ -95,7 +95,7 @@ class CalibratedSection(Section):
         alarm = f"{100 * result['alarm']:g} %"
         claim = (
             f"{text[:1].upper()}{text[1:]}. If all intervals are right, the probability that any check of a group "
-            f"fails is at most {alarm} (Holm's correction)."
+            f"(posteriors or trajectory fits) fails is at most {alarm} (Holm's correction)."
         )
         counts: Mapping[str, Mapping[str, Any]] = result["counts"]
 

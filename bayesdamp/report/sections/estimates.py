@@ -490,7 +490,7 @@ class SweepsSection(Section):
                 "estimates; right: the trajectory fits that start there. Dashed: the Cramér–Rao bound, the smallest "
                 "standard error of an unbiased estimate. An error below it means that the method is biased, or that "
                 "it uses information from outside the record. The legend gives the number of repeats of each method. "
-                f"Errors below {fmt.short(LOWEST_ERROR)} % are drawn there, and a noise of 0 at the left edge."
+                f"Errors below {fmt.short(LOWEST_ERROR)} % are drawn at this value, and a noise of 0 at the left edge."
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
