@@ -26,7 +26,7 @@ from bayesdamp.types import NORMAL_95, Refusal, Seed
 
 LAST_STEP = 1e-3
 """A search ends if a step is shorter than this, in posterior sds, and increases the log density by less than the cube
-of this, in nats (conventional)."""
+of this, in nats; the second limit is multiplied by |log density| / 1000 where this is above 1 (conventional)."""
 ROUGH_LAST_STEP = 0.1
 """Used in place of `LAST_STEP` for a mode that only serves as a start of a search or for a comparison."""
 SMALLEST_SCORE = 1e-9
@@ -38,7 +38,7 @@ HOPELESS_GAIN = 1e-7
 """After a failed step whose expected gain of the log density is smaller than this, in nats, the search ends instead of
 trying a shorter step."""
 MOST_STEPS = 60
-"""Largest number of steps of a search."""
+"""Largest number of trial steps of a search, rejected ones included."""
 MOST_CHANGE = 0.01
 """Largest allowed error of the log likelihood, in nats, that the solver's error in the motion causes, within `NEAR_SDS`
 posterior sds of the mode; farther away the limit is proportional to the decrease of the log posterior."""
@@ -102,18 +102,18 @@ def maximise(
         Function that returns, at scores z, (d,), the log density, its gradient, (d,), and its information (negative
         Hessian or an approximation of it), (d, d).
     reflected : ndarray of bool, shape (d,)
-        Which scores must not be negative.
+        Which scores must not be negative; their lower bound is `SMALLEST_SCORE`.
     z : ndarray, shape (d,)
-        Start of the search.
+        Start of the search; |z| is used for the scores in `reflected`.
     limit : int
-        Greatest number of steps.
+        Greatest number of trial steps, rejected ones included.
     retract, close
         As in `maximise_posterior`.
 
     Returns
     -------
     Maximum
-        The maximum that was reached.
+        The maximum that was reached; its value is −∞ if the log density is not finite at the start.
     """
 
     def expand(z: np.ndarray) -> Expansion:
@@ -203,23 +203,26 @@ class LinearDraws:
 
 @dataclass(frozen=True)
 class Mode:
-    """A posterior mode in scores, with the common prior scale of damping coefficients fixed at 1.
+    """A posterior mode in scores, or the point about which a model with deviations from the laws is linearised.
+
+    Under exact laws it is the maximum with the common prior scale of damping coefficients fixed at 1. With deviations
+    it is the joint mode of scores and deviations, and `linear` is given.
 
     Attributes
     ----------
     z : ndarray, shape (d,)
-        The mode.
+        Scores at the mode.
     log_posterior : float
-        Log posterior density at z.
+        Log posterior density at z, in nats; with `linear`, deviations and common prior scale are integrated out.
     information : ndarray, shape (d, d)
-        Negative Gauss–Newton Hessian at z.
+        Negative Gauss–Newton Hessian at z; with `linear`, the inverse covariance of its draws.
     likelihood : Likelihood
         Likelihood and target of the posterior.
     searches : tuple of LocalSearch
-        The searches that led to this and to other modes.
+        The searches that led to this and to other modes; empty with `linear`.
     step_error, likelihood_error : float
         Largest error of the motion within three sds of the mode, measured by a more accurate motion: change of a
-        sample, in the unit of the record, and of the log likelihood, in nats.
+        sample, in the unit of the record, and of the log likelihood, in nats. nan in a restored mode and with `linear`.
     linear : LinearDraws or None
         Posterior of the linear model, with deviations from the laws; None under exact laws.
     """
@@ -242,15 +245,17 @@ class Mode:
     def near(self) -> Likelihood:
         """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode.
 
-        All coefficients with a shared half-normal prior have the same, unknown scale.
+        All coefficients with a shared half-normal prior have the same, unknown scale. Without such coefficients it is
+        `likelihood` itself.
         """
         return self._normal[0]
 
     @property
     def factor(self) -> np.ndarray:
-        """Cholesky factor of the posterior's covariance, (d, d), with the common prior scale of `near`.
+        """Lower Cholesky factor of the posterior's covariance, (d, d), with the common prior scale of `near`.
 
-        Raises Refusal if the information is not positive definite.
+        With `linear` it is that of the covariance of its draws. Raises Refusal if the information is not positive
+        definite.
         """
         return self._normal[1]
 
@@ -329,8 +334,8 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
     """Return the mode of another likelihood, such as that of a part of the record; the search starts at z, (d,).
 
-    Everything else, such as errors and searches, is copied from `mode`. Raises Refusal if the posterior is not finite
-    there.
+    Errors, searches and `linear` are copied from `mode` unchanged. Raises Refusal if the posterior is not finite at the
+    end of the search.
     """
     top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
@@ -348,7 +353,8 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
     """Return the largest changes of a sample (unit of the record) and of the log likelihood by a more accurate motion.
 
     They are evaluated at z, (d,), and at points three sds away in the direction of each column of the covariance's
-    `factor`, (d, d). Points with an unbounded motion are left out.
+    `factor`, (d, d). Where the log posterior is D > 4.5 nats below that at z, the change of the log likelihood is
+    multiplied by 4.5 / D. Points with an unbounded motion are left out.
     """
     finer = likelihood.within(FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
@@ -368,7 +374,7 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
 
 
 def covariance_factor(information: np.ndarray) -> np.ndarray:
-    """Return the Cholesky factor, (d, d), of the inverse of the information, (d, d).
+    """Return the lower Cholesky factor, (d, d), of the inverse of the information, (d, d).
 
     The information is factored before it is inverted, because rounding can make the inverse of an ill-conditioned
     matrix indefinite. Raises Refusal if the information is not positive definite.
@@ -426,7 +432,9 @@ def log_evidence_about(mode: Mode) -> float:
 def log_integral(
     value: float, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> float:
-    """Integrate exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) over z ≥ 0 in the reflected scores.
+    """Return the log of 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over values ≥ 0 of r reflected scores.
+
+    The other scores have no bounds. The factor is there because a half-normal density is twice the normal one.
 
     Parameters
     ----------
@@ -442,7 +450,7 @@ def log_integral(
     Returns
     -------
     float
-        Log of 2ʳ times the integral, for r reflected scores: a half-normal density is twice the normal one.
+        The log in nats; `value` + gᵀ H⁻¹ g / 2 + d/2 log 2π − ½ log det H if no score is reflected.
     """
     covariance = np.linalg.inv(information)
     mean = at + covariance @ gradient

@@ -27,7 +27,9 @@ from bayesdamp.types import Refusal
 class Deviation(NoiseModel):
     """The distribution of record minus motion: white noise of known variance plus the effect of deviations.
 
-    It takes the place of the noise model. Its methods ignore their arguments `gaps`, `p` and `features`.
+    The motion is that of `motions`, in which the deviations are fixed. The hyperparameters of the deviations are their
+    prior sds and correlation lengths. The class takes the place of a noise model; its methods ignore their arguments
+    `gaps`, `p` and `features`.
 
     Attributes
     ----------
@@ -38,9 +40,11 @@ class Deviation(NoiseModel):
     samples : float
         Effective number of independent values in the record.
     basis : ndarray, shape (m, k)
-        Orthonormal basis of the changes of the record's m values that deviations at the knots can cause.
+        Orthonormal basis of the changes of the record's m values that deviations at the knots can cause, to first
+        order. k is the number of values of g and h together.
     shift : ndarray, shape (m,)
-        Change of the motion that the deviations at the mode cause, in the record's unit.
+        Change of the motion that the deviations at the mode cause, to first order, in the record's unit. It is added
+        to residuals, which are then relative to a motion without deviations.
     log_prior : ndarray, shape (c,)
         Log prior probabilities of the combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)
@@ -78,11 +82,11 @@ class Deviation(NoiseModel):
         return np.linalg.inv(lower).reshape(len(lower) * k, k), self.log_prior - log_scale
 
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Split residuals, (m,), into parts along `basis` and orthogonal to it, in standard deviations of the noise.
+        """Split r + `shift`, (m,), into parts along `basis` and orthogonal to it, in standard deviations of the noise.
 
-        Return the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each of c
-        combinations of hyperparameters, (c, k), and the log of each combination's prior probability times density, up
-        to a constant, (c,).
+        r: residuals. Return the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each
+        of c combinations of hyperparameters, (c, k), and the log of each combination's prior probability times density,
+        up to a constant, (c,).
         """
         scaled = (r + self.shift) / np.sqrt(self.variance)
         along = scaled @ self.basis
@@ -130,7 +134,10 @@ class Deviation(NoiseModel):
         )
 
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations, g and then h at the knots, (k,), from their posterior given residuals r, (m,)."""
+        """Draw the deviations, g and then h at the knots, (k,), from their posterior given residuals r, (m,).
+
+        A combination of hyperparameters is drawn first, from its posterior given r.
+        """
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
         inverse, effect = self._conditional[c], self.effects[c]
@@ -155,7 +162,10 @@ class Deviation(NoiseModel):
         return {}
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return residuals whitened under the most probable combination of hyperparameters, (m,)."""
+        """Return whitened residuals, (m,): r + `shift`, whitened by the covariance of noise and deviations.
+
+        The covariance is that under the combination of hyperparameters that is most probable given r.
+        """
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]
 

@@ -54,7 +54,8 @@ class Likelihood:
         Values of all parameters, near those at which the likelihood will be evaluated; they set the scales of the
         solver.
     tolerance : float
-        Largest error of a motion, in the unit of the record.
+        Largest error of a motion, in the unit of the record. If the target has deviations, `reference` and `tolerance`
+        have no effect, because `Deviation.motions` is the solver.
     part : slice
         Samples that are used. The motion always starts at the first sample of the record.
     scales : tuple of float
@@ -70,7 +71,7 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the likelihood of a target, for scores near z, (d,), with motions solved to `tolerance`.
+        """Return the likelihood of a target, with the scales of the solver set by the parameters at scores z, (d,).
 
         tolerance: largest error of a motion, in the unit of the record. part: samples that are used.
         """
@@ -97,7 +98,7 @@ class Likelihood:
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
-        """Return this likelihood with motions solved to another tolerance, in the unit of the record."""
+        """Return this likelihood with another `tolerance`, in the unit of the record; no effect with deviations."""
         return replace(self, tolerance=tolerance)
 
     @cached_property
@@ -112,7 +113,10 @@ class Likelihood:
 
     @cached_property
     def motions(self) -> Trajectories:
-        """Solver of the motion at the times of the samples, up to the last one that is used."""
+        """Solver of the motion at the times of the samples, from the first of the record to the last one that is used.
+
+        If the target has deviations, it is `Deviation.motions`.
+        """
         if self.target.deviation is not None:
             return self.target.deviation.motions
         signal = self.target.signal
@@ -120,7 +124,7 @@ class Likelihood:
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def motion(self, z: np.ndarray) -> np.ndarray:
-        """Return the motion at scores z, (d,), in the unit of the record, (n,); nan or infinite if it is unbounded."""
+        """Return the motion at scores z, (d,), in the unit of the record, (n,); nan if it is unbounded."""
         return self.motions.record(self.target.all_values(z))[self.part.start :]
 
     def residual(self, z: np.ndarray) -> np.ndarray:
@@ -132,9 +136,10 @@ class Likelihood:
         return np.stack([self.residual(row) for row in z])
 
     def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log prior density of scores z, (d,), and its gradient, (d,).
+        """Return the log prior density of scores z, (d,), and its gradient, (d,), averaged over `scales`.
 
-        Reflected scores (those of half-normal priors) may be negative.
+        A reflected score (of a half-normal prior) may be negative; its density is that of a normal distribution over
+        both signs.
         """
         shared, gradient = self.target.shared, -z
         own = z[shared]
@@ -169,7 +174,7 @@ class Likelihood:
         return value if np.isfinite(value) else -np.inf
 
     def log_likelihood(self, z: np.ndarray) -> float:
-        """Return the log likelihood (nats) at scores z, (d,); −∞ if the motion is unbounded."""
+        """Return the log likelihood (nats) at scores z, (d,); −∞ if it is not finite, as for an unbounded motion."""
         return self.log_noise(self.residual(z), z)
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
@@ -177,7 +182,10 @@ class Likelihood:
         return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
-        """Return log prior plus log likelihood in nats at scores z, (d,); −∞ if the motion is unbounded."""
+        """Return log prior plus log likelihood in nats at scores z, (d,); −∞ if the log likelihood is not finite.
+
+        Reflected scores may be negative (see `folded`).
+        """
         return self.log_likelihood(z) + self._prior(z)[0]
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
@@ -186,9 +194,9 @@ class Likelihood:
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (m,), of scores, (m, d), in which reflected scores are restricted to values ≥ 0.
+        """Return the log posterior, (m,), at scores z, (m, d), for a prior without negative reflected scores.
 
-        Each reflected score adds log 2 to the density in which either sign is allowed.
+        This is `log_posteriors` plus log 2 for each reflected score. The sign of the scores in z is not checked.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
@@ -199,7 +207,10 @@ class Likelihood:
         return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
 
     def gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log posterior at scores z, (d,), and its gradient, (d,)."""
+        """Return the log posterior at scores z, (d,), and its gradient, (d,).
+
+        If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior.
+        """
         return self._gradient(self.line(z), z)
 
     def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
@@ -217,7 +228,12 @@ class Likelihood:
         return Line(line.residual - away @ line.slopes, line.slopes, line.at)
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return the log posterior at scores z, (d,), its gradient, (d,), and the Gauss–Newton information, (d, d)."""
+        """Return the log posterior at scores z, (d,), its gradient, (d,), and its Gauss–Newton information, (d, d).
+
+        The information approximates the negative Hessian and is positive definite; it has no cross terms between
+        parameters of the motion and of the noise. If the log likelihood is not finite, the value is −∞, and gradient
+        and information are those of the log prior.
+        """
         line = self.line(z)
         value, gradient = self._gradient(line, z)
         information = np.diag(self.target.prior_precision(z, self.scales))
@@ -248,13 +264,13 @@ class Likelihood:
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
         """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
 
-        On average, the shift changes the log likelihood by half of this, in nats.
+        To second order, such a shift lowers the mean log likelihood by half of this, in nats.
         """
         root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
-        """Return the log likelihood (nats) for values of all parameters by name; −∞ if the motion is unbounded."""
+        """Return the log likelihood (nats) for values of all parameters by name; −∞ if it is not finite."""
         return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
@@ -294,7 +310,10 @@ class Likelihood:
         return tuple(self.target.names[i] for i in self.target.moving)
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log posterior and its gradient, (d,), at scores z, (d,); `line`: the motion linearised at z."""
+        """Return the log posterior and its gradient, (d,), at scores z, (d,); `line`: the motion linearised at z.
+
+        If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior.
+        """
         value = self.log_noise(line.residual, z)
         if not np.isfinite(value):
             return -np.inf, self._prior(z)[1]

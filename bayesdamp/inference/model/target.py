@@ -68,8 +68,8 @@ class Scores:
     ) -> np.ndarray:
         """Return the precisions, (d,), of a centred normal distribution with the prior's gradient at scores z, (d,).
 
-        A precision is 1, or for scores with a common scale σ the mean of 1/σ² over the scales, given z. It is an upper
-        bound of the negative curvature of the log prior.
+        A precision is 1, or for scores with a common scale σ the mean of 1/σ² over the values in `scales`, given z. It
+        is an upper bound of the negative curvature of the log prior.
         """
         precision, shared = np.ones(z.size), self.shared
         if shared.any():
@@ -104,9 +104,11 @@ class Scores:
         """Return the end, (d,), of a step from scores z that is straight in the law's natural coordinates.
 
         Natural coordinates are quantities that a record determines well, such as the frequency
-        (`RestoringLaw.natural`). To first order, the step is that from z to `new`. A curved ridge of the posterior is
-        straight in the natural coordinates, so a step along it stays on it. The result is `new` if the law has no such
-        coordinates, or if not all of its parameters are inferred. restoring: name of the law.
+        (`RestoringLaw.natural`). They replace the scores of the law's parameters and of θ₀; all other scores end at
+        `new`. To first order, the step is that from z to `new`. A curved ridge of the posterior is straight in the
+        natural coordinates, so a step along it stays on it. The result is `new` if the law has no such coordinates, if
+        not all of its parameters are inferred, or if no parameters have the coordinates of the end. restoring: name of
+        the law.
 
         References
         ----------
@@ -208,7 +210,8 @@ class Target(Scores):
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the standard normal scores of parameter values by name, (d,), limited to ±6.
 
-        A parameter without a value gets the score 0, or ½ if it is reflected (has a half-normal prior).
+        A parameter without a value gets the score 0, or ½ if it is reflected (has a half-normal prior). A score that is
+        nan becomes 0.
         """
         z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
@@ -259,6 +262,8 @@ def build_target(
 ) -> Target:
     """Build the target of one damping model on one record.
 
+    Coefficients are always inferred; other parameters are inferred if they have no known value.
+
     Parameters
     ----------
     signal : Signal
@@ -279,7 +284,9 @@ def build_target(
     Raises
     ------
     ValueError
-        If a parameter has neither a value nor a prior.
+        If a constant of the noise model or a reference in a damping force has no value.
+    KeyError
+        If an inferred parameter has neither a prior in `system` or `term_priors` nor a default one.
     Refusal
         If the noise model does not apply to the record.
     """
@@ -299,7 +306,7 @@ def build_target(
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
-    """Return the default priors of damping terms by name: of all coefficients, then of own parameters.
+    """Return the default priors of damping terms' parameters by name: first of all coefficients, then of all others.
 
     reference: amplitude and frequency with which the priors scale.
     """
@@ -312,8 +319,8 @@ def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prio
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
     """Return the default prior of the parameter `name`. Raises KeyError if it has none.
 
-    Priors of angles are centred on the midline of the record and have twice its amplitude as standard deviation.
-    Gravity may have either sign and be as large as the stiffness.
+    With the amplitude A and the frequency ω of `reference`, displacements (θ₀ and equilibrium angles) are normal about
+    the record's midline with sd 2A, and gravity is normal about 0 with sd ω²/2.
     """
     a, w = reference.amplitude, reference.frequency
     of_damping = damping_priors([term.name for term in osc.terms], reference)
