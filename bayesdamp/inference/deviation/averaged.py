@@ -154,10 +154,12 @@ class _Curves:
 def average_of(
     t: np.ndarray, y: np.ndarray, features: Features, noise: FittedNoise | None = None
 ) -> Averaged | None:
-    """Reduce a record to amplitudes, phases and midlines of blocks of cycles.
+    """Reduce a record to amplitudes, phases and midlines of blocks of cycles; None if this is not possible.
 
-    Return None if the record has too few cycles (`FEWEST_CYCLES`) or samples, or if amplitude or phase do not change
-    smoothly and the record is short enough for the equation of motion to be solved over all of it (`MOST_CYCLES`).
+    It is not possible if the record has too few cycles (`FEWEST_CYCLES`) or samples (`LEAST_SAMPLES` in each block), if
+    its phase does not increase from block to block, or if amplitude or phase do not change smoothly (`BENT`). A
+    randomly wandering phase is accepted all the same in a record of more than about 700 cycles, and a rough amplitude
+    in one of at least `MOST_CYCLES` cycles.
 
     Parameters
     ----------
@@ -261,8 +263,9 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
 def _long_pieces(t: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of the samples, at times t (n,) in s, that are in long enough pieces between holes.
 
-    The first and the last piece must be at least a block long, because the amplitude and phase of a motion are measured
-    over a whole block; the others must be at least `SHORTEST` blocks long. Each must have `LEAST_SAMPLES` samples.
+    A hole is a gap longer than `HOLE` blocks; a block is 1/`BLOCKS` of the record. The first and the last piece must be
+    at least a block long, because the amplitude and phase of a motion are measured over a whole block; the others must
+    be at least `SHORTEST` blocks long. Each must have `LEAST_SAMPLES` samples.
     """
     block = float(t[-1]) / BLOCKS
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * block) + 1).tolist(), t.size]
@@ -343,8 +346,9 @@ def _fit_curves(
 ) -> _BlockFit:
     """Fit the oscillation in each block, and correct the reference curves until they describe the blocks.
 
-    The first curves come from short windows, whose noise shifts them. parts, middles: as in `_fit_blocks`. follows:
-    whether the curve of the phase follows a wandering phase closely; it is then not corrected.
+    The first curves come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are made;
+    they end when `_BlockFit.bent` is below `BENT`. parts, middles: as in `_fit_blocks`. follows: whether the curve of
+    the phase follows a wandering phase closely; it is then not corrected.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):

@@ -58,7 +58,7 @@ class MotionCandidate:
 class Linearisation:
     """A candidate that is linearised about a motion, with deviations from its laws as further unknowns.
 
-    The deviations are g (log damping) and h (relative frequency), with values at n knots in time each.
+    The deviations are g (log damping) and h (relative frequency), with values at the same knots in time.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Linearisation:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return exp g − 1 and h at the n knots, (n,) each: the relative deviations of damping and frequency."""
+        """Return exp g − 1 and h at the knots, as two vectors: the relative deviations of damping and frequency."""
         g, h = np.split(self.u[self.fit.z.size :], 2)
         return np.expm1(g), h
 
@@ -176,7 +176,7 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
 
     The values are low, middle and high in the prior of a single parameter, and low and high for two or more. A
     parameter that makes its term equal to a simpler one at a certain value (`DampingTerm.reduces`) starts only at this
-    value.
+    value. Without own parameters the result is one empty mapping.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
@@ -199,10 +199,11 @@ def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
 def search(
     solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]]
 ) -> LeastSquaresFit | None:
-    """Fit from each start over growing windows, and return the best fit; None if every fit fails.
+    """Fit from each start over growing windows, and return the fit with the smallest sum of squared residuals.
 
     A start contains values of inferred parameters by name; inferred parameters that it does not contain start at the
-    value 0. With several starts, the fits end early and the best one is refined.
+    value 0. With several starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or
+    the refinement.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
@@ -273,7 +274,7 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
 def tangents_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> np.ndarray | None:
-    """Return the Jacobian of a candidate's motion at u = (scores, g, h), (n, K); None where the motion escapes.
+    """Return the Jacobian of a candidate's motion by u = (scores, g, h), (n, K), at u; None where the motion escapes.
 
     A motion escapes if it grows beyond all bounds or needs too many steps. tolerance: error of an integration step as a
     fraction of the amplitude, by default that of fits.
@@ -285,7 +286,7 @@ def tangents_at(
 def _solve(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> tuple[Motion, np.ndarray] | None:
-    """Return a candidate's motion at u = (scores, g, h) and its Jacobian, (n, K); None where the motion escapes.
+    """Return a candidate's motion at u = (scores, g, h) and its Jacobian by u, (n, K); None where the motion escapes.
 
     tolerance: error of an integration step as a fraction of the amplitude, by default that of fits.
     """
@@ -337,7 +338,11 @@ def linearise_at_mode(
     start: Linearisation | None = None,
     near: bool = False,
 ) -> tuple[Linearisation, float] | None:
-    """Linearise a candidate about the joint mode of its parameters and deviations.
+    """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
+
+    The hyperparameters of the deviations are fixed at each step (see `mode_of`). The steps end when one changes the
+    motion by less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing, or after
+    `MOST_STEPS`; the linearisation at the last point is returned.
 
     Parameters
     ----------
@@ -352,7 +357,8 @@ def linearise_at_mode(
     start : Linearisation, optional
         The linearisation at which the steps start; by default that at the fit without deviations.
     near : bool
-        Whether to return `start` itself if its linear model has its mode within `SETTLED` (see there) of it.
+        Whether to end already before a step that would change the motion by less than `SETTLED`, so that `start` itself
+        may be returned. Otherwise at least one step is tried.
 
     Returns
     -------
@@ -387,10 +393,10 @@ def linearise_at_mode(
 def mode_of(
     model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
 ) -> np.ndarray:
-    """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
+    """Return the mode u, (K,), of a linear model's posterior under N(0, 1) priors of the scores, with coefficients ≥ 0.
 
-    u = (scores, g, h). The hyperparameters of g and h (sizes and correlation lengths) are fixed at the most probable
-    point of the grid.
+    u = (scores, g, h). The hyperparameters of g and h (sizes and correlation lengths) are fixed at the grid point with
+    the largest posterior probability, computed without the condition that coefficients are ≥ 0.
 
     Parameters
     ----------

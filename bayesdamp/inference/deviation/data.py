@@ -72,7 +72,7 @@ class Data:
     windows : Windows, optional
         The windows over which y are means; None where y are samples or amplitudes and phases.
     record : Signal, optional
-        The samples from which t and y were made, with times from 0 s.
+        The samples from which t and y were made, with times from 0 s; None for an averaged record.
     rows : ndarray of int, shape (n, m), optional
         Indices of the samples in each window.
     readings : ndarray, shape (n,), optional
@@ -140,11 +140,14 @@ class Data:
 
     @property
     def duration(self) -> float:
-        """Return the duration of the record, in s."""
+        """Return the duration of the used part of the record, in s."""
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def first(self, count: int) -> Data:
-        """Return a copy with only the first `count` values of y."""
+        """Return a copy with only the first `count` values of y.
+
+        `t`, `windows`, `rows` and `readings` are shortened with y; all other attributes are unchanged.
+        """
         windows = None if self.windows is None else self.windows.first(count)
         rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))
         return replace(
@@ -175,11 +178,14 @@ class Data:
         return Solver(*arguments, self.windows)
 
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
-        """Return the equilibrium in rad or m for restoring parameters `law`, (r,); None if none is near the midline."""
+        """Return the stable equilibrium in rad or m nearest to the midline, for restoring parameters `law`, (r,).
+
+        None if none is within two amplitudes (`amplitude`) of the midline.
+        """
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
-        """Return the equilibrium in rad or m for restoring parameters `law`, (r,); the midline if none is near it."""
+        """Return the result of `equilibrium` for restoring parameters `law`, (r,); the midline if that is None."""
         equilibrium = self.equilibrium(restoring, law)
         return self.rest if equilibrium is None else equilibrium
 
@@ -200,14 +206,15 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
 def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
     """Return the data to which candidates are fitted: samples, means of neighbouring samples, or amplitudes and phases.
 
-    Samples after the amplitude has fallen to `LEAST` of the first one are left out.
+    Neighbouring samples are averaged if there are at least 2 × `A_CYCLE` in a cycle. Samples after the amplitude has
+    fallen to `LEAST` of the first one are left out, but at least `FEWEST_CYCLES` cycles are used.
 
     Parameters
     ----------
     signal : Signal
         The record.
     average : bool
-        Whether a record of very many cycles may be reduced to amplitudes and phases.
+        Whether a record of very many cycles may be reduced to amplitudes and phases (see `average_of`).
     noise_model : SampleNoise, optional
         Noise model under which amplitudes and phases are estimated; by default Gaussian noise (least squares).
 

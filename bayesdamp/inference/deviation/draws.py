@@ -154,7 +154,7 @@ def draw_candidates(
 
     chosen: probability of each candidate. About `TOTAL_DRAWS` draws are made in all. Candidates beyond
     `COVERED_PROBABILITY`, or with less than half a draw, are left out. The result has an element for each of the
-    others.
+    others, the most probable one first.
     """
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
@@ -166,8 +166,8 @@ def draw_candidates(
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
     """Return `count` draws of one candidate: of its sampled draws if they are trusted, else from its linear posterior.
 
-    If its terms have own parameters, at most `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the
-    deviations g and h of the draws are 0.
+    If one of its terms has an inferred parameter of its own, at most `MOST_DISTINCT_DRAWS` of the draws are different.
+    Under exact laws the deviations g and h of the draws are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -185,8 +185,8 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
     """Return the fraction of the energy lost over the record that each term dissipates, for each draw, (draws, m).
 
-    The m terms are those of the solver. For all draws of a candidate the work is computed along one motion, that at the
-    candidate's mode.
+    The m terms are those of the solver; the draws of all candidates follow each other. For all draws of a candidate the
+    work is computed along one motion, that at the candidate's mode.
     """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
@@ -204,7 +204,9 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
     """Return, by name, the sd of each inferred parameter (in its unit) that noise alone would cause under exact laws.
 
-    It is that of the linear posterior without deviations, scaled to the variance of the noise in the comparison.
+    It is that of the first component of the linear posterior without deviations (the smallest of the probable values of
+    the coefficients' common prior scale), before the cut-off at zero, scaled to the variance of the noise in the
+    comparison.
     """
     parameters = result.fit.parameters
     sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
@@ -223,7 +225,7 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
-    """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s.
+    """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s; 0 if F′ < 0.
 
     F′ is the derivative of the restoring force per unit of inertia. scale: a typical displacement in rad or m; the
     difference quotient for F′ has the step 1e-5 `scale`.
@@ -377,8 +379,9 @@ def draw_ratios(
 ) -> tuple[np.ndarray, float]:
     """Return draws of the equivalent damping ratio at an amplitude, (n,), and the sd that noise alone would cause.
 
-    The draws include the deviations from the laws. Candidates without an orbit of this amplitude are left out; if all
-    are, the draws are empty and the sd is nan.
+    The draws of all candidates are joined and include the deviations from the laws. The sd is that under exact laws,
+    averaged over the draws. Candidates without an orbit of this amplitude are left out; if all are, the draws are empty
+    and the sd is nan.
 
     Parameters
     ----------
@@ -426,8 +429,10 @@ def _average_over_frictions(
 ) -> np.ndarray:
     """Return the damping ratio of each draw, (n,), with a width ε of dry friction drawn from the posterior of ε.
 
-    ε is the width of the velocity in which friction changes its sign. Without friction in the candidate, or if ε is
-    known, the ratios are those at the ε of the solver. per_unit: result of `ratios_per_unit`.
+    ε is the width of the velocity in which friction changes its sign. The ratio at the solver's ε is multiplied by the
+    energy that all terms of the fit at the drawn ε (`ModelComparison.frictions`) lose in a cycle, divided by that of
+    the fit at the solver's ε. Without friction in the candidate, if ε is known, or if the latter fit loses no energy,
+    the ratios are those at the solver's ε. per_unit: result of `ratios_per_unit`.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
@@ -503,10 +508,10 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
     """Return median and 95 % interval of the fraction of the energy loss that no sum of compared terms explains.
 
-    For each draw the damping ratio against amplitude, deviations included, is approximated by the nearest sum of terms
-    with coefficients ≥ 0. The fraction is the mean relative distance of the two curves, weighted by the energy lost.
-    Candidates without an orbit at one of the amplitudes, and draws that lose no energy, are left out; None if nothing
-    remains. amplitudes: falling, in rad or m.
+    For each of about `UNNAMED_DRAWS` draws the damping ratio against amplitude, deviations included, is approximated by
+    the nearest sum of terms with coefficients ≥ 0. The fraction is the mean relative distance of the two curves,
+    weighted by the energy lost. Candidates without an orbit at one of the amplitudes, and draws that lose no energy,
+    are left out; None if nothing remains. amplitudes: falling, in rad or m.
     """
     total = sum(len(d.coefficients) for d in drawn)
     counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
@@ -550,9 +555,9 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 def midline_drift(result: CandidateResult) -> float:
     """Return the drift of the midline over the record, as a fraction of the first amplitude; 0 if insignificant.
 
-    A straight line is fitted to the mean residual of each cycle (or block of an averaged record); the scatter of these
-    means about it gives the sd of its slope. The drift is significant if it exceeds `DRIFT_SDS` sds and there are at
-    least `LEAST_CYCLE_MEANS` means.
+    A straight line is fitted to the mean residuals, under exact laws, of the cycles (or blocks of an averaged record);
+    the scatter of these means about it gives the sd of its slope. The drift is significant if it exceeds `DRIFT_SDS`
+    sds and there are at least `LEAST_CYCLE_MEANS` means.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:

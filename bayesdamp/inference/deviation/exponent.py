@@ -76,9 +76,9 @@ class _At:
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent p of a damping force c |v|^p at the probabilities `LEVELS`.
 
-    An empty tuple is returned if no motion under a power law fits the record. The restoring law is that of the best
-    candidate. The prior of the exponent is uniform; that of the coefficient is the default prior of a damping ratio, at
-    the geometric mean of the record's first and last amplitude.
+    An empty tuple is returned if no motion under a power law fits the record, or there is no candidate from which a fit
+    could start. The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the
+    coefficient is the default prior of a damping ratio, at the geometric mean of the record's first and last amplitude.
     """
     if not comparison.results:
         return ()
@@ -148,7 +148,8 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
-    For p < 1 the width of the velocity in which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
+    The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity in which
+    forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
@@ -158,7 +159,7 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 
 
 def exponent_starts(comparison: ModelComparison) -> list[float]:
-    """Return three exponents at which fits may start, within the prior.
+    """Return three exponents at which fits may start, limited to the prior.
 
     They are the local exponent of the best candidate's damping against velocity at the middle amplitude, a smaller and
     a larger one (`ASIDE`). The list is empty if the best candidate has no orbit there or loses no energy.

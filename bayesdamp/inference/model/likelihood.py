@@ -71,7 +71,7 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the likelihood of a target, with the scales of the solver set by the parameters at scores z, (d,).
+        """Return the likelihood of a target whose `reference` contains the parameters at scores z, (d,).
 
         tolerance: largest error of a motion, in the unit of the record. part: samples that are used.
         """
