@@ -1,6 +1,6 @@
-"""Claims on the errors of estimators on records without and with noise, and on their computing times.
+"""Claims on the errors of estimators on records without and with noise, on convergence, and on computing times.
 
-They are from tables 1 to 3 and section 5.5 of the paper.
+They are from sections 3 to 6, tables 2 and 3, and figure 10 of the paper.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ estimate is refined by a least-squares fit of the trajectory."""
 GENERATIONS = (20, 40)
 """Smallest and largest number of generations in which the genetic algorithm converges, as the paper claims."""
 LEAST_ERRORS = 20
-"""Smallest number of errors from which a root mean square is computed. Its relative standard error is then about
-1/√(2·20) = 16 % (for Gaussian errors)."""
+"""Smallest number of errors whose root mean square is compared with the Cramér–Rao bound. Its relative standard error
+is then about 1/√(2·20) = 16 % (for Gaussian errors)."""
 PRINTED_ERRORS = {
     "least_squares": "0.0004 / 0.006 / 0.001",
     "koopman": "~0",
@@ -60,7 +60,7 @@ PRINTED_ERRORS = {
     "genetic": "~0",
 }
 """Relative errors of the estimated coefficient in per cent (viscous / Coulomb / quadratic record) by estimator, as
-printed in the paper's table 2."""
+printed in the paper's table 2. A single value applies to all three records."""
 PRINTED_TIMES = {
     "least_squares": ("< 1 s", 0.0, 1.0),
     "sindy": ("< 1 s", 0.0, 1.0),
@@ -105,8 +105,10 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     """Judge the errors that the paper's table 2 prints for one estimator, by the measured errors in `comparison`.
 
-    "holds" if the initial estimates reach every printed error, "holds in part" if only the refined estimates do, and
-    "better than claimed" if every initial error is smaller than the printed one by more than `MUCH_SMALLER`.
+    "holds" if the initial estimates (before the trajectory fit) reach every printed error, "holds in part" if only the
+    refined estimates do, else "does not hold"; a printed error counts as at least 0.005 %, and a missing one is never
+    reached. "better than claimed" if every initial error is smaller than the printed one by more than the factor
+    `MUCH_SMALLER`, printed zeros left out. "cannot be judged" if `comparison` does not contain the estimator.
     """
     if method not in comparison.methods:
         return NO_RUN
@@ -196,7 +198,8 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
 def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
     """Return the errors of a method's initial estimates at a noise level (one of `along.values`).
 
-    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none.
+    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none, or if
+    the series does not contain the level.
     """
     each = along.each.get((method, "initial"))
     return each[along.values.index(level)] if each and level in along.values else {}
@@ -205,7 +208,8 @@ def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
 def _size(along: ErrorSeries, method: str, level: float) -> str:
     """Return the root mean square error of a method's initial estimates at a noise level as text.
 
-    It is in per cent of the true value, with its 95 % interval if there are enough repeats.
+    It is in per cent of the true value, with its 95 % interval if at least three repeats have an estimate. The level is
+    one of `along.values`.
     """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]
@@ -291,8 +295,8 @@ def _bound(runs: Runs) -> Judgement:
 def verdict_of(own: float, low: float, high: float) -> Verdict:
     """Return the verdict on a printed range of times, `low` to `high`, given the measured time `own` (all in s).
 
-    A time above the range means "does not hold", nan "cannot be judged", and a time below the range by more than
-    `MUCH_FASTER` "better than claimed"; any other time means "holds".
+    A finite time above the range means "does not hold", nan or an infinite time "cannot be judged", and a time below
+    `low` / `MUCH_FASTER` "better than claimed"; any other time means "holds".
     """
     if not own <= high:
         return "does not hold" if math.isfinite(own) else "cannot be judged"
@@ -300,7 +304,11 @@ def verdict_of(own: float, low: float, high: float) -> Verdict:
 
 
 def _time(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge the time that the paper's table 3 prints for one estimator, by its measured time without the refinement."""
+    """Judge the time that the paper's table 3 prints for one estimator, as `verdict_of` does.
+
+    The measured time is that of the initial estimates (without the trajectory fit) on all records of `comparison`
+    together. "cannot be judged" if `comparison` does not contain the estimator.
+    """
     if method not in comparison.methods:
         return NO_RUN
     own, refined = (comparison.seconds.get((method, stage), math.nan) for stage in STAGES)

@@ -27,7 +27,8 @@ from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import Estimate, Problem, Signal, System
 
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
-"""Verdicts on a claim. "Better than claimed": so far below the printed error or time that it is not confirmed."""
+"""Verdicts on a claim. "Better than claimed": the measured error or time is so far below the printed one that the
+printed one is not confirmed."""
 MUCH_SMALLER = 10.0
 """If a measured error is smaller than the printed error by more than this factor, the claim is judged "better than
 claimed" instead of "holds"."""
@@ -70,7 +71,10 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """The errors of the estimators against the noise level: one series for each damping in each run of `noise`."""
+        """The errors of the estimators against the noise level.
+
+        There is one series for each damping with at least three noise levels in each run of `noise`; [] without runs.
+        """
         return [s for folder in self.noise for s in error_series(RunFolder(folder)) if s.factor == "noise"]
 
 
@@ -194,9 +198,9 @@ def initial_error(
 
 
 def period_drift(damping: str) -> float:
-    """Return by how many per cent the mean period in the first half of the paper's record differs from the second half.
+    """Return 100·|P₁/P₂ − 1| for the paper's record with this damping, in per cent.
 
-    The value is not negative.
+    P₁ and P₂ are the mean periods in the first and in the second half of the record's periods.
     """
     signal, _ = paper_record(damping)
     crossings = features(signal).crossing_times

@@ -22,7 +22,8 @@ _MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 def one_line(text: object) -> str:
     """Return a text as one printable line of at most `LONGEST_ERROR` characters.
 
-    The middle of a longer text is replaced by "...", because the end of an error usually contains the remedy.
+    White space becomes single spaces, and other unprintable characters are escaped. The middle of a longer text is
+    replaced by "...", because the end of an error usually contains the remedy.
     """
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
@@ -32,9 +33,9 @@ def one_line(text: object) -> str:
 
 
 def machine_refusal(error: BaseException) -> str | None:
-    """Return a line on an error of the operating system: full disk, too little memory, or an unusable path.
+    """Return a line that explains too little memory, a full disk, or a path that the operating system refuses.
 
-    Return None for other errors.
+    Return None for other errors, and for an error of the operating system that names no path.
     """
     number = getattr(error, "errno", None)
     if (
@@ -58,8 +59,8 @@ def prepare_streams() -> None:
     """Prepare stdout, stderr and drawing for every environment.
 
     If the process was started without stdout or stderr, they are opened on the null device; otherwise the next opened
-    file would get their file descriptors. Streams replace characters that they cannot encode. Matplotlib draws without
-    a screen.
+    file would get their file descriptors. Streams replace characters that they cannot encode. If the environment
+    variable MPLBACKEND is set, it becomes "agg", with which Matplotlib needs no screen. COLUMNS is deleted if it is 0.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
@@ -82,7 +83,10 @@ def print_error(line: str) -> None:
 
 
 def discard_output() -> None:
-    """Discard buffered output that cannot be written, so that Python does not try to write it again at exit."""
+    """Flush stdout and stderr, and redirect a stream for which this fails to the null device.
+
+    Python would otherwise try to write the buffered output again at exit.
+    """
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

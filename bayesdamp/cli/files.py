@@ -18,12 +18,12 @@ from bayesdamp.types import InputError
 
 
 def check_folder(out: Path | None, name: str) -> Path:
-    """Return the folder of a run: `out`, or reports/`name` if `out` is None.
+    """Return the folder of a run: `out`, or reports/`name` if `out` is None. The folder is not created.
 
     Raises
     ------
     InputError
-        If the folder cannot be created, because the path or a part of it is a file.
+        If the path or the part of it that exists is not a folder, or if the operating system refuses the path.
     """
     folder = out if out is not None else Path("reports") / name
     try:

@@ -18,7 +18,8 @@ from bayesdamp.report.drawing import MUTED, WIDTH, Drawings
 _INSIDE = "#0072B2"
 """Colour of the free decay."""
 _POINTS = 4000
-"""A record of more samples is thinned for its figure, to at least this number of points."""
+"""A record of at least twice as many samples is thinned for its figure: only every k-th sample is drawn, with the
+largest k that leaves at least this number of points."""
 _STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
     "table{border-collapse:collapse;display:block;overflow-x:auto}"
@@ -54,7 +55,7 @@ def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
 
 
 def _figure(view: RecordView) -> Figure:
-    """Draw a record, with the free decay in colour."""
+    """Draw a record in grey, with its free decay, if there is one, in colour."""
     t, y, window = view.t, view.y, view.window
     every = max(1, t.size // _POINTS)
     figure = Figure(figsize=(WIDTH, 2.6))

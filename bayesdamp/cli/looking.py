@@ -55,7 +55,10 @@ class RecordView:
 
 
 def columns_table(contents: Contents) -> Table:
-    """Return a table with a row for each column: number, name, unit, samples, smallest and largest value."""
+    """Return a table with a row for each column: number from 1, name, unit, samples, smallest and largest value.
+
+    Samples that are not finite are not counted.
+    """
     rows = []
     for i, column in enumerate(contents.columns, start=1):
         unit, quantity = unit_of_column(column)
@@ -68,7 +71,10 @@ def columns_table(contents: Contents) -> Table:
 
 
 def view_motion(record: FileRecord) -> RecordView:
-    """Return the information on the record of an oscillation."""
+    """Return the information on the record of an oscillation.
+
+    If it has no free decay, a line gives the reason, and the window is None.
+    """
     raw, signal = record.raw, record.signal
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     name = (record.several and record.label) or raw.channel or "the record"
@@ -102,6 +108,8 @@ def view_envelope(
     ends: tuple[float | str, float | str],
 ) -> RecordView:
     """Return the information on the record of an envelope.
+
+    If it has no free decay, a line gives the reason, and the window is None.
 
     Parameters
     ----------
@@ -143,7 +151,7 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
     """Return the curve y (n,) against t (n,) as texts of braille characters, the top row first.
 
     Each character has two columns and four rows of dots. Each column of dots covers the range of all values in it,
-    extended so that it touches the column before it.
+    extended until it touches the last value of the nearest earlier column that has values. All values are finite.
     """
     wide, high = 2 * columns, 4 * rows
     span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))
@@ -169,7 +177,9 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
 def plot(
     t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int = 72, rows: int = 10
 ) -> Text:
-    """Draw a record for the terminal with braille characters; the last line gives the ranges of times and values.
+    """Return a plot of a record for the terminal, in braille characters.
+
+    A line below marks the free decay, if there is one. The last line gives the ranges of times and values.
 
     Parameters
     ----------

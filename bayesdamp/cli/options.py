@@ -98,13 +98,20 @@ LONGEST_VALUE = 40
 
 
 def invalid_value(option: str, value: object, right: str) -> InputError:
-    """Return the error for an invalid value of an option. `right` says what the value must be."""
+    """Return the error for an invalid value of an option.
+
+    `option`: name of the option. `value`: the number, or the text, which is cut to `LONGEST_VALUE` characters. `right`:
+    what the value must be.
+    """
     shown = repr(value[:LONGEST_VALUE]) if isinstance(value, str) else f"{value:g}"
     return InputError(f"{option}: is {shown}; it must be {right}")
 
 
 def parse_time(text: float | str, name: str) -> float | str:
-    """Convert the value of --start or --stop to a time in s; "auto" stays as it is. Raises InputError otherwise."""
+    """Convert the value of the option `name` (--start or --stop) to a finite time in s; "auto" stays as it is.
+
+    Raises InputError for anything else.
+    """
     if text == "auto":
         return text
     try:

@@ -28,9 +28,10 @@ _VALID = {
     "clock": ("auto", "as_logged", "uniform"),
     "time_unit": ("s", "ms", "us", "ns", "ps", "min", "h", "d"),
 }
-"""Valid values of options."""
+"""Valid values of options. `time_unit` may also be any name in `SECONDS`, such as "sec"."""
 LONGEST_SUGGESTION = 290
-"""Largest number of characters of an error with a suggested command."""
+"""Number of characters to which an error with a suggested command is shortened. The command, and 60 characters of the
+error, are kept even if this is longer."""
 _OPTIONS = {"value": "angle", "rate": "rate"}
 """Map from an argument of `read_records` that is missing in an error to the option with which a user can provide it."""
 _PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
@@ -102,7 +103,10 @@ class ReadingOptions:
         return unit, quantity, doubtful
 
     def assumes_rad(self, raw: RawRecord, unit: str, quantity: str) -> bool:
-        """Return whether rad is assumed because neither the file nor the user specifies a unit."""
+        """Return whether an angle in rad is assumed because neither the file nor the user specifies a unit.
+
+        `unit` and `quantity` are those that `interpret` returns.
+        """
         return self.unit is None and not raw.unit and (unit, quantity) == ("rad", "angle")
 
 
@@ -123,7 +127,7 @@ class FileRecord:
     signal
         The free decay in the record; None if there is none, or if it was not searched.
     refusal
-        Reason why there is no free decay; empty if there is one.
+        Reason why there is no free decay; empty if there is one, or if it was not searched.
     several
         Whether the file contains several records.
     """
@@ -139,7 +143,7 @@ class FileRecord:
 
     @property
     def label(self) -> str:
-        """The run and the channel of the record, in words; empty if the file has only one record."""
+        """The run and the channel of the record, such as "run 2, phi"; without those that the file does not name."""
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 
@@ -199,7 +203,7 @@ class SelectedRecords:
     notes
         Lines on how they were read.
     failed
-        Errors of the files that could not be read.
+        Errors of the files that could not be read or have no usable record.
     """
 
     records: list[FileRecord]
@@ -212,6 +216,8 @@ def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
     """Return the records of several files.
 
     If a file has several records and the user did not select any, those without a free decay are left out with a note.
+    Otherwise a record without a free decay makes its file unusable. If there is only one path, the free decay of a
+    single or selected record is not searched here (`signal` and `refusal` are empty).
 
     Parameters
     ----------
@@ -244,8 +250,9 @@ def _choose(
 ) -> tuple[list[FileRecord], list[str], list[str]]:
     """Return the records of a file that are used, lines on what looks wrong, and lines on how they were read.
 
-    `cleaned`: whether to search for the free decay even if the file has only one record. Raises InputError if the file
-    has no usable record.
+    `cleaned`: whether to search for the free decay of a single or selected record too. Raises InputError if the file
+    cannot be read, if none of its records is a free decay, if a single or selected one was searched and is not, or if a
+    finding is one of the `QUESTIONS`, which the user must settle first.
     """
     notes: list[str] = []
     all_of_it = options.runs is None and not options.channels and options.angle is None
@@ -297,7 +304,11 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 
 
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
-    """Return records as entries [[signal]] of a study. Runs of one channel are repeats of one specimen."""
+    """Return records as entries [[signal]] of a study.
+
+    Runs of one channel are repeats of one specimen, which has the name of the file, and of the channel if there are
+    several. Other records have no specimen.
+    """
     o = options
     signals = []
     for record in records:
@@ -375,14 +386,20 @@ def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) 
 
 
 def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the options that would settle the findings on a record: the most likely value of each, by its name."""
+    """Return the options that would settle the findings on a record: the most likely value of each, by its name.
+
+    They contain the unit rad if it is assumed.
+    """
     unit, quantity, doubtful = options.interpret(raw)
     answers = {"unit": unit} if options.assumes_rad(raw, unit, quantity) else {}
     return answers | dict(doubt.answer for doubt in doubtful if doubt.answer is not None)
 
 
 def _command(path: Path, options: ReadingOptions, answers: Mapping[str, str]) -> str:
-    """Return the command `bayesdamp compare` for a file, with the user's options and the suggested ones."""
+    """Return the command `bayesdamp compare` for a file, with the user's options for reading and the suggested ones.
+
+    `answers` contains the suggested values by option; they replace the user's, and a suggested rate replaces --time.
+    """
     names = ("time", "angle", "rate", "time_unit", "unit", "quantity", "clock", "start", "stop", "runs")
     given = {name.replace("_", "-"): getattr(options, name) for name in names}
     if "rate" in answers:

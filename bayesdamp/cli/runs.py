@@ -21,7 +21,7 @@ from bayesdamp.report.terminal import PipeSafeConsole, VerdictPrinter, print_con
 from bayesdamp.types import InputError
 
 MOST_ANSWERS = 100
-"""The folders of runs with the same NAME are NAME, NAME-2, NAME-3, ..., with numbers below this one (conventional)."""
+"""Largest number of folders of runs with the same NAME: NAME, NAME-2, NAME-3, ... (conventional)."""
 FEW_RECORDS = 5
 """Largest number of records in one command for which each verdict is printed as soon as it is available."""
 
@@ -79,7 +79,10 @@ def run_and_print(
     failed: Sequence[InputError] = (),
     **options: Any,
 ) -> int:
-    """Run a study, print each verdict as soon as it is available, and return the exit status.
+    """Run a study, print its verdicts, and return the exit status.
+
+    For up to `FEW_RECORDS` records, each verdict is printed as soon as it is available. The status is that of
+    `run_study`, but 3 if `failed` is not empty.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ def run_and_print(
     failed
         Errors of files that could not be read, which are printed at the end.
     **options
-        Options of `run_study`.
+        Options of `run_study`; `quiet` must be among them.
     """
     envelopes_only = all(s.is_envelope for s in study.signals)
     if not options["quiet"] and not envelopes_only and (notice := compilation_notice()):

@@ -231,9 +231,9 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
     """Return lines on records that are printed before anything is fitted.
 
     For each record that oscillates, a line gives its frequency and its damping, measured without assuming a damping
-    law, or says that it is not the free decay of one oscillator. For each record without an oscillation, a line
-    suggests --quantity envelope if no value is negative. Last, there is a line for each file for which the unit rad is
-    assumed.
+    law (if the record is long enough), or says that it is not the free decay of one oscillator. For each record
+    without an oscillation, a line suggests --quantity envelope if no value is negative. Last, there is a line for each
+    file for which the unit rad is assumed.
     """
     lines = []
     assumed: dict[str, None] = {}

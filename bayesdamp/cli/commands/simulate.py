@@ -101,6 +101,8 @@ def simulate_with_defaults(
 ) -> tuple[Signal, float]:
     """Simulate a record with the options of the command. Return it, and the sd of its noise in rad.
 
+    Without damping, `DAMPING_DEFAULTS` are used; other missing values are those of `RESTORING_DEFAULTS`.
+
     Parameters
     ----------
     damping, other
@@ -108,7 +110,7 @@ def simulate_with_defaults(
     restoring
         The restoring law.
     noise_sd
-        Standard deviation of the noise in rad; by default 1 % of the amplitude.
+        Standard deviation of the noise in rad; by default 1 % of half the range of the record without noise.
     **options
         Further options of `bayesdamp.simulate`.
 
