@@ -1,7 +1,7 @@
 """Maximise a function within lower bounds by the Levenberg–Marquardt method.
 
 A step s solves (H + λ diag H) s = g with the gradient g and the information H (minus the Hessian). λ shrinks after a
-step that increases the function, and grows after one that does not (Levenberg 1944, Marquardt 1963; Moré 1977 for the
+step that does not decrease the function, and grows after any other (Levenberg 1944, Marquardt 1963; Moré 1977 for the
 scaling).
 """
 
@@ -20,14 +20,14 @@ MIN_BEFORE_GROWTH = 1e-9
 
 
 class Schedule(NamedTuple):
-    """Factors by which λ changes: `less` after a step that increases the function, `more` otherwise (conventional)."""
+    """Factors by which λ is multiplied: `less` after an accepted step, `more` after a rejected one (conventional)."""
 
     less: float = 0.2
     more: float = 6.0
 
 
 Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns the end point, (d,), of a step (d,) from a point (d,); steps may follow a curve."""
+"""A function of a point (d,) and a step (d,) that returns the end point, (d,); it may follow a curve."""
 
 
 class Expansion(NamedTuple):
@@ -45,9 +45,9 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step.
 
-    x: start point, (d,). move: displacement after the bounds are applied, (d,). at: expansion at the start point. gain:
-    increase of the function; −inf if it is not finite at the end point. expected: increase to first order (gradient
-    times the step before the bounds are applied). damping: λ of the step.
+    x: start point, (d,). move: end point minus x, (d,), after `retract` and the bounds. at: expansion at the start
+    point. gain: increase of the function; −inf if its value or its information is not finite at the end point.
+    expected: gradient times the step before `retract` and the bounds. damping: λ of the step.
     """
 
     x: np.ndarray
@@ -62,9 +62,10 @@ class Step(NamedTuple):
 class Maximum:
     """Result of a maximisation.
 
-    x: end point, (d,); value: function value there, −inf if it is not finite; information: minus the Hessian there,
-    (d, d), the identity if the value is −inf; evaluations: number of function evaluations; converged: whether the
-    convergence criterion ended the search (not the step limit, and not λ above `MAX_LAMBDA`).
+    x: end point, (d,); value: function value there, −inf if the value or the information at the start is not finite;
+    information: minus the Hessian there, (d, d), the identity if the value is −inf; evaluations: number of function
+    evaluations; converged: whether the convergence criterion ended the search (not the step limit, and not λ above
+    `MAX_LAMBDA`).
     """
 
     x: np.ndarray
@@ -90,17 +91,17 @@ def levenberg_marquardt(
     schedule: Schedule = Schedule(),  # noqa: B008 - frozen
     retract: Retract = straight_on,
 ) -> Maximum:
-    """Return a local maximum of a function over x ≥ floor, elementwise.
+    """Search a local maximum of a function over x ≥ floor, elementwise.
 
     A step is rejected if it decreases the function, or ends where the value or the information is not finite. The
-    search also ends if λ exceeds `MAX_LAMBDA`.
+    search ends if `has_converged` says so, after `limit` steps, or if λ exceeds `MAX_LAMBDA`.
 
     Parameters
     ----------
     expand
         Function that returns the value, gradient and information at a point, (d,).
     x
-        Start point, (d,).
+        Start point, (d,); components below their bounds are set to them.
     floor
         Lower bounds, (d,); −inf for an unbounded coordinate.
     has_converged
@@ -108,7 +109,7 @@ def levenberg_marquardt(
     limit
         Largest number of trial steps, rejected ones included.
     longest
-        Largest allowed absolute component of a step; a longer step is scaled down.
+        Largest allowed absolute component of a step, before `retract`; a longer step is scaled down.
     schedule
         Factors by which λ changes.
     retract
@@ -117,7 +118,8 @@ def levenberg_marquardt(
     Returns
     -------
     Maximum
-        The best point; its value is −inf if the function is not finite at the start.
+        The end point of the last accepted step, the best point of the search; its value is −inf if the function is
+        not finite at the start.
     """
 
     def is_finite(at: Expansion) -> bool:

@@ -36,10 +36,11 @@ GAUSS_LEVELS, GAUSS_WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
-    The coordinate that is least likely to be positive is integrated first: over quantiles of its truncated
-    distribution, at Gauss–Legendre nodes. The probability of the others, given this coordinate, is computed recursively
-    and depends smoothly on the quantile (G. J. Gibson, C. A. Glasbey and D. A. Elston, in Advances in Numerical Methods
-    and Applications, World Scientific 1994, 120).
+    It is 0 if k = 0, or if all means are at least `SURE_SDS` standard deviations above zero. For k > `MAX_NESTED` (up
+    to 16) a lattice is used (`_log_probability_by_lattice`). Otherwise the coordinate that is least likely to be
+    positive is integrated first: over quantiles of its truncated distribution, at Gauss–Legendre nodes. The probability
+    of the others, given this coordinate, is computed recursively (G. J. Gibson, C. A. Glasbey and D. A. Elston, in
+    Advances in Numerical Methods and Applications, World Scientific 1994, 120).
     """
     count, k = mean.shape
     if k == 0:
@@ -125,7 +126,8 @@ def draw(
     """Draw from normal distributions under the condition that the coordinates `places` are ≥ 0.
 
     The constrained coordinates are drawn one after the other from truncated normals, the least likely first (Geweke,
-    Hajivassiliou and Keane), and resampled by their importance weights; the others follow by conditioning.
+    Hajivassiliou and Keane), and resampled by their importance weights; the others follow by conditioning. The result
+    is approximate: each draw is chosen from four proposals for each draw, and a proposal may occur several times.
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def draw(
     factor
         Matrices F, (c, d, d), with the covariances F Fᵀ; for a single normal also (d, d).
     places
-        Indices of the coordinates that must not be negative.
+        Indices of the coordinates that must not be negative, (k,); if there are none, the draws are unconditional.
     count
         Number of draws from each normal, (c,); for a single normal also an integer.
 
@@ -175,8 +177,10 @@ def _truncated_draws(
 ) -> np.ndarray:
     """Return draws, (sum of counts, k), from c normal distributions under the condition that all coordinates are ≥ 0.
 
+    They are resampled by importance weights from four times as many proposals, and ordered by distribution.
+
     mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each
-    distribution, (c,). The draws are ordered by distribution.
+    distribution, (c,).
     """
     # Four proposals for each draw, then resampling by weight.
     tries = np.repeat(np.arange(counts.size), 4 * counts)

@@ -48,7 +48,7 @@ def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> n
 
 
 def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the interpolated quantiles, (p,), of weighted draws x, (n,).
+    """Return the quantiles, (p,), of weighted draws x, (n,), by linear interpolation; never beyond the extreme draws.
 
     weights: weights of the draws, which sum to 1, (n,). levels: probabilities of the quantiles in [0, 1], (p,).
     """
@@ -66,10 +66,11 @@ def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
 
 
 def pareto_k(log_weights: np.ndarray) -> float:
-    """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights, (n,).
+    """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights.
 
-    It is −∞ if the largest weights are all equal, or if there are fewer than 25 weights (the tail is then too short for
-    a fit). It is ∞ if fewer than `MIN_WEIGHTS` weights are not negligible, or if the fit fails.
+    log_weights: (n,). The tail has 3 √n weights, or n / 5 if n ≤ 225; k includes the prior of `_fit_shape`. It is ∞ if
+    fewer than `MIN_WEIGHTS` weights are not negligible (see `NEGLIGIBLE_NATS`); otherwise −∞ if n < 25 (the tail is too
+    short for a fit) or if the weights of the tail are all equal; and ∞ if the fit fails.
     """
     if np.sum(log_weights > np.max(log_weights) - NEGLIGIBLE_NATS) < MIN_WEIGHTS:
         return np.inf
@@ -91,7 +92,7 @@ def _fit_shape(above: np.ndarray) -> float:
     above: the values minus the threshold, in rising order, (n,).
 
     The ratio of shape and scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight,
-    and gives a shape. The result is the weighted mean of this shape and `PRIOR_SHAPE`.
+    and gives a shape. The result is the mean of this shape and `PRIOR_SHAPE`, with weights n and `PRIOR_DRAWS`.
     """
     n = above.size
     count = 30 + int(np.sqrt(n))

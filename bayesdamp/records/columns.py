@@ -185,7 +185,10 @@ class _Block:
 
     @property
     def values(self) -> list[Column]:
-        """Return the columns with as many values as times that contain neither times nor sample numbers."""
+        """Return the columns that contain neither times nor sample numbers, and have a rate or as many values as times.
+
+        If the block has no times, the number of values does not matter.
+        """
         size = self.time.values.size if self.time is not None else None
         return [
             c
@@ -198,7 +201,7 @@ class _Block:
 
     @property
     def candidates(self) -> list[Column]:
-        """Return the columns that may be a record's values: those that change."""
+        """Return the columns of `values` with at least `MIN_SAMPLES` numbers and more than `MAX_STILL_LEVELS` levels."""
         return [c for c in self.values if _is_not_constant(c)]
 
     def record(
@@ -239,8 +242,8 @@ def choose_columns(
     Raises
     ------
     InputError
-        If a column does not exist, the choice is not clear, or all chosen columns contain gravity (if only some do,
-        these are left out). The message lists the columns of the file.
+        If a column does not exist, the choice is not clear, or there are neither times nor a rate. Also if all columns
+        that are chosen automatically contain gravity (if only some do, these are left out).
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]
@@ -464,7 +467,7 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Choose the columns of values in each block (one run of a file), and return one `RecordColumns` for each of them.
+    """Choose the columns of values in each block (one run and group), and return one `RecordColumns` for each of them.
 
     The records of all blocks are in one list, in the order of the blocks. If there are several runs, the columns that
     most of them would choose are used in each run that has them.
@@ -520,9 +523,10 @@ class _Candidate:
 
 
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
-    """Return the columns of one run that are a record each, and a sentence on the choice; "" if there is none.
+    """Return the columns of one block that are a record each, and a sentence on the choice; "" if nothing is left out.
 
-    Columns that do not oscillate or decay, derived quantities and copies are left out as long as others remain.
+    Columns that do not oscillate or decay, derived quantities, copies, and small signals beside large ones are left out
+    as long as others remain; of sensors' channels without units, only those that do not oscillate.
     """
     values = block.candidates or block.values
     if len(values) == 1:
@@ -598,7 +602,10 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
 
 
 def _contains_gravity(column: Column) -> bool:
-    """Return whether a column may be an acceleration whose mean is the acceleration of gravity."""
+    """Return whether a column may be an acceleration whose absolute mean is that of gravity within `_ABOUT_G` (25 %).
+
+    It may be one if the file states this, or states neither a unit nor a quantity; without a unit it is read in m/s².
+    """
     gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]
     if not y.size or np.abs(y).max() > LARGEST_VALUE:

@@ -76,7 +76,8 @@ class Finding:
     option
         The option that settles it, as typed on the command line.
     answer
-        Name of that option and its most probable value; None if there is no single option.
+        Name of that option and its most probable value ("HZ" if the user must fill in the rate); None for the kinds
+        RATE and CONSTANT.
     arguments
         Arguments of `read` that settle it; used for the kinds in QUESTIONS.
     """
@@ -163,9 +164,9 @@ def find_question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Find
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
-    """Return a finding on times t (n,) without a stated unit that may not be in s; None if they are plausible.
+    """Return a finding if times t (n,) may not be in s: sample numbers, days, an unknown unit or a unit shorter than s.
 
-    They may be sample numbers, days, in an unknown unit, or in a unit shorter than s.
+    Return None if they are plausible, if their unit is given or stated by the file, or if no column contains them.
     """
     if raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -201,7 +202,9 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None.
 
-    It is also None if no longer unit of time (s, ms or us) would give a plausible velocity and period.
+    t: times converted to s. unit: unit of the displacement, a name in UNITS; the limits are `LARGEST_VELOCITY`. The
+    result is also None if nothing oscillates, or if no longer unit of time (s, ms or us) would give a plausible
+    velocity and period.
     """
     base = UNITS[unit].base
     limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)

@@ -182,7 +182,7 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
     Parameters
     ----------
     paths
-        The files.
+        The files, at least one.
     read
         Function that reads the file with a given path.
 
@@ -210,9 +210,9 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
 
 @contextlib.contextmanager
 def _errors_in_one_line(reader: Reader | None) -> Iterator[None]:
-    """Convert any exception while a file is read to an InputError whose message is one line.
+    """Convert any exception while a file is read to an InputError with a one-line message; pass InputErrors unchanged.
 
-    The exception is its cause, which BAYESDAMP_DEBUG shows. reader: None if it is not known yet.
+    The exception is its cause, which BAYESDAMP_DEBUG shows. reader: the reader in use; None if it is not known yet.
     """
     try:
         yield
@@ -241,7 +241,10 @@ def _unreadable_error(error: OSError) -> InputError:
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the reader for a file, which is recognised by its content. Raises InputError if there is none."""
+    """Return the first reader whose `claims` accepts the start of a file; that of text tables is asked last.
+
+    Raises InputError if none does, or if the file cannot be read or is empty.
+    """
     head = _read_head(path)
     with _errors_in_one_line(None):
         readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
@@ -260,7 +263,11 @@ def reader_of(path: Path) -> Reader:
 
 
 def _read_head(path: Path) -> bytes:
-    """Return the first bytes of a file. Raises InputError if it is missing, empty, too large, or not a regular file."""
+    """Return the first `HEAD_BYTES` bytes of a file.
+
+    Raises InputError if it is missing, unreadable, empty, larger than LARGEST_FILE or not a regular file, or if these
+    bytes are all blank.
+    """
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:

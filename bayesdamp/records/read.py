@@ -247,7 +247,7 @@ def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:
     """Return a mask (n,) of the rows with filled cells in the columns of times and values, and notes on other rows.
 
-    Raises InputError if a cell has no finite number, such as NA, null or nan.
+    Raises InputError if a filled cell has no finite number, such as NA, null or nan, or if no row is complete.
     """
     columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
     complete = np.ones(value.values.size, bool)
@@ -312,9 +312,10 @@ def _refuse_unusable(y: np.ndarray) -> None:
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:
-    """Convert times (n,) to s; add a note if their unit is not s. Raises InputError for implausible times.
+    """Convert times (n,) to s. Raises InputError for implausible times.
 
-    given: unit of the times, or None for that of the column.
+    given: unit of the times; None for that of the column `time`, or s if that states none. Times in days that are dates
+    (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, a note is appended to `notes`.
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):

@@ -92,7 +92,7 @@ class RawRecord:
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:
-        """Return a coarse measure of the oscillation in the values."""
+        """Return the period (in samples) and size (in the unit of y) of the oscillation, and whether it decays."""
         return measure_oscillation(self.y)
 
 
@@ -111,8 +111,9 @@ def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) 
 def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
     """Return the unit and the quantity of a record's values: those given, else those of the file, else a guess.
 
-    The guess is an angle in rad. If the values are too large for radians, it is degrees if the column's name allows an
-    angle and the values are at most 360, else counts of a sensor.
+    They are those of `choose_unit`, which guesses an angle in rad. But if no unit is given, the file states none, and
+    half the range of an angle exceeds π, the unit is "deg" if the column's name allows an angle (or is empty) and half
+    the range is at most 360, else "counts" (of a sensor).
     """
     resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
@@ -145,8 +146,9 @@ def count_jumps(y: np.ndarray, turn: float) -> int:
 def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     """Return the record with its wrapped angle unwrapped, and a note; a record without jumps by a turn is unchanged.
 
-    An encoder's angle jumps at the end of its scale, for example between 360 and 0 degrees. If the file states no unit,
-    a turn of 360 and one of 2π are tried.
+    An encoder's angle jumps at the end of its scale, for example between 360 and 0 degrees. unit, quantity: those in
+    which the record is read; only an "angle" in a unit of UNITS is unwrapped. If `unit` is not one of angles, turns of
+    360 and of 2π are tried, but only if the file states no unit.
     """
     if quantity != "angle" or unit not in UNITS:
         return raw

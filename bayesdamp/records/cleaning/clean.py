@@ -140,9 +140,11 @@ def clean(
     start: str | float = "auto",
     stop: str | float = "auto",
 ) -> Signal:
-    """Return the free decay in a record, as a signal in SI units.
+    """Return the free decay in a record, as a signal in the base unit of `unit` (rad, m, or V and the like).
 
-    The zero of a velocity or acceleration sensor is subtracted. Outliers are counted but not removed.
+    With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
+    where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
+    (`sensor_offset`). Outliers are counted but not removed.
 
     Parameters
     ----------
@@ -163,7 +165,7 @@ def clean(
     Returns
     -------
     Signal
-        The free decay. Its times begin at 0; its provenance contains notes and warnings.
+        The part that is used. Its times begin at 0; its provenance contains notes and warnings.
 
     Raises
     ------

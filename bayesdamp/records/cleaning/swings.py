@@ -361,10 +361,12 @@ class Swings:
 
 
 def _predict_before(later: np.ndarray) -> tuple[float, float]:
-    """Extrapolate a series back by one element, with a polynomial through its values `later`, (k ≥ 2,).
+    """Extrapolate a series back by one element, by a least-squares polynomial fitted to its values `later`, (k ≥ 2,).
 
-    Even and odd values may differ by a constant (upward and downward swings). Return the predicted value, and the half
-    width of the least-squares prediction interval that is exceeded with probability EXCEEDANCE.
+    Its degree is 0 for two values, 1 for three to five, 2 for more. From eight values on, even and odd values may
+    differ by a constant (upward and downward swings). Return the predicted value, and the half width of the prediction
+    interval, outside which the element lies with probability EXCEEDANCE (two-sided). With two or three values the half
+    width is at most twice their range.
     """
     x = np.arange(later.size + 1.0)
     columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
@@ -411,7 +413,7 @@ class Series:
     grid, values
         Equally spaced times in s and values, each (m,).
     step, noise
-        Resolution of the recorded values (smallest difference between two values), and standard deviation of the
+        Resolution of the recorded values (steps to which they are rounded; 0 for none), and standard deviation of the
         noise, both in the unit of the values.
     """
 

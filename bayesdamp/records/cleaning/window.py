@@ -100,7 +100,7 @@ class DecayWindow:
 
 @dataclass(frozen=True)
 class _Decays:
-    """The turning points of a record, its stretches of free decay, and the best of them.
+    """The turning points of a record, its stretches of free decay, and the one with the most `information`.
 
     stretches, best: start and end (exclusive) among the turning points. noise: standard deviation of a sample. period:
     in s. floor: smallest distance of a turning point from the midline.
@@ -123,10 +123,12 @@ class _Decays:
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
-    """Return the window of a record that is not the free decay of one oscillator; None for a free decay.
+    """Return the window of a record that is not the free decay of one oscillator; None if it may contain one.
 
-    Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout. The window
-    begins at the largest value, or at the start of the record, and ends with the record.
+    Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout
+    (`find_other_motion`). The window begins at the value farthest from the median, or at the start of the record, and
+    ends with the record. The result is None also if the second oscillation or the growth is small (`SECOND_SIZE`), or
+    if fewer than 20 samples are left.
 
     Parameters
     ----------
@@ -164,7 +166,9 @@ def free_decay(
     seek_stop: bool,
     name: str,
 ) -> DecayWindow:
-    """Return the window of the free decay in a record; of several free decays, the one with the most information.
+    """Return the window of the free decay in a record; of several free decays, the one with the most `information`.
+
+    If only the start is given, the window ends before the next hit or release.
 
     Parameters
     ----------
@@ -184,7 +188,8 @@ def free_decay(
     Raises
     ------
     InputError
-        If nothing oscillates, or if the decay has only a small fraction of the power of all swings.
+        If nothing oscillates; if start and stop are sought and the decay has only a small fraction of the power of all
+        swings; or if the body is at rest at a given start.
     """
     decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:

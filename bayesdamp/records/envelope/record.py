@@ -97,8 +97,8 @@ def make_record(
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
 
-    Readings that are zero, or that have the same time as the one before, are left out, and the absolute value of small
-    negative ones is used; notes say so.
+    Readings that have the same time as the one before are left out. Of amplitudes and powers, those that are zero are
+    left out too, and the absolute value of small negative ones is used. Notes say so.
 
     Parameters
     ----------
@@ -221,8 +221,8 @@ def read_envelope(
     rate
         Sampling rate in Hz, for a file without times.
     unit
-        Unit of the readings; by default that in the column's name. Readings in dB, dBm etc. are levels, in W etc.
-        powers, in any other unit amplitudes.
+        Unit of the readings; by default that in the column's name, else "units". Readings in DECIBELS are levels, in
+        POWER powers, in any other unit amplitudes.
     frequency
         Frequency of the oscillation in Hz; by default that in the header of the file (`% Frequency [Hz]: 1562325`).
 

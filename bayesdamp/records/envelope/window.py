@@ -138,7 +138,8 @@ class NoiseFloor:
         Returns
         -------
         tuple[float, float, float, float]
-            Fluctuating power, constant power, standard deviation of the constant power, and log weight of `slow`.
+            Fluctuating power (at most `power`), constant power, standard deviation of the constant power, and log
+            weight of `slow`. Without a semivariance, all of `power` is fluctuating, and the others are 0.
         """
         if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0
@@ -169,7 +170,8 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     Returns
     -------
     NoiseFloor
-        The floor, with `power` only if there are too few readings or they do not fluctuate.
+        The floor. Its power is the mean of `power` minus that of `decay`, at least a tenth of the former. If there are
+        too few readings or they do not fluctuate, only this power is set.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
@@ -201,7 +203,10 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
 
 
 def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
-    """Return the fall in dB of levels `begin` to `end` − 1: mean of the first twentieth minus mean of the last."""
+    """Return the fall of levels `begin` to `end` − 1 in dB: mean of the first twentieth minus that of the last.
+
+    It is 0 for fewer than two levels.
+    """
     if end - begin < 2:
         return 0.0
     part = max(1, (end - begin) // 20)
@@ -269,7 +274,8 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
 def power_law_holds(levels: Levels, at: int) -> bool:
     """Return whether a power law and a noise floor, fitted from block `at` on, describe the levels until the floor.
 
-    They must also describe the first of these blocks (`CHECKED_FRACTION`) taken alone.
+    They must also describe the first of these blocks (`CHECKED_FRACTION`) taken alone. They describe levels if the rms
+    misfit is at most `MISFIT_RATIO` times the expected scatter.
     """
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
@@ -358,7 +364,8 @@ class EnvelopeWindow:
     """The free decay in a record.
 
     start, stop: index of its first sample, and of the sample after its last one. why: two clauses, on how the start and
-    the stop were chosen. floor: noise floor measured after the decay, None if the record does not reach it.
+    the stop were chosen. floor: noise floor after the decay, in powers 10^(dB/10); None if the record does not reach it
+    or is a sparse table (`SPARSE_READINGS`).
     """
 
     start: int
@@ -370,8 +377,10 @@ class EnvelopeWindow:
 def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     """Find the free decay in levels y (dB) at times t (s), both of shape (n,).
 
-    First the longest straight descent is searched. Then it is followed back to its start, before which the readings do
-    not continue it, and on to the noise floor. Raises Refusal if nothing decays.
+    First the straightest descent is searched. Then it is followed back to its start, before which the readings do not
+    continue it, and on to the noise floor; a power law may move the start back (`power_law_start`). With fewer than
+    `SPARSE_READINGS` readings, the decay goes from the highest one to the last. Raises Refusal if the level falls by
+    less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS` readings.
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
@@ -432,9 +441,10 @@ def _refuse_small(drop: float) -> None:
 
 
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
-    """Return the window between start and stop, in s of the record's times; each None is found by `find_window`.
+    """Return the window between start and stop, in s of the record's times; one that is None is set by `find_window`.
 
-    Raises Refusal if too few readings are between them.
+    The noise floor is that of `find_window`, None if this finds no decay. Raises Refusal if too few readings are
+    between start and stop, or if one of them is None and no decay is found.
     """
     try:
         window = find_window(t, y)
@@ -534,10 +544,11 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
 
 
 def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
-    """Return the block after the last one of the decay, and the noise floor measured after the decay.
+    """Return the block after the last one of the decay, and the noise floor after it, in powers 10^(dB/10).
 
-    The floor is None if the record ends before the decay reaches it. begin: first block of the decay, from which a
-    power law and a floor are fitted robustly to the levels.
+    The decay ends `ABOVE_FLOOR` dB above the floor, or earlier where levels scatter like noise. The floor is None if
+    the record ends before the decay reaches it. begin: first block of the decay, from which a power law and a floor are
+    fitted robustly to the levels.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
     count = tb.size

@@ -32,19 +32,19 @@ class Column:
     run
         Label of the run; "" if the file does not state it.
     unit
-        Unit as the file writes it, if it is stated outside the name.
+        Unit as the file writes it, if it is stated outside the name; else "".
     quantity
         "angle", "velocity", "acceleration", or "" if it is not stated.
     rate
-        Sampling rate of the column in Hz, if the file states one.
+        Sampling rate of the column in Hz; None if the file states none.
     start
-        Time of the first sample in s, if the file states one.
+        Time of the first sample in s; 0 if the file states none.
     clock
         Whether the cells are written as times of day.
     empty
         Mask of the empty cells, shape (n,); None if there are none.
     words
-        Text of the cells that have no number, by row.
+        Start of the text of each filled cell that has no number, by row from 0.
     """
 
     name: str

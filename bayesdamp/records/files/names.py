@@ -158,9 +158,10 @@ def may_be_unit(cell: str, name: str) -> bool:
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
-    """Return the unit of the displacement and the quantity that a column's name states: for `deg/s`, deg and velocity.
+    """Return the unit and the quantity that a column's name states, as `unit_written`: for `deg/s`, deg and velocity.
 
-    Return None unless the name contains exactly one known unit.
+    Return None unless the name contains exactly one known unit. For a unit without a known scale (V, counts), words of
+    the name may state the quantity.
     """
     units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
     if len(units) != 1:
@@ -177,9 +178,10 @@ def _quantity_of(name: str) -> str | None:
 
 
 def unit_written(text: str) -> tuple[str, str] | None:
-    """Return the unit of the displacement and the quantity for the text of a unit: for `deg/s`, deg and velocity.
+    """Return the unit (a name in UNITS) and the quantity for the text of a unit: for `deg/s`, deg and velocity.
 
-    Return None if the unit is not known.
+    The quantity of a displacement is "angle". A unit of velocity or acceleration with a name, such as rpm, is returned
+    itself. Return None if the unit is not known.
     """
     text = _normalise_unit(text)
     if text in _WRITTEN:
@@ -215,7 +217,8 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
 def split_run(column: Column) -> tuple[str, str]:
     """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
 
-    Without a run the name is unchanged, and the label "".
+    The label is the column's `run`, else that in its name, else that in its group (`Run 2`). With a run the name is
+    also without its group. Without a run the name is unchanged, and the label "".
     """
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:
@@ -240,9 +243,9 @@ def seconds_of_unit(column: Column) -> float | None:
 
 
 def unit_of_column(column: Column) -> tuple[str, str]:
-    """Return the unit of the displacement and the quantity of a column; each is "" if the file does not state it.
+    """Return the unit and the quantity of a column (see `unit_written`); each is "" if the file does not state it.
 
-    The unit is a name in UNITS; a unit that is not in UNITS is returned as it is written.
+    The unit is a name in UNITS; one that is not in UNITS is returned as it is written, if shorter than 20 characters.
     """
     name = split_run(column)[0]
     named = _quantity_of(name) or column.quantity
@@ -260,7 +263,7 @@ def unit_of_column(column: Column) -> tuple[str, str]:
 
 
 def names_time(column: Column) -> bool:
-    """Return whether a column's name or unit says that it contains times."""
+    """Return whether a column's name or unit says that it contains times, or its cells are times of day."""
     bare = re.sub(r"[(\[{].*?[)\]}]", "", split_run(column)[0]).rpartition(".")[2].strip()
     return bool(TIMES.search(bare)) or column.clock or seconds_of_unit(column) is not None
 
@@ -304,7 +307,7 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     Raises
     ------
     InputError
-        If there is no such column; the message suggests the most similar name.
+        If there is no such column (the message suggests a similar name), or if several have exactly this name.
     """
     name = str(wanted).strip()
     exact = [column for column in columns if name and column.name == name]
@@ -345,9 +348,14 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
     Parameters
     ----------
     text
-        The selection, such as `1,3-5`.
+        The selection, such as `1,3-5`, of labels and ranges of numbers.
     labels
         Labels of all runs of the file.
+
+    Returns
+    -------
+    list of str
+        The labels in the order of the selection, each once.
 
     Raises
     ------
@@ -454,10 +462,10 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """Split a fact's name: `Horizontal.Sample interval (ms)` gives `sampleinterval`, `ms`.
+    """Split a fact's name: `Sample interval (ms)` and `Horizontal.sample_interval_ms` give `sampleinterval`, `ms`.
 
-    Return the part after the last dot or slash, reduced to its letters in lower case, and the unit at its end, in lower
-    case; "" if there is no unit.
+    Return the part after the last dot or slash (of a name with brackets the whole), reduced to its letters in lower
+    case, and the unit at its end, in lower case; "" if there is no unit.
     """
     last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)

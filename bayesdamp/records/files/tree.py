@@ -22,8 +22,9 @@ _NUMBERS = "fiub"
 class Walk:
     """Collector that walks through nested data: vectors become columns, scalars and texts become facts.
 
-    Each is named by its path with dots. A matrix gives one column for each of its columns, numbered from 1. If several
-    elements of a list (a cell array, an array of structs) contain vectors, each element is a run, numbered from 1.
+    Each is named by its path with dots. A matrix gives one column for each index of its shorter dimension, from 1. If
+    several elements of a list (a cell array, an array of structs) contain vectors, each element is a run, numbered
+    from 1.
 
     Attributes
     ----------
@@ -45,7 +46,8 @@ class Walk:
         path
             Path of the item; "" for the whole file.
         item
-            A mapping, list, array, number or text; other items are ignored.
+            A mapping, list, array, number or text. Other items, empty arrays, matrices of which both dimensions exceed
+        WIDEST_MATRIX, and arrays of more dimensions are ignored.
         run
             Run to which the item belongs; "" for none.
         depth
@@ -101,7 +103,7 @@ class Walk:
         self.columns.append(Column(path or "1", values, group, run, unit))
 
     def contents(self, format_name: str) -> Contents:
-        """Return the collected columns and facts. Raises InputError if there is no column."""
+        """Return the collected columns and facts (see `trim_facts`). Raises InputError if there is no column."""
         if not self.columns:
             raise InputError(
                 "contains no numeric array with more than one number; save the times and the values as plain arrays"

@@ -104,7 +104,9 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
 def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
     """Return whether y leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops there.
 
-    begin, end: first sample of the flat peak, and that after its last. step: usual distance of neighbouring values.
+    Return False also if the flat part is too near an end of the record, or too long, to decide. begin, end: first
+    sample of the flat peak, and that after its last. step: usual distance of neighbouring values. per_cycle: samples in
+    a cycle.
     """
     flat = end - begin
     phase = np.pi * flat / per_cycle  # half of the duration of the flat part
@@ -122,7 +124,10 @@ def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: fl
 
 
 def is_rectified(y: np.ndarray) -> bool:
-    """Return whether equally spaced values y (n,) are the absolute value or the square of a decaying oscillation."""
+    """Return whether equally spaced values y (n,) are ± the absolute value or the square of a decaying oscillation.
+
+    This needs `MIN_HALF_CYCLES` half cycles whose peaks are above `MIN_PEAK` of the largest; else the result is False.
+    """
     y = y if abs(y.max()) >= abs(y.min()) else -y
     if y.min() < -MAX_UNDERSHOOT * y.max():
         return False

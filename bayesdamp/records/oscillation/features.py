@@ -77,6 +77,9 @@ def once_per_record(
 def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
     """Return why values do not oscillate with a given period, as a clause for a message; "" if they do.
 
+    They do not if the mean square change over a period is more than `MAX_CHANGE_RATIO` times that over half a period,
+    each without that of noise. The result is "" also if too few values can be compared.
+
     Parameters
     ----------
     t, y
@@ -141,13 +144,16 @@ class Features(FeatureValues):
     Attributes
     ----------
     turning_times, turning_values
-        Times in s and values of the turning points (alternating maxima and minima), each (k,).
+        Times in s and values of the turning points (alternating maxima and minima) in the longest regular run
+        (`regular_runs`), each (k,).
     turning_amplitudes
         Distance of the turning values from the midline, (k,).
     crossing_times
-        Times in s at which the record crosses its midline, between successive turning points, (k − 1,).
+        Times in s at which the record crosses its midline, between successive turning points, (k − 1,); the middle
+        between these where no crossing is found.
     swing_times, swing_sizes
-        Middle time in s and half range of each half cycle, in all pieces between gaps, each (m,).
+        Middle time in s and half range of each half cycle, in the longest run and in those that only gaps in the
+        samples separate from it, each (m,).
     """
 
     turning_times: np.ndarray
@@ -160,7 +166,7 @@ class Features(FeatureValues):
 
 @once_per_record
 def features(signal: Signal) -> Features:
-    """Return the features of a signal. Raises Refusal with a reason if it does not oscillate."""
+    """Return the features of a signal. Raises Refusal with a reason if it has < 10 samples or does not oscillate."""
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
         raise Refusal(f"the record has {t.size} samples; at least 10 are needed")
@@ -213,9 +219,11 @@ def features(signal: Signal) -> Features:
 
 
 def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
-    """Return runs of turning points with regular distances and ranges above the noise, in time order.
+    """Return the runs of turning points that are regular in time and stand out of the noise, in time order.
 
-    Fewer than three turning points are returned as one run.
+    In a run, the times between successive turning points are 0.7 (0.85 at the ends of the record) to 1.5 times their
+    local median, and the differences of their values exceed four standard deviations. noise: standard deviation of a
+    sample, in the unit of the values. Fewer than three turning points are returned as one run, untested.
     """
     if turns.times.size < 3:
         return [turns]
@@ -316,14 +324,16 @@ def crossing_times(
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
     """Return the period in s, from a weighted line through the crossings against their number.
 
-    Upward crossings may have a constant delay against downward ones, because the midline is not known exactly.
+    Upward crossings may have a constant delay against downward ones, because the midline is not known exactly. With
+    fewer than four positive weights, it is twice the mean distance of the crossings (or of the turning points, if there
+    are fewer than three crossings).
 
     Parameters
     ----------
     crossings, weights
         Times in s at which the record crosses its midline, and their weights, each (k,).
     turning_times
-        Times in s of the turning points, used if there are too few crossings.
+        Times in s of the turning points, (k + 1,).
     """
     if np.count_nonzero(weights) < 4:
         ready = crossings if crossings.size >= 3 else turning_times
@@ -335,13 +345,15 @@ def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.nd
 
 
 def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:
-    """Extrapolate amplitudes to time 0, by a polynomial through the logarithms of the first ones.
+    """Extrapolate amplitudes to time 0, by a polynomial fitted to the logarithms of the first eight or fewer.
+
+    Its degree is 1 for up to five amplitudes, else 2.
 
     Parameters
     ----------
     times, sizes
-        Times in s and amplitudes, each (k,). If there are fewer than three, or the first time is later than about half
-        a period, the first amplitude is returned.
+        Times in s and amplitudes at successive turning points, each (k,). If k < 3, or if the first time is ≤ 0 or
+        later than 0.7 periods (times[2] − times[0]), the first amplitude is returned.
 
     Returns
     -------

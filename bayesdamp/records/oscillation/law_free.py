@@ -126,7 +126,8 @@ class Sinusoids:
 def sinusoids(signal: Signal) -> Sinusoids:
     """Fit a sinusoid with linearly changing amplitude and midline in each of many overlapping windows.
 
-    Raises Refusal if the record is too short for three windows.
+    The sinusoids are those of the recorded quantity. Raises Refusal if the record does not oscillate, or if fewer than
+    three windows have enough samples.
     """
     measured = features(signal)
     block = max(int(measured.samples_per_cycle / SAMPLES_PER_CYCLE), 1)
@@ -268,11 +269,11 @@ class LawFree:
     Attributes
     ----------
     windows
-        Sinusoids fitted in windows.
+        Sinusoids fitted in windows, with the phases of the displacement and the amplitudes of the recorded quantity.
     sizes
         Log amplitudes of the displacement in the windows, (k,).
     backbone
-        Frequency as a polynomial in the squared amplitude.
+        Frequency as a polynomial in the squared amplitude of the displacement.
     line
         Log amplitude as a polynomial in time, where the time is scaled to −1 to 1 between the middles of the first and
         last window.
@@ -304,7 +305,7 @@ class LawFree:
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     def at(self, times: np.ndarray) -> Curves:
-        """Return amplitude, damping ratio and frequency at times in s, (k,)."""
+        """Return amplitude (displacement), damping ratio and frequency, with standard errors, at times in s, (k,)."""
         first, last = self.span
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
@@ -324,7 +325,11 @@ class LawFree:
 
 @once_per_record
 def law_free(signal: Signal) -> LawFree:
-    """Return the smoothed amplitude and frequency of a record. Raises Refusal if it has too few cycles."""
+    """Return the smoothed amplitude and frequency of a record's displacement.
+
+    Those of a velocity or acceleration are converted to it. Raises Refusal if the record does not oscillate or has too
+    few cycles.
+    """
     windows = sinusoids(signal)
     # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
     # oscillation is not visible within a window, only between windows.
@@ -359,9 +364,10 @@ def law_free(signal: Signal) -> LawFree:
 
 
 def amplitude_curves(signal: Signal) -> Curves:
-    """Return amplitude, damping ratio and frequency at up to `MOST_POINTS` equidistant times of a record.
+    """Return amplitude, damping ratio and frequency at 2 to `MOST_POINTS` equidistant times of a record.
 
-    Raises Refusal if it has too few cycles.
+    The times go from the middle of the first to that of the last window (`LawFree.span`). Raises Refusal if the record
+    does not oscillate or has too few cycles.
     """
     fit = law_free(signal)
     count = int(np.clip(fit.sizes.size // STARTS_PER_WINDOW + 1, 2, MOST_POINTS))
@@ -463,7 +469,8 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the frequency as a polynomial in the squared amplitude to the phases in the windows.
 
     The phases are a constant plus the time integrals of the powers of the squared amplitude. Polynomials with one, two
-    and three coefficients are fitted, and weighted in the result by the Bayesian information criterion. amplitude:
+    and three coefficients (fewer in short records) are fitted, and weighted in the result by the Bayesian information
+    criterion. amplitude:
     amplitude of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
@@ -495,9 +502,10 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
 @dataclass(frozen=True)
 class _SmoothedCurve:
-    """A smoothed curve of the log amplitude, and its log marginal likelihood (nats).
+    """A smoothed curve of the log amplitude (or phase) for one variance of the random walk.
 
-    sizes, slopes, sds: log amplitudes, their slopes in scaled time, and the sds of the slopes, (k,) each.
+    log_likelihood: its log marginal likelihood plus the log prior of the variance, in nats. sizes, slopes, sds: log
+    amplitudes, their slopes in scaled time, and the sds of the slopes, (k,) each.
     """
 
     log_likelihood: float
@@ -509,7 +517,9 @@ class _SmoothedCurve:
 def _smooth_power(
     windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray, with_slopes: bool
 ) -> list[_SmoothedCurve]:
-    """Smooth a power of the amplitude by a line plus a random walk, for each variance of the walk in `WALKS`.
+    """Smooth a power of the amplitude (0: its log) by a line plus an integrated random walk.
+
+    Return one curve for each variance of the walk in `WALKS`.
 
     logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
     curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty. Variances for
@@ -600,7 +610,8 @@ class FirstWords:
     frequency, frequency_low, frequency_high
         Mean frequency in Hz, and the ends of its 95 % interval.
     damping
-        Damping ratio at the largest amplitude, at the geometric mean, and at the smallest amplitude above the noise.
+        Damping ratio, with its standard error, at three amplitudes: that in the first window of the fit (the largest),
+        the geometric mean of first and last, and that in the last window (the smallest).
     cycles
         Number of cycles above the noise.
     start, stop
@@ -659,9 +670,11 @@ class FirstWords:
 
 
 def first_words(signal: Signal) -> FirstWords:
-    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without assuming a damping law.
+    """Return the mean frequency (with a 95 % interval) and the damping of a free decay, without assuming a damping law.
 
-    Raises Refusal if the record does not oscillate.
+    The damping is the equivalent viscous damping ratio at the largest, the middle and the smallest amplitude, each with
+    a standard error; Q is that at the middle one. Raises Refusal if the record does not oscillate or has too few
+    cycles.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)

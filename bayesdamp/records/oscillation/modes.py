@@ -89,7 +89,7 @@ noise."""
 
 @dataclass(frozen=True)
 class Modes:
-    """Damped sinusoids fitted to a record, the largest first.
+    """Damped sinusoids fitted to a record; first the one with the largest amplitude (at its larger end).
 
     Attributes
     ----------
@@ -189,10 +189,11 @@ def _residuals(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _add_mode(
     t: np.ndarray, y: np.ndarray, points: np.ndarray, rest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the best fit with one more mode, as points (k + 1, 2) and residuals (n,); None if no search converges.
+    """Return the least-squares fit with one more mode: points (k + 1, 2) and residuals (n,); None if all searches fail.
 
-    The search for the new mode starts at the strongest line in the spectrum of the residuals `rest` of the fit with
-    modes `points`, (k, 2), and at frequencies beside these modes.
+    A point is the angular frequency (rad/s) and the decay rate (1/s) of a mode. All modes are searched together: from
+    `points`, (k, 2), and a new mode at the strongest line in the spectrum of the residuals `rest` of the fit with
+    `points`, or at a frequency beside one of these modes. The result is the search with the smallest sum of squares.
     """
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(0.0, t[-1], spacing)
@@ -252,9 +253,9 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in blocks to at most `MOST_SAMPLES` samples, or `PER_CYCLE` samples a period if that is more.
+    """Average a record in blocks to `MOST_SAMPLES` samples or more, and at least about `PER_CYCLE` samples a period.
 
-    Return the mean times and values, (m,) each.
+    A record with less than twice as many samples is not averaged. Return the mean times and values, (m,) each.
     """
     cycles = float(t[-1] - t[0]) / period
     block = int(max(t.size // max(MOST_SAMPLES, round(PER_CYCLE * cycles)), 1))
@@ -276,10 +277,11 @@ class OtherMotion:
         The oscillation or the two oscillations. For "excited", the rates are NaN, and `first` and `last` are the
         smallest and the largest amplitude of the record.
     size
-        For two modes, the largest amplitude of the second relative to that of the first; for "growing", the factor of
-        growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
+        For two oscillations, the largest amplitude of the second relative to that of the first; for "growing", the
+        factor of growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
     complete
-        Whether two modes explain the record to its noise.
+        Whether two modes explain the record to its noise (`MOST_MISFIT`) and, if their frequencies are close, beat
+        (`LEAST_BEATS`). False for one oscillation.
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -293,9 +295,10 @@ def find_other_motion(
 ) -> OtherMotion | None:
     """Return the motion of a record that is not the free decay of one oscillator; None if it may be one.
 
-    A second mode is accepted if two damped sinusoids explain nearly all of the record and one does not, and if a single
-    (also nonlinear) oscillator cannot move so: because the second frequency is not a harmonic, or the amplitude rises,
-    or it falls and then stays constant.
+    First a single oscillation that grows or stays constant is tested, then two oscillations, then excitation throughout
+    (`find_excited`). A second mode is accepted if two damped sinusoids explain nearly all of the record and one does
+    not, and if a single (also nonlinear) oscillator cannot move so: because the second frequency is not a harmonic, or
+    the amplitude rises, or it falls and then stays constant. The result is None for fewer than 20 (averaged) samples.
 
     Parameters
     ----------
@@ -315,7 +318,11 @@ def find_other_motion(
 
 
 def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMotion | None:
-    """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay."""
+    """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay.
+
+    It is also None if two sinusoids do not explain the record, or if the slower one has fewer than `MIN_CYCLES` cycles
+    or is a drift. no_law_fits: as in `find_other_motion`.
+    """
     fits = damped_modes(t, y)
     single = next(fits, None)
     if single is None or single.left >= 1:
@@ -382,7 +389,8 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
     Returns
     -------
     OtherMotion or None
-        The motion; None if the amplitude does not behave like this.
+        The motion; None if the amplitude does not behave like this, if the record has fewer than 36 periods, or if it
+        does not oscillate with this period.
     """
     ranges = _ranges(t, y, period)
     if ranges.size < 3 * MIN_RISES * RISE_PERIODS:
@@ -421,7 +429,7 @@ def transient_duration(two: Modes, longest: float) -> float:
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the range (maximum minus minimum) of each period without a gap in the samples, in time order, (k,)."""
+    """Return the range (maximum − minimum) of each period with more than three samples and no gap, in time order."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
@@ -429,17 +437,17 @@ def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
 
 
 def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_PERIODS) -> float:
-    """Return the largest significant rise of an amplitude after it has fallen, relative to its value after the rise.
+    """Return the largest rise of an amplitude after it has fallen, relative to its value after the rise.
 
-    Any damping removes energy, so for a free decay of one oscillator the result is about 0. It is 0 if nothing
-    rises, or if there are too few ranges.
+    A rise is reduced by `RISE_SIGMAS` times `noise`. Any damping removes energy, so for a free decay of one oscillator
+    the result is about 0. It is 0 if nothing rises by more than the noise, or if n < 2 `together`.
 
     Parameters
     ----------
     ranges
         Ranges of successive periods or half cycles, (n,).
     noise
-        Standard deviation of a sample.
+        Standard deviation of the noise of a sample.
     together
         The largest of this many successive ranges is compared with the smallest of as many later ones.
     """

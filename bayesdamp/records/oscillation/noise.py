@@ -18,7 +18,7 @@ class _Fits:
     """Least-squares fits in w windows of n samples each; phases x and values are (w, n).
 
     The columns of the linear fits are a constant, the time, sines and cosines of the phase and of its multiples, and
-    products of these with powers of the time (slow changes). At most half as many columns as samples are used.
+    products of these with powers of the time (slow changes). There are four columns, or more if n ≥ 12, up to n / 2.
     """
 
     def __init__(self, x: np.ndarray, values: np.ndarray) -> None:
@@ -132,8 +132,8 @@ def residuals(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residuals of smooth oscillations that are fitted in windows of a period.
 
-    A window has at least 14 samples; windows do not overlap. In each, outliers of a first fit (five robust standard
-    deviations) are left out.
+    A window lasts at least 14 mean sampling intervals; windows do not overlap. Outliers (beyond about five robust
+    standard deviations) are left out of the fits; they also have a residual.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def residuals(
     -------
     tuple of np.ndarray
         Residual of each sample, (n,); noise standard deviation of each window, (m,); index of the window of each
-        sample, (n,). Residuals and sds are NaN for windows with too few samples.
+        sample, (n,). Residuals and sds are NaN for windows with fewer than seven samples.
     """
     spacing = (t[-1] - t[0]) / (t.size - 1)
     length = max(period, 14 * spacing)

@@ -106,9 +106,10 @@ def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
-    """Return up to `most` pairs of period and fraction as in `coarse_period`, the strongest first.
+    """Return up to `most` (at least one) pairs of period and fraction as in `coarse_period`.
 
-    If a hand moves the object to and fro in a part of the record, the first period may be that of the hand.
+    The first has the largest `explained_power`; the others follow in falling order of this power times the fraction. If
+    a hand moves the object to and fro in a part of the record, the first period may be that of the hand.
     """
     spacing, coarse = on_grid(t, y)
     periods = _search_periods(coarse, spacing, most)
@@ -129,7 +130,10 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
 
 
 def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
-    """Return up to `most` pairs of period (s) and fraction for equally spaced values y (n,), the strongest first."""
+    """Return up to `most` pairs of period (s) and fraction, as `coarse_periods`, for equally spaced values y (n,).
+
+    spacing: sampling interval in s.
+    """
     top = max(y.size - 1, 4.4)
     grid = np.geomspace(SHORTEST_PERIOD, top, int(28 * np.log10(top / SHORTEST_PERIOD)) + 3)
     scores, shares = np.array([explained_power(y, p) for p in grid]).T

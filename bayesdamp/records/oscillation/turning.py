@@ -59,7 +59,9 @@ def local_median(values: np.ndarray) -> np.ndarray:
 def resample(
     t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Resample a record on an equally spaced grid with at most PER_CYCLE samples a period; denser samples are averaged.
+    """Interpolate a record linearly on an equally spaced grid with at most PER_CYCLE samples a period.
+
+    Samples that are much denser than the grid are averaged first.
 
     Parameters
     ----------
@@ -68,12 +70,13 @@ def resample(
     period
         Period of the oscillation, in s.
     smooth
-        Whether to reduce spikes and noise with a median filter and a moving average.
+        Whether to reduce spikes (with a median filter, from 24 grid points a period on) and noise (with a moving
+        average, from 10 on).
 
     Returns
     -------
     tuple
-        Times in s and values on the grid, each (m,), and the number of grid points in a period.
+        Times in s and values on the grid, each (m,), and the number of grid points in a period, rounded, at least 3.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -98,16 +101,17 @@ def resample(
 
 
 def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
-    """Find alternating extrema; each counts only if the values then return by at least a given distance.
+    """Find alternating extrema; each but the last counts only if the values then return by more than a given distance.
 
-    The first and the last value count as extrema if the distance to the next extremum is large enough.
+    The first may be the first value. The last is the extremum after the last return, however small the return from it;
+    it may be the last value.
 
     Parameters
     ----------
     y
         Values, (n,).
     swing
-        Smallest distance of the return at each value, (n,).
+        Distance of the return, (n,): an extremum e counts once a later value v_i differs from it by more than swing_i.
 
     Returns
     -------
@@ -148,7 +152,7 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
 
 
 def _basis(x: np.ndarray, order: int) -> np.ndarray:
-    """Return the basis 1, cos x, sin x, x, x cos x, x sin x (..., 6) at phases x (...), or its order-th derivative."""
+    """Return the basis 1, cos x, sin x, x, x cos x, x sin x (..., 6) at phases x (...), or its derivative 1 or 2."""
     c, s, zero, unity = np.cos(x), np.sin(x), np.zeros_like(x), np.ones_like(x)
     if order == 0:
         columns = [unity, c, s, x, x * c, x * s]
@@ -172,10 +176,11 @@ def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 def refine(
     t: np.ndarray, y: np.ndarray, at: np.ndarray, kind: np.ndarray, period: np.ndarray, half: np.ndarray
 ) -> np.ndarray:
-    """Return time, value and noise gain of the extremum near each of the times `at` (k,), as an array (k, 3).
+    """Return time (s), value and noise gain of the extremum nearest to each of the times `at` (k,), (k, 3).
 
-    A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each time. A row is NaN
-    if there are too few samples or the fit has no such extremum.
+    A sinusoid with slowly changing amplitude, phase and midline (with fewer than 9 samples a simpler one) is fitted to
+    the samples near each time, without outliers. The noise gain is the sd of the value for noise of sd 1 in each
+    sample. A row is NaN if there are fewer than five samples or the fit has no such extremum in the window.
 
     Parameters
     ----------
@@ -188,7 +193,7 @@ def refine(
     period
         Period of the oscillation near each, s, (k,).
     half
-        Half width of each window, s, (k,).
+        Half width of each window, s, (k,); it is widened up to threefold to contain `LEAST_SAMPLES` samples.
     """
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
@@ -209,10 +214,10 @@ def refine(
 
 
 def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return phase, value and noise gain of the extremum in each window, (w, 3); NaN if a window has none.
+    """Return phase, value and noise gain of the extremum nearest to phase 0 in each window, (w, 3); NaN if it has none.
 
-    x: phases of the samples, (w, n); values: of the samples, (w, n); kind: 1 for a maximum, −1 for a minimum, (w,);
-    width: half width of the window as a phase, (w,).
+    See `refine`. x: phases of the samples, (w, n); values: of the samples, (w, n); kind: 1 for a maximum, −1 for a
+    minimum, (w,); width: half width of the window as a phase, (w,).
     """
     n = x.shape[1]
     columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]
@@ -249,9 +254,11 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 
 
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> TurningPoints:
-    """Return all turning points of a record.
+    """Return the turning points of a record, in time order; none (k = 0) if nothing turns.
 
-    An end of the record counts as a turning point if the fitted curve has its extremum there.
+    An extremum counts if the values then return by half their range within about a period (by a quarter if this gives
+    fewer than `FEW_TURNS`). It is refined by a local fit (`refine`); where this fails, the smoothed value with gain 1
+    is used. An end of the record counts as a turning point if the fitted curve has its extremum there.
 
     Parameters
     ----------
@@ -260,7 +267,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     period
         Approximate period in s.
     roughness
-        Standard deviation of the noise of a sample.
+        Standard deviation of the noise of a sample; if it is small, the fits use narrower windows.
     """
     grid, smooth, a_period = resample(t, y, period)
     width = int(1.2 * a_period) | 1

@@ -33,7 +33,11 @@ class ExcelReader:
         return path.suffix.lower() in self.extensions if names is None else "xl/workbook.xml" in names
 
     def read(self, path: Path) -> Contents:
-        """Return the tables of all sheets. Raises InputError for a workbook with a password and for an .xls file."""
+        """Return the columns of the tables in all sheets; if there are several, names begin with that of the sheet.
+
+        Raises InputError for a workbook with a password, for an Excel 97-2003 workbook (.xls), and if no sheet has rows
+        of numbers.
+        """
         with path.open("rb") as file:
             old = file.read(len(_OLE)) == _OLE
             if old and _ENCRYPTED in file.read():

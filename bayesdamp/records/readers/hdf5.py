@@ -31,7 +31,10 @@ class Hdf5Reader(Reader):
         return signed or head.startswith(b"MATLAB 7.3")
 
     def read(self, path: Path) -> Contents:
-        """Return the numeric datasets as columns named by their paths."""
+        """Return the numeric datasets as columns named by their paths.
+
+        Raises InputError if there are none, or if one is in another file, packed, or too large.
+        """
         import h5py
 
         with path.open("rb") as head:

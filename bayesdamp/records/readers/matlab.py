@@ -22,7 +22,10 @@ class MatlabReader(Reader):
     extensions = (".mat",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file has a header of version 4 to 7; version 7.3 is HDF5."""
+        """Return whether the file has the header of version 5 to 7, or is named .mat and may be version 4.
+
+        Version 4 has no signature: a zero byte among the first 64 is enough. Version 7.3 is HDF5 and is not claimed.
+        """
         if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
             return False
         return head.startswith(b"MATLAB 5.0 MAT-file") or (
@@ -30,7 +33,10 @@ class MatlabReader(Reader):
         )
 
     def read(self, path: Path) -> Contents:
-        """Return numeric variables, and fields of structs, as columns named by their paths."""
+        """Return numeric variables, and fields of structs, as columns named by their paths.
+
+        Raises InputError if the file has none, as if it contains only MATLAB objects, or if it unpacks to too much.
+        """
         from scipy.io import loadmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
@@ -48,7 +54,10 @@ class MatlabReader(Reader):
 
 
 def _refuse_large_elements(path: Path) -> None:
-    """Raise InputError if the elements unpack to more than LARGEST_FILE bytes, zlib.error if they are damaged."""
+    """Raise InputError if the elements unpack to more than LARGEST_FILE bytes, zlib.error if they are damaged.
+
+    A file of version 4 is not checked.
+    """
     with path.open("rb") as file:
         head = file.read(128)
         if not head.startswith(b"MATLAB 5.0"):

@@ -24,7 +24,7 @@ class TdmsReader(Reader):
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels of all groups; waveforms have a sampling rate."""
+        """Return the channels of all groups; waveforms have a sampling rate. A file that is cut off gives a warning."""
         from nptdms import TdmsFile
 
         before = logging.root.manager.disable

@@ -131,7 +131,8 @@ def parse_number(cell: str, decimal: str) -> float | None:
     Returns
     -------
     float or None
-        The number; for a time of day, the seconds since midnight (see `parse_stamp`); None for other text.
+        The number (also nan and inf, as text); for a time of day, the seconds since midnight (see `parse_stamp`); None
+        for other text.
     """
     if ":" in cell:
         stamp = parse_stamp(cell)
@@ -156,9 +157,9 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
     Returns
     -------
     tuple[int | None, float] | None
-        The day is counted from the year 1; it is None without a date, or if the order of day and month is ambiguous.
-        If the cell has a time zone, day and seconds are in UTC. The result is None if the cell is not a valid time
-        (`99:99`), or has neither a date nor seconds.
+        The day is counted from the year 1; it is None without a date, and for a date with slashes, whose order of day
+        and month is ambiguous. If the cell has a day and a time zone, both are in UTC; without a day the zone is
+        ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a day nor seconds.
     """
     date, rest = 0, cell  # 0 stands for no date
     if slashed := _SLASHED.match(cell):
@@ -241,9 +242,11 @@ def separate_monitor_times(lines: list[str]) -> list[str]:
 
 
 def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
-    """Return the separator, decimal mark and number of columns with which most cells are numbers.
+    """Return the separator, decimal mark and number of columns that fit best; None if no cell is a number.
 
-    Return None if no cell is a number.
+    Up to about 120 filled lines of the second half of the text are examined. The score is the fraction of lines that have the
+    most frequent number of columns, times the fraction of filled cells in these lines that are numbers. Of equal scores
+    (to 0.01) the one with more columns is chosen, and then the first of `;` tab `,` blank (with "," before ".").
     """
     filled = [line for line in lines if line.strip()]
     if not filled:
@@ -329,7 +332,8 @@ def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | Non
     """Return the header among the lines above the numbers, and the units in the line below it.
 
     The header is the last of the lines with the most names, because facts about the instrument ("Model,DSO") are above
-    it and may have as many cells. It is None, and the units are empty, if there is no such line.
+    it and may have as many cells. It is None, and the units are empty, if no line has names in half of the columns.
+    heads: cells of each line above the numbers. columns: number of columns.
     """
     units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
@@ -527,7 +531,10 @@ def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> t
 
 
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
-    """Return the table as an array (rows, columns), if each cell is a number and no line is blank; else None."""
+    """Return the table as an array (rows, columns), if each cell is a number; else None.
+
+    Blank lines are allowed only at the end.
+    """
     while body and not body[-1].strip():
         body = body[:-1]
     if not all(map(str.strip, body)) or '"' in body[0]:
@@ -563,8 +570,8 @@ def make_column(
     Returns
     -------
     Column
-        Values are NaN in cells without a number; the texts of these cells are in `words`. Times of day become seconds
-        from midnight of the first day.
+        Values are NaN in cells without a number; the first 40 characters of these cells, unless empty, are in `words`.
+        Times of day become seconds from midnight of the first day.
     """
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
