@@ -201,7 +201,7 @@ class _Block:
 
     @property
     def candidates(self) -> list[Column]:
-        """Return the columns of `values` with at least `MIN_SAMPLES` numbers and more than `MAX_STILL_LEVELS` levels."""
+        """Return the columns of `values` with ≥ `MIN_SAMPLES` numbers and more than `MAX_STILL_LEVELS` levels."""
         return [c for c in self.values if _is_not_constant(c)]
 
     def record(

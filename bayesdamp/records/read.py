@@ -315,7 +315,7 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
     """Convert times (n,) to s. Raises InputError for implausible times.
 
     given: unit of the times; None for that of the column `time`, or s if that states none. Times in days that are dates
-    (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, a note is appended to `notes`.
+    (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, `notes` gets a note.
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):

@@ -244,9 +244,10 @@ def separate_monitor_times(lines: list[str]) -> list[str]:
 def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
     """Return the separator, decimal mark and number of columns that fit best; None if no cell is a number.
 
-    Up to about 120 filled lines of the second half of the text are examined. The score is the fraction of lines that have the
-    most frequent number of columns, times the fraction of filled cells in these lines that are numbers. Of equal scores
-    (to 0.01) the one with more columns is chosen, and then the first of `;` tab `,` blank (with "," before ".").
+    Up to about 120 filled lines of the second half of the text are examined. The score is the fraction of lines that
+    have the most frequent number of columns, times the fraction of filled cells in these lines that are numbers. Of
+    equal scores (to 0.01) the one with more columns is chosen, and then the first of `;` tab `,` blank (with "," before
+    ".").
     """
     filled = [line for line in lines if line.strip()]
     if not filled:
