@@ -85,9 +85,10 @@ def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
 
 
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
-    """Draw parameters from Laplace's approximation of the posterior, as standard normal scores, (count, d).
+    """Draw scores from Laplace's approximation of the posterior, (count, d).
 
-    Scores of coefficients that cannot be negative (reflected scores) are truncated at zero.
+    It is a normal distribution with the gradient of the log posterior at the mode and the Gauss–Newton covariance of
+    `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are truncated at zero.
     """
     normal = truncated_near(mode.near, mode.z, mode.factor)
     return normal.draw(np.random.default_rng(seed), count)
@@ -262,7 +263,7 @@ def _fit_windows(
         The fit of the whole record, then those of the halves. A half without a finite posterior is left out.
     largest : float
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
-        difference.
+        difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients.
     count : int
         Number of differences of which this is the largest.
     forecast : Forecast or None

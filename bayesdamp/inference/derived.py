@@ -92,9 +92,10 @@ class Motions:
 
     @cached_property
     def damping_ratio(self) -> np.ndarray | None:
-        """The damping ratio of each draw at the equilibrium; None if no damping term is linear in the velocity there.
+        """The damping ratio of each draw at the equilibrium; None if F′_damp is 0 for all draws, as for dry friction.
 
-        It is F′_damp/(2ω_n), with the derivative F′_damp of the damping force by the velocity.
+        It is F′_damp/(2ω_n), where F′_damp is the derivative by the velocity of the damping forces without
+        `DampingTerm.switches`. It is nan without a stable equilibrium.
         """
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:

@@ -32,10 +32,11 @@ QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.
 
 
 def rhat(draws: np.ndarray) -> float:
-    """Return the rank-normalised split R̂ of draws, (chain, draw); nan for a single chain.
+    """Return the rank-normalised split R̂ of draws, (chain, draw).
 
     It is the larger of two values: that of the draws (bulk), and that of their absolute distances from the median
-    (tails); see section 4.1 of Vehtari et al. 2021.
+    (tails); see section 4.1 of Vehtari et al. 2021. It is nan if there is one chain, too few draws, or a draw that is
+    not finite.
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -70,7 +71,10 @@ def effective_mean(draws: np.ndarray) -> float:
 
 
 def monte_carlo_error(draws: np.ndarray) -> float:
-    """Return the Monte Carlo standard error of the mean of draws, (chain, draw), in the unit of the draws."""
+    """Return the Monte Carlo standard error of the mean of draws, (chain, draw), in the unit of the draws.
+
+    It is the sd of all draws divided by the root of `effective_mean`, and nan if this is nan.
+    """
     return float(np.std(draws, ddof=1) / np.sqrt(effective_mean(draws)))
 
 
@@ -101,7 +105,8 @@ def _normalised(draws: np.ndarray) -> np.ndarray:
 def _rhat(chains: np.ndarray) -> float:
     """Return the potential scale reduction factor R̂ of chains, (chain, draw), without splitting or rank normalisation.
 
-    See formulas (1) to (4) of Vehtari et al. 2021. It is infinite if the chains are constant but differ.
+    See formulas (1) to (4) of Vehtari et al. 2021. It is infinite if the chains are constant but differ, and nan if all
+    draws are equal.
     """
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
@@ -114,7 +119,7 @@ def _ess(chains: np.ndarray) -> float:
     """Return the effective sample size of chains, (chain, draw), without splitting or rank normalisation.
 
     See formulas (10) to (13) of Vehtari et al. 2021. The sum of autocorrelations is truncated by Geyer's initial
-    monotone positive sequence. If all draws are equal, the result is their number.
+    monotone positive sequence. For N draws the result is at most N log₁₀ N, and N if all are equal.
     """
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
@@ -201,7 +206,10 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def effective(draws: np.ndarray) -> float:
-    """Return the smaller of the bulk and the tail effective sample size of draws, (chain, draw)."""
+    """Return the smaller of the bulk and the tail effective sample size of draws, (chain, draw).
+
+    It is nan if there are too few draws or one is not finite.
+    """
     return min(ess_bulk(draws), ess_tail(draws))
 
 

@@ -101,7 +101,7 @@ class Kernels:
         The draws are sorted into bins that are much narrower than the normal densities. The width of the densities
         follows from the effective number of draws by Silverman's rule. The draws are shifted towards their mean, so
         that the width does not increase the variance (West, Journal of the Royal Statistical Society B 55, 1993); but
-        not if the mean is near zero, where a shift would distort more than the width does.
+        not if the mean is less than four sds above zero, where a shift would distort more than the width does.
         """
         log_weights = sample.log_weights - sample.log_prior
         w = normalise(log_weights)
@@ -218,8 +218,9 @@ def infer_population(samples: Sequence[Sample], scale: float) -> Population:
 def _grid(kernels: Sequence[Kernels], scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the grid of m and τ, and the log prior probability of its cells, (LOCATIONS, SCALES) each.
 
-    The values of τ are evenly spaced in their logarithm. For each τ, the values of m are centred on the mean of the
-    specimens, weighted for this τ. Log probabilities are up to a constant. scale: scale of the prior of m.
+    The values of τ are evenly spaced in their logarithm. For each τ, the values of m are evenly spaced about the mean
+    of the specimens, weighted for this τ, and not below 0. Log probabilities are up to a constant. scale: scale of the
+    prior of m.
     """
     means, sds = (np.array([getattr(k, n) for k in kernels]) for n in ("mean", "sd"))
     tau = np.geomspace(1e-3 * min(sds.min(), scale), LARGEST_TAU * scale, SCALES)

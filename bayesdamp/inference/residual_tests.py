@@ -69,7 +69,7 @@ class SpectralLine:
     Attributes
     ----------
     chance : float
-        p value: probability that white noise has a peak this high in any of the tested bands.
+        p value of the peak under white noise. `find_spectral_line` corrects it for the number of its tests.
     words : str
         Description of the peak, to follow "structure remains in the residuals: ".
     """
@@ -83,10 +83,10 @@ def find_spectral_line(
 ) -> SpectralLine:
     """Find the most significant peak in the spectrum of whitened residuals.
 
-    It tests bands of frequencies at the oscillation, at its overtones and at low frequencies, and the largest peak of
-    the periodogram. In a band, the squared projection of the residuals on waves, from which the fitted directions are
-    projected out, is chi-square distributed. The largest of m ordinates of the periodogram exceeds x with probability
-    1−(1−e^−x)^m (Fisher 1929).
+    It tests bands of frequencies at the oscillation, at its overtones and, unless the record has few cycles, at low
+    frequencies; and the largest peak of the periodogram. In a band, the squared projection of the residuals on waves,
+    from which the fitted directions are projected out, is chi-square distributed. The largest of m ordinates of the
+    periodogram exceeds x with probability 1−(1−e^−x)^m (Fisher 1929).
 
     Parameters
     ----------
@@ -139,8 +139,9 @@ def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
     """Return the duration of a record in s, its number of cycles, and the half-width of a band of frequencies.
 
-    The half-width is a number of steps of 1/duration: `BAND_NEIGHBOURS`, or less for a record of few cycles. period:
-    period of the oscillation in s.
+    The half-width is a number of steps of 1/duration: a third of the number of cycles, rounded down, but at most
+    `BAND_NEIGHBOURS`. The duration includes one sampling interval after the last sample. period: period of the
+    oscillation in s.
     """
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
     return length, length / period, int(np.clip(length / period / 3, 0, BAND_NEIGHBOURS))
@@ -163,8 +164,9 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
     """Return the largest peak of the periodogram; its p value is corrected for the number of frequencies.
 
-    scores: whitened residuals, (n,). cycles: number of cycles of the oscillation. across: half-width of a band, see
-    `_extent`. Times are taken as evenly spaced; gaps broaden a peak, which then is only less significant.
+    scores: whitened residuals, (n,); of other residuals only the words of the result have a meaning. cycles: number of
+    cycles of the oscillation. across: half-width of a band, see `_extent`. Times are taken as evenly spaced; gaps
+    broaden a peak, which then is only less significant.
     """
     block = -(-scores.size // MOST_SAMPLES)
     many = scores.size // block
@@ -247,7 +249,8 @@ def find_missing_form(
 ) -> StrongestForm:
     """Find the form of additional force that would reduce the whitened residuals most.
 
-    Nothing is tested under exact friction (ε = 0), where the motion is not a smooth function of its start.
+    Nothing is tested if the motion is unbounded, or under exact friction (ε = 0), where it is not a smooth function of
+    its start.
 
     Parameters
     ----------
@@ -315,7 +318,8 @@ def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, f
     """Compute the response of the recorded quantity to each additional force in `FORMS`.
 
     The equation of motion gets the acceleration −`Form.force` on the right-hand side, in units of rad/s² (m/s²). The
-    response is that of the linearised motion, as to a small force.
+    response is that of the linearised motion, as to a small force. It is not finite after friction has ended the
+    motion.
 
     Parameters
     ----------

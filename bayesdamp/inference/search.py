@@ -80,8 +80,8 @@ class _Start(NamedTuple):
     """A start of a search.
 
     seeds: all seeds that have this start. z: scores of the start, (d,), with the parameters of the noise estimated from
-    the residuals. likelihood: the likelihood near z. value: log posterior at z. rms: root mean square residual at z, in
-    the unit of the record.
+    the residuals. likelihood: the likelihood near z. value: log posterior at z, with the common prior scale of
+    coefficients fixed at 1. rms: root mean square residual at z, in the unit of the record.
     """
 
     seeds: list[Seed]
@@ -100,6 +100,9 @@ def find_mode(
     thrifty: bool = False,
 ) -> Mode:
     """Find the highest mode that searches from the seeds reach.
+
+    Maxima whose residual is above `MOST_RESIDUAL` are rejected. If the highest of the others is not a mode with a
+    finite posterior and a positive definite information matrix, the next one is tried.
 
     Parameters
     ----------
@@ -138,7 +141,7 @@ def find_mode(
     replaced_by_noise = in_phase = False
 
     def distinct_starts() -> Iterator[_Start]:
-        """Yield the starts of all seeds; seeds with equal values are combined into one start."""
+        """Yield the start of each distinct set of scores among the seeds, and append it to `starts`."""
         distinct: list[tuple[list[Seed], np.ndarray]] = []
         for seed, values in seeds.items():
             z = target.scores(values)
@@ -215,11 +218,14 @@ def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
 def _grow_windows(
     target: Target, starts: Sequence[_Start], tolerance: float, period: float | None
 ) -> Iterator[_Start]:
-    """Improve each start by fits to a part of the record that grows from the first two cycles to the whole.
+    """Yield each start after fits to its first two cycles, then to the first four, eight and so on of the record.
 
-    A motion with a slightly wrong frequency loses the phase over many cycles, and a search in the whole record cannot
-    recover it. tolerance: largest error of a motion, in the unit of the record. Nothing is yielded without a period,
-    for a start whose fit fails, or for a result that equals an earlier one.
+    The window is doubled while it is shorter than the record; the fit to the whole record is left to the caller. In a
+    record of less than two cycles the start is not fitted. The parameters of the noise in each result are estimated
+    from its residuals (`_start`). Nothing is yielded without a period, for a start whose fit is not finite, or for a
+    result that equals an earlier one (`SAME_START`). The reason: a motion with a slightly wrong frequency loses the
+    phase over many cycles, and a search in the whole record cannot recover it. tolerance: largest error of a motion, in
+    the unit of the record. period: in s.
     """
     if period is None:
         return

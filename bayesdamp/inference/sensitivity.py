@@ -80,7 +80,8 @@ class Widths:
 def scale_prior(prior: Prior, factor: float) -> Prior | None:
     """Return a copy of a prior that is wider by a factor; None unless it is half-normal or lognormal.
 
-    The factor multiplies the scale of a half-normal prior, and sigma of a lognormal prior.
+    The factor, which may be below 1, multiplies the scale of a half-normal prior, and sigma of a lognormal prior. The
+    result is also None for `SharedHalfNormal`, whose scale is unknown.
     """
     if isinstance(prior, HalfNormal):
         return HalfNormal(scale=prior.scale * factor)
@@ -100,7 +101,8 @@ def evidence_by_prior_width(
     """Compute the evidence with the priors of all damping coefficients scaled by each of `PRIOR_FACTORS`.
 
     The given draws are reweighted by the ratio of the prior densities, which needs no new likelihoods. If too few of
-    them have weight, new draws are made under the scaled priors. Only half-normal and lognormal priors are scaled.
+    them have weight (`LEAST_EFFECTIVE`), new draws are made under the scaled priors. Only half-normal and lognormal
+    priors are scaled; if there are none, every factor has the evidence of the given draws.
 
     Parameters
     ----------
@@ -247,8 +249,9 @@ def savage_dickey(
     Returns
     -------
     NestedRatio
-        The log Bayes factor in nats and its standard error. The outcome is "not applicable" if the coefficient has
-        another prior, or beyond 5 nats, because no draw is near zero then.
+        The log Bayes factor in nats and its standard error. The outcome begins with "not applicable" if the coefficient
+        has another prior or no draws, or if the draws do not determine the density at zero: if the log Bayes factor is
+        beyond `MOST_NATS`, or its standard error is 1 nat or more.
 
     References
     ----------

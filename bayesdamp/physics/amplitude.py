@@ -120,7 +120,7 @@ def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return the derivatives, (n, 3), of x = ln(A/A_ref) by the parameters of a decay dA/dt ∝ -A^exponent.
 
     t: times in s since the start, (n,). p: the parameters, in the order of the columns: x at the start, ln of the decay
-    rate -dx/dt (1/s) at the start, exponent.
+    rate -dx/dt (1/s) at the start, exponent. The derivatives hold until the oscillation comes to rest.
     """
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
     left = np.maximum(1.0 + q * passed, 1e-12)  # reaches 0 when the oscillation comes to rest
@@ -165,14 +165,19 @@ def coefficient_from_rate(
 class DecayLaw(ABC):
     """A decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref) under a sum of damping terms.
 
-    Term i has the decay rate c_i (1/s) at the reference amplitude A_ref and the shape s_i, with s_i(0) = 1.
+    Term i has the decay rate c_i (1/s) at the reference amplitude A_ref and the shape s_i, with s_i(0) = 1. (For a term
+    that has hardly any effect at A_ref, s_i(0) can be less than 1, and its rate there is c_i s_i(0); see `Sum.law` in
+    `inference.envelope.sums`.)
     """
 
     terms: tuple[str, ...]
 
     @abstractmethod
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shape s_i(x) of each term, (terms, n), at values of x = ln(A/A_ref), (n,)."""
+        """Return the decay rates -dx/dt of the terms relative to those at A_ref, (terms, n), at x = ln(A/A_ref), (n,).
+
+        They are the shapes s_i(x) in the definition of the law.
+        """
 
     @abstractmethod
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
@@ -207,7 +212,10 @@ class ClosedForm(DecayLaw):
     terms: tuple[str, ...]
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return exp((p_i - 1) x), (terms, n), at x = ln(A/A_ref), (n,); dA/dt ∝ -A^p_i for term i."""
+        """Return the decay rates of the terms relative to those at A_ref, exp((p_i - 1) x), (terms, n), at x, (n,).
+
+        Term i alone would cause the decay dA/dt ∝ -A^p_i.
+        """
         return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
@@ -259,7 +267,10 @@ class TabulatedLaw(DecayLaw):
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shape s_i(x) of each term, (terms, n), at values of x = ln(A/A_ref), (n,)."""
+        """Return the decay rates -dx/dt of the terms relative to those at A_ref, (terms, n), at x = ln(A/A_ref), (n,).
+
+        They are the shapes s_i(x), also outside of the table.
+        """
         return np.stack([shape(x) for shape in self.each])
 
     @cached_property
@@ -309,8 +320,9 @@ class TabulatedLaw(DecayLaw):
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
         """Return the derivatives, (n, terms), of x at times t by the rates c_i, by quadrature.
 
-        x: values at the times t, (n,). x0: value at the start. If the sum of the rates is below `step` (1/s), each rate
-        is raised to at least `step`, because the integrals do not exist without damping.
+        x: values at the times t, (n,). x0: value at the start. Integrals end at the ends of the table if x is outside
+        of it. If the sum of the rates is below `step` (1/s), each rate is raised to at least `step`, because the
+        integrals do not exist without damping.
         """
         # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt.
         if rates.sum() < step:  # f = 0 has no such integral; use a small rate

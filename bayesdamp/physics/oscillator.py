@@ -39,7 +39,7 @@ class Oscillator:
     Raises
     ------
     InputError
-        If `damping` is a string with an unknown or repeated term.
+        If `damping` is a string that `parse_model` refuses, for example with an unknown or repeated term.
     """
 
     damping: tuple[str, ...]
@@ -75,7 +75,7 @@ class Oscillator:
 
     @property
     def switches(self) -> bool:
-        """Return whether any term's force jumps with the sign of the velocity, so that ε is a parameter."""
+        """Return whether any term's force depends on ε (`DampingTerm.switches`), so that ε is a parameter."""
         return any(term.switches for term in self.terms)
 
     @property
@@ -108,14 +108,15 @@ class Oscillator:
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
         """Return the force of each term per unit of its coefficient, as one array for each term.
 
-        θ and θ̇ are arrays of one shape, against which the parameters p broadcast.
+        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. If epsilon is missing in p, it is 1
+        rad/s.
         """
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 1.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
     def with_equilibrium(self, p: Parameters) -> Parameters:
-        """Return the parameters with `rest` replaced by the exact equilibrium near its value.
+        """Return the parameters with `rest` replaced by the exact equilibrium near its value (`newton_many`).
 
         They are unchanged if no damping term needs the equilibrium.
         """
@@ -172,8 +173,9 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the reference amplitude and angular frequency, with which the widths of priors scale.
 
-    Each is the value that `system` states; else it follows from the known parameters, if these determine it; else it is
-    that of the record, rounded to two digits. features: features of the record, such as its amplitude and frequency.
+    Each is the value that `system` states. Else, if all parameters of the restoring law are known, the frequency is ω_n
+    at the equilibrium θ_e; and if theta0 is known too, the amplitude is |θ₀ − θ_e|, unless this is 0. Else it is that
+    of the record, rounded to two digits. features: features of the record, such as its amplitude and frequency.
 
     Raises
     ------

@@ -108,7 +108,8 @@ class Trajectories:
         """Return the samples, (n,), and their derivatives by the named parameters, (k, n), at parameters p by name.
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
-        central difference (0 at epsilon = 0). All are NaN if the trajectory escapes or there is no equilibrium.
+        central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
+        the trajectory escapes or there is no equilibrium.
         """
         motion = self._solve(p, _epsilon(p), PARAMETERS)
         if motion is None:
@@ -131,12 +132,15 @@ class Trajectories:
     def motion(self, p: Mapping[str, float]) -> Motion | None:
         """Return the solver's `Motion`, with derivatives by all parameters in `kernel_names`.
 
-        Return None if the trajectory escapes or there is no equilibrium.
+        Return None if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
         """
         return self._solve(p, _epsilon(p), PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
-        """Return angle, velocity and acceleration, (3,), `gap` s after the start; NaN if the trajectory escapes."""
+        """Return angle, velocity and acceleration, (3,), `gap` s after the start, for parameters p by name.
+
+        They are NaN if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
+        """
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
             self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
@@ -211,7 +215,8 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there, rad/s.
 
     The amplitude is √((θ₀ − θ_e)² + (θ̇₀/ω)²). p: values of all parameters except the damping's. If there is no stable
-    equilibrium, return theta0, |theta0| and 1. Raises Refusal if the restoring law has no `kernel`.
+    equilibrium in the range of the search, or no positive slope of the force there, return theta0, |theta0| and 1.
+    Raises Refusal if the restoring law has no `kernel`.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])

@@ -40,12 +40,19 @@ class TruncatedNormal:
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (d,) and Cholesky factor of the covariance (d, d) of the truncated distribution."""
+        """Mean, (d,), and Cholesky factor of the covariance, (d, d), of the truncated distribution.
+
+        They are estimated from draws, see `truncated_moments`.
+        """
         none = np.zeros(self.mean.size)
         return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Return n independent draws of the truncated distribution, (n, d)."""
+        """Return n draws of the truncated distribution, (n, d).
+
+        They are independent normal draws that meet the restriction. If a fraction of less than `LEAST_INSIDE` meets it,
+        they are from `numerics.orthant.draw`, whose values can repeat.
+        """
         factor = np.linalg.cholesky(self.covariance)
         draws = np.empty((0, self.mean.size))
         while len(draws) < n:
@@ -57,7 +64,7 @@ class TruncatedNormal:
         return draws[:n]
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density at scores z, (n, d), up to a constant, (n,); −∞ if a restricted score is < 0."""
+        """Return the log density at scores z, (n, d), up to a constant, (n,); −∞ if a score of `walls` is < 0."""
         white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         inside = np.all(z[:, self.walls] >= 0, axis=1)
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
@@ -68,7 +75,8 @@ def truncated_moments(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and Cholesky factor of the covariance of a normal distribution restricted to reflected scores ≥ 0.
 
-    The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed.
+    The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed. It is ignored for a score
+    whose mean is at least `FAR_WALL_SDS` sds above zero. Raises LinAlgError if a matrix is singular.
 
     Parameters
     ----------
@@ -107,9 +115,9 @@ def truncated_moments(
 
 
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
-    """Return the truncated normal with covariance factor @ factor.T and the gradient of the log posterior at z, (d,).
+    """Return a truncated normal whose log density has the same gradient at z, (d,), as the log posterior.
 
-    Its log density thus has the same slope at z as the log posterior. Reflected scores in z are first replaced by their
+    Its covariance before the truncation is factor @ factor.T. Reflected scores in z are first replaced by their
     absolute values, and the distribution is restricted to values ≥ 0 of these scores.
     """
     reflected = likelihood.target.reflected
@@ -130,7 +138,7 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     Raises
     ------
     Refusal
-        If the Hessian is not positive definite.
+        If the Hessian is not finite or not positive definite.
     """
     reflected, factor = target.reflected, mode.factor
     at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * GRADIENT_STEP * mode.sd()), mode.z)

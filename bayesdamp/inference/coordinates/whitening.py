@@ -203,6 +203,9 @@ class NoiseMap:
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
     """Maximise the log posterior over the scores `others`, with the remaining scores fixed at their values in z.
 
+    The common prior scale of coefficients is fixed as in `Mode.near`. The search takes at most 20 steps; whether it has
+    converged is not checked.
+
     Parameters
     ----------
     mode : Mode
@@ -243,8 +246,9 @@ def _profile(
     """Compute the marginal posterior of the second noise parameter at points in steps to both sides of the mode.
 
     At each of m values the log posterior is maximised over all other scores. Returns the scores of the second
-    parameter, their marginal log density by Laplace's approximation, and the most probable score of the first noise
-    parameter given each, (m,) each; all empty if the posterior at the mode is not finite.
+    parameter, increasing, their marginal log density by Laplace's approximation, up to a constant, and the most
+    probable score of the first noise parameter given each, (m,) each; all empty if the posterior at the mode is not
+    finite. A side ends at `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
@@ -294,8 +298,8 @@ class Shear:
     """A map from straight scores to scores: a shear with unit determinant, followed by the map of the noise.
 
     Level scores, the scores before the map of the noise, are straight scores plus a quadratic form, ½ aᵀ C a. Here a,
-    (k,), are the wide scores minus their values at `centre`; the wide scores are those with the largest posterior sds.
-    Each level score has its own matrix C, which is zero for the wide and for the reflected scores.
+    (k,), are the wide scores minus their values at `centre`; `shear_of` chooses the wide scores, which have large
+    posterior sds. Each level score has its own matrix C, which is zero for the wide and for the reflected scores.
 
     Attributes
     ----------
@@ -433,7 +437,9 @@ def _ridge(
 ) -> np.ndarray:
     """Maximise the posterior over the scores `others`, with the wide scores changed by `step`, (k,), from the mode.
 
-    Return the level scores `others` at this maximum, (d − k,). Raises Refusal if the posterior is not finite there.
+    wide, others: indices of the k wide scores (see `Shear`) and of the d − k others. step: in scores. Return the
+    maximum as level scores (see `NoiseMap`), only those of `others`, (d − k,). Raises Refusal if the posterior is not
+    finite there.
     """
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
@@ -455,7 +461,7 @@ class Whitening:
     centre : ndarray, shape (d,)
         Straight scores at u = 0.
     factor : ndarray, shape (d, d)
-        Cholesky factor of the covariance of straight scores.
+        Cholesky factor of the approximate posterior covariance of straight scores.
     lacking : ndarray, shape (d, d)
         Full negative Hessian of the log posterior by straight scores, at the centre, minus the same for a motion that
         is linearised there; 0 if either is not finite or was not computed.
@@ -530,11 +536,11 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
 
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean, (d,), and Cholesky factor, (d, d), of the normal approximation at the mode in straight scores.
+    """Return the centre, (d,), and the Cholesky factor of the covariance, (d, d), of a normal distribution at the mode.
 
-    The covariance is that of `Mode.factor`, transformed to straight scores. If there is a map of the noise, the score
-    of the second noise parameter has mean 0 and variance 1 and is independent of the others, because the map makes it
-    standard normal.
+    Both are in straight scores. The centre is the mode, with the absolute values of reflected scores (at least 1e-12),
+    and the covariance is that of `Mode.factor`. If there is a map of the noise, the score of the second noise parameter
+    has instead mean 0 and variance 1 and is independent of the others, because the map makes it standard normal.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -548,15 +554,18 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 
 
 def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
-    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,)."""
+    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,).
+
+    The common prior scale of coefficients is fixed as in `Mode.near`.
+    """
     return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return the truncated normal of straight scores that has the covariance of `expansion`.
+    """Return the truncated normal of straight scores that has, before the truncation, the covariance of `expansion`.
 
-    Its log density has the same gradient as the log posterior at the mode. Reflected scores are restricted to values ≥
-    0.
+    Its log density has the same gradient as the log posterior at the centre of `expansion`. Reflected scores are
+    restricted to values ≥ 0.
     """
     at, factor = expansion(target, mode, shear)
     covariance = factor @ factor.T

@@ -171,7 +171,8 @@ class EnvelopeCandidate:
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw rates in 1/s, (count, d), and the deviation g at the knots, (count, KNOTS), from the posterior.
 
-        exact: whether to draw from the posterior under the exact law, where g = 0.
+        Rates are those of the terms at the reference amplitude. g is the relative deviation of the decay rate from the
+        law. exact: whether to draw from the posterior under the exact law, where g = 0.
         """
         u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]

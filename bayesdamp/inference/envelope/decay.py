@@ -65,7 +65,8 @@ class Curve:
     level, fit
         Level in dB, as in the record: mean of the readings in a block, and fit with the deviation from its law.
     fit_sd, scatter
-        Posterior standard deviation of the fit, and standard deviation of the noise of a block, in dB.
+        Posterior standard deviation of the fit, and standard deviation of the noise of a block (that of
+        the first of the possible noises), in dB.
     """
 
     t: np.ndarray
@@ -125,7 +126,7 @@ class Decay:
 
         fit: fitted ln(A/A_ref) at the blocks, (n,). Both results are relative to the amplitude (differences of ln A);
         in their means each block has its squared amplitude as weight. The weighted mean of the residuals is subtracted
-        first.
+        first. The noise is the first of the possible ones. The excess is 0 if the residual is smaller than the noise.
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
@@ -226,8 +227,9 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, flo
 def held_blocks(b: Blocks) -> int:
     """Return the number of blocks at the start with a constant level (a drive is still on); 0 if there are none.
 
-    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better than two
-    decays from the first block on: one with these terms, and one with friction that increases towards small amplitudes.
+    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better
+    (`HELD_MISFIT`) than two decays from the first block on: one with these terms, and one with friction that increases
+    towards small amplitudes. With fewer than `LEAST_BLOCKS_HELD` blocks the result is 0.
     """
     n = b.t.size
     if n < LEAST_BLOCKS_HELD:
@@ -289,9 +291,10 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     blocks : Blocks
         The blocks with their possible noises: one for each fraction of the floor that is slow, one inferred together
         with a deviation from the law, and one with slower scatter. Their x is corrected for the curvature of the decay
-        within a block.
+        within a block. Their `inverse` is that of the most probable noise together with the deviation from the law.
     later : int
-        Number of blocks at the start that do not belong to the decay; 0 if all do.
+        Number of blocks at the start, up to the last one that the later blocks do not predict (see `SURPRISE_SDS`); 0
+        if all are predicted, or if there are fewer than 30 blocks.
     end : int
         Number of blocks before the first one that is less than `ABOVE_FLOOR` dB above the inferred noise floor.
     """

@@ -158,7 +158,11 @@ class Sum:
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
     def law(self, scores: Sequence[float] = ()) -> DecayLaw:
-        """Return the decay law at standard normal scores of the terms' parameters, except the coefficients."""
+        """Return the decay law at standard normal scores of the terms' parameters, except the coefficients.
+
+        If a term's rate at A_ref is below `LEAST_RELATIVE_RATE` of its largest rate along the decay, its shape s is
+        relative to this fraction of the largest rate, so that s(0) < 1.
+        """
         if not self.each:
             return ClosedForm(self.terms)
 
@@ -232,7 +236,7 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
     Raises
     ------
     InputError
-        If a sum has more than `MOST_TERMS` terms, or no sum is left.
+        If a sum has more than `MOST_TERMS` terms, if a term dissipates no energy, or if no sum is left.
     """
     if set(sums) == set(SUMS):
         return SUMS, ()
@@ -272,7 +276,8 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
     """Return a decay law that fits at least as well as any of the sums, with its fitted start and rates.
 
     Viscous, Coulomb and quadratic damping together are compared with each sum that has another term, and with dA/dt ∝
-    −A³. The law is the best of these fits; the terms of the first three that it lacks are added with rates of 0.
+    −A³. The law is that of the fit with the smallest sum of squares; the terms of the first three that it lacks are
+    added with rates of 0.
 
     inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates of its
     terms in 1/s at the reference amplitude.
@@ -296,8 +301,8 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
 def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:
     """Fit a sum of damping terms; return its decay law and the fit of its rates.
 
-    inverse: matrix that whitens the noise, (n, n). If terms have parameters besides their coefficients, the law is that
-    of the best of the values that were tried.
+    inverse: matrix that whitens the noise, (n, n). If terms have parameters besides their coefficients, they are fitted
+    too: the result is the fit with the smallest sum of squares among the values of `importance_points`.
     """
 
     @cache
@@ -553,9 +558,9 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
 def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
     """Return pairs of names of sums whose decays are nearly the same; one sum of each pair is the most probable one.
 
-    The first sum of a pair has parameters besides its coefficients and is not simpler than the second, so that the
-    choice between the two depends only on the priors. (A simpler law that is a special case is distinguished by its
-    evidence.)
+    The first sum of a pair has parameters besides its coefficients, the second has none. The first is not simpler than
+    the second, so that the choice between the two depends only on the priors. (A simpler law that is a special case is
+    distinguished by its evidence.) The limits are `SAME_LAW_RMS` and `EXCLUDED_NATS`.
     """
     best, most = ranking.best, ranking.log_evidence.max()
     near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED_NATS]

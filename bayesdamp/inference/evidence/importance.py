@@ -41,8 +41,9 @@ class Importance(EvidenceMethod):
     Scores of coefficients that cannot be negative are reflected at zero, in the proposal and in the posterior. The
     first proposal is Laplace's approximation with heavy tails. If the weights of its pilot draws are poor, others are
     tried in turn: a fit to a truncated normal distribution, if a bound is near; the best so far with a curved ridge of
-    the posterior straightened; repeated fits to the weighted pilot draws. The evidence is computed from new draws.
-    (Diagnostic: Vehtari et al., JMLR 25, 2024.)
+    the posterior straightened; repeated fits to the weighted pilot draws. With deviations from the laws, the first
+    proposal is a fit to the draws in `Mode.linear`, and only the repeated fits follow. The evidence is computed from
+    new draws. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
     """
 
     name = "importance"

@@ -20,8 +20,9 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 DERIVATIVE_STEP = 1e-5
-"""Step of central differences, as a fraction of the scale `noise_sd` of the noise: near the cube root of the rounding
-error, where errors of rounding and of truncation are equal."""
+"""Step of central differences, as a fraction of `noise_sd` for derivatives by a residual, and of a parameter's value
+for derivatives by the parameter: near the cube root of the rounding error, where errors of rounding and of truncation
+are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
 EVIDENCE_STEP = 0.02
 """Step of the second differences for the evidence, in units of the standard normal scores of the noise parameters."""
@@ -124,7 +125,7 @@ class NoiseModel(ABC):
 
 
 class IndependentNoise(NoiseModel):
-    """Independent residuals with a common scale `noise_sd`. A subclass must define only `log_density`.
+    """Independent residuals with a common scale `noise_sd`. A subclass must define only `name` and `log_density`.
 
     Override `slope` if the derivative is known, which is faster, and `information_root` and `whiten` if the noise is
     far from normal.
@@ -187,10 +188,10 @@ class FittedNoise:
     name : str
         Name of the noise model.
     values : mapping of str to float
-        Values of its parameters and constants by name, with lengths in the unit of the record.
+        Values of its parameters and constants by name; scales such as noise_sd are in the unit of the record.
     log_evidence : float
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
-        search did not end at a maximum, nan without a fit.
+        search did not end at a maximum, nan without a fit. If all parameters are known, it is the log density itself.
     """
 
     name: str = GAUSSIAN
@@ -272,7 +273,7 @@ class SampleNoise:
 
     @property
     def likeliest(self) -> str:
-        """Name of the noise model with the largest evidence.
+        """Name of the noise model with the largest evidence; `name` if none was weighed.
 
         It may differ from `name`: it may be "correlated", while the chosen model is "gaussian".
         """
@@ -280,7 +281,7 @@ class SampleNoise:
 
     @property
     def ahead(self) -> float:
-        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if either was not fitted."""
+        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if `weighed` lacks either."""
         logs = {model.name: model.log_evidence for model in self.weighed}
         return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 
@@ -293,7 +294,7 @@ def fit_noise(
     known: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
 ) -> FittedNoise:
-    """Fit a noise model to residuals.
+    """Fit a noise model to residuals: maximise the posterior density of the scores of its parameters.
 
     Parameters
     ----------
@@ -306,7 +307,7 @@ def fit_noise(
     features : Features
         Features of the record, on which default priors depend.
     known, priors : mapping, optional
-        Known values and priors of noise parameters, instead of the default priors.
+        Known values of noise parameters, and priors that replace the default ones, by name; other names are ignored.
 
     Returns
     -------

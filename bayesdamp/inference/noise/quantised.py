@@ -63,7 +63,7 @@ class QuantisedNoise(IndependentNoise):
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw the error of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
 
-        Without noise the values are assumed to be uniformly distributed within a step.
+        The exact values are assumed to be uniformly distributed within a step.
         """
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)

@@ -86,7 +86,8 @@ class Sampler(ABC):
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return the result of `sample`, with the time that it took (in s).
 
-        If the sampler gives no summaries, they are computed for each parameter, and the outcome follows from them.
+        If the sampler gives no summaries, they are computed for each parameter. If then the outcome is "ok" and the
+        draws have no importance weights, it is replaced by the `verdict` on the summaries.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)

@@ -32,7 +32,7 @@ class Emcee(Sampler):
     evolution and stretch moves are for other posteriors. (emcee's snooker move, up to release 3.1.6, is not used: it
     does not preserve the posterior; alone it makes the sd of a normal a fifth too small.)
 
-    The ensembles, each of at least 4 · `settings.chains` walkers, run until each parameter has 1,000 effective draws
+    The ensembles, each of at least 4 · `settings.chains` walkers, run until each parameter has 1,100 effective draws
     and the chains are fifty autocorrelation times long; if this is not reached, the outcome says so. With
     `settings.grows` False each walker makes just `settings.draws` steps after the warm-up.
     """
@@ -40,7 +40,10 @@ class Emcee(Sampler):
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of two ensembles that start near the mode, after enough steps."""
+        """Return draws of two ensembles that start widely scattered about the mode (`seeded_starts`).
+
+        Long chains are thinned to between 40,000 and 80,000 draws; the summaries are those of all draws.
+        """
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected

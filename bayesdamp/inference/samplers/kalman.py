@@ -35,7 +35,7 @@ class OnlineEstimates:
 
     Parameters are represented by scores, which have a standard normal prior. means, sds: of the scores after each
     sample, (n, k); nan from the sample at which the filter diverged. covariance: of the scores after the last sample,
-    (k, k).
+    (k, k); not finite if the filter diverged.
     """
 
     means: np.ndarray
@@ -228,8 +228,8 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
 def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and sd, (m,) each, of a parameter whose score is normal with means `mean` and sds `sd`, (m,) each.
 
-    The results are in the unit of the parameter. The score is truncated at zero if the parameter cannot be negative
-    (`prior.reflected`).
+    The results are in the unit of the parameter. If the parameter cannot be negative (`prior.reflected`), the absolute
+    value of the mean is used, and the score is truncated at zero.
     """
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean

@@ -20,7 +20,7 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings, Start, comp
 from bayesdamp.types import OK, Posterior
 
 MOST_DOUBLINGS = 7
-"""Greatest number of times that a trajectory is doubled; it then has at most 2⁷ leapfrog steps."""
+"""Greatest number of times that a trajectory is doubled; it then has at most 2⁷ points."""
 DIVERGENCE_NATS = 1000.0
 """A trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
 MOST_REFLECTIONS = 4
@@ -412,7 +412,11 @@ class Nuts(Sampler):
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from chains that start near the mode; extend or repeat chains that are not good enough."""
+        """Return draws from chains that start near the mode; extend or repeat chains that are not good enough.
+
+        The starts are those of `seeded_starts`. If no run is good enough, the last one is returned; its outcome reports
+        poor convergence and divergences, but not a low acceptance.
+        """
         at = whitening_of(target, mode)
         run, posterior = self._extend(mode, settings, self.run_chains(mode, at, settings, not at.good))
         if posterior.outcome != OK or is_poor(posterior):

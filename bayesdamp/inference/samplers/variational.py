@@ -34,7 +34,7 @@ MOST_HALVINGS = 3
 
 @dataclass(frozen=True)
 class MappedPoints:
-    """Points v mapped to standard normal scores z, with the derivatives of the map.
+    """Points v, in the coordinates of `UnboundedMap`, mapped to standard normal scores z, with derivatives of the map.
 
     Attributes
     ----------

@@ -81,8 +81,8 @@ class DampingTerm(ABC):
     formula: str = ""
     """Formula of the force, including the coefficient, for reports."""
     switches: bool = False
-    """Whether the force jumps with the sign of the velocity, as dry friction does; ε is the width within which this
-    jump is smoothed."""
+    """Whether the force depends on ε: it jumps with the sign of the velocity, as dry friction does, or (see `rounded`)
+    is steep at v = 0. ε is the width of the velocity within which this is smoothed."""
     rounded: bool = False
     """Whether ε does not smooth a jump, but the steep slope of a continuous force at v = 0. Such a term is smoothed
     within a small fraction of the peak velocity even if ε = 0."""
@@ -150,7 +150,7 @@ class DampingTerm(ABC):
         return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle x = A sin ωt, per unit of the coefficient and of the inertia, in rad²/s².
+        """Return the energy lost in a cycle x = θ_e + A sin ωt, per unit of coefficient and inertia, in rad²/s².
 
         Parameters
         ----------

@@ -68,7 +68,8 @@ class DryPosition(DampingTerm):
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
         """Return the energy lost in a cycle for μ_p = 1 rad/s², as `DampingTerm.work` does, in closed form.
 
-        It is 2 A ∫ (1 + s u + q u²) du over those u at which the integrand is positive.
+        For a cycle of amplitude a it is 2 A ∫ (1 + s u + q u²) du over those u between −a/A and a/A at which the
+        integrand is positive.
         """
         s, q = further["friction_slope"], further["friction_curvature"]
         scale = further.get("reference_amplitude", amplitude)

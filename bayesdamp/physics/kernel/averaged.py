@@ -176,7 +176,7 @@ class AveragedSolver(Solver):
     ) -> AveragedSolver | None:
         """Return a copy of this solver with the defect that `defect_at` computes at parameters p, (k,).
 
-        active, g, h: as in `Solver.solve`. Return None if a trajectory escapes to infinity.
+        active, g, h: as in `Solver.solve`. Return None if `defect_at` returns None.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -187,7 +187,7 @@ class AveragedSolver(Solver):
         """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
 
         p: parameters at which both are computed, (k,). active, g, h: as in `Solver.solve`. Return None if a trajectory
-        escapes.
+        escapes, or if an amplitude of the compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:

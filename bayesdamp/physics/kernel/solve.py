@@ -135,7 +135,7 @@ class Motion:
     Attributes
     ----------
     y : ndarray, shape (n,)
-        Values of the recorded quantity at the samples.
+        Values of the recorded quantity at the samples, or its means over the windows of the solver.
     slopes : ndarray, shape (n, k), or Slopes
         Derivatives of y by the k parameters, or an object from which `tangents` computes them.
     times : ndarray, shape (s,)
