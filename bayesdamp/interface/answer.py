@@ -47,8 +47,8 @@ CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 """Names of the arrays of a damping curve that a verdict on several records needs: amplitudes, damping ratio with the
 ends of its 95 % interval, and mean and sd of the logarithm of the damping ratio divided by that without deviations."""
 BY_LAW = ("ratio", "low", "high", "free/")
-"""Prefixes of the names of the arrays of the damping curve. They are replaced by a curve that is measured without a
-damping law if no law is the answer."""
+"""Prefixes of the names of the arrays of the damping curve, from damping laws and (free/) measured without one. If no
+law is the answer, all these are replaced by the arrays of `measured_curve`."""
 OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
 """Prefixes of the names of all arrays that depend on a damping law; they are left out if the record contradicts every
 law."""
@@ -68,11 +68,12 @@ class Answer:
     content
         The answer as plain values.
     arrays
-        The arrays of its figure, as in `inference.deviation.findings`; for one of several records of a specimen also
-        the likelihood of each model, `run/DAMPING@RESTORING/...`.
+        The arrays of its figure, as in `inference.deviation.findings.picture`; for one of several records of a specimen
+        also the likelihood of each model, `run/DAMPING@RESTORING/...`. Empty if an oscillation has no answer. For an
+        envelope: those of `answer_envelope`.
     further
         Draws of the models that were sampled, `draws/DAMPING@RESTORING`, and the arrays of the fits in
-        `content.laws`, `found/DAMPING@RESTORING/...`.
+        `content.laws`, `found/DAMPING@RESTORING/...`; empty for an envelope.
     """
 
     content: AnswerContent
@@ -85,7 +86,11 @@ class Answer:
         return Verdict.from_dict(self.content.verdict)
 
     def of_specimen(self) -> RecordAnswer:
-        """Return the part of this answer that a verdict on several records of a specimen needs."""
+        """Return the part of this answer that a verdict on several records of a specimen needs.
+
+        Log evidences are relative to the largest one of the compared models. They are under exact laws if one of these
+        has no other. The answer must be on an oscillation and have `arrays`.
+        """
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
 
@@ -151,7 +156,8 @@ def answer(
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately.
     damping, restoring
-        Damping sums and restoring laws to compare; by default all.
+        Damping sums and restoring laws to compare; by default the seven sums of viscous, Coulomb and quadratic damping,
+        and all laws that the unit of the signal allows. Other forms of damping are tried in addition.
     known
         Known values of parameters, by name; or a function that returns them for the name of a restoring law.
     priors
@@ -180,12 +186,12 @@ def answer(
     -------
     Answer
         The grade of its verdict is `not_weighed` if no model can be fitted (the sentence gives the reason), and
-        `no_free_decay` if the signal is not the free decay of one oscillator.
+        `no_free_decay` if the signal is not the free decay of one oscillator; the answer then has no arrays.
 
     Raises
     ------
     InputError
-        If an argument is invalid.
+        If an argument is invalid, or an amplitude is far outside the range of the record.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
@@ -325,9 +331,10 @@ def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeA
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    They contain, at increasing amplitudes in rad or m, the equivalent damping ratio and the energy lost in a cycle,
-    each with the ends `_low` and `_high` of its 95 % interval. The energy lost in a cycle, per unit of inertia, is that
-    of a sinusoidal oscillation: 2π ζ ω² A², with the damping ratio ζ, the angular frequency ω and the amplitude A.
+    They contain, at increasing amplitudes in the signal's unit, the equivalent damping ratio and the energy lost in a
+    cycle, each with the ends `_low` and `_high` of its 95 % interval. The energy lost in a cycle, per unit of inertia,
+    is that of a sinusoidal oscillation: 2π ζ ω² A², with the damping ratio ζ, the angular frequency ω and the amplitude
+    A. Raises Refusal if the record has too few cycles.
     """
     at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd
@@ -348,14 +355,14 @@ def amplitudes_in_base_unit(
     amplitudes
         The amplitudes in `unit`, or None.
     comparison
-        The comparison of the candidates on the record.
+        The comparison of the candidates on the record, of which only the range of amplitudes is used.
     unit
         A unit of displacement.
 
     Returns
     -------
     tuple or None
-        The amplitudes in rad or m; None if none are given.
+        The amplitudes in the base unit (rad, m or the sensor's unit); None if `amplitudes` is None.
 
     Raises
     ------
@@ -416,8 +423,8 @@ def _phase_remark(data: Data, first: float) -> str:
 def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:
     """Return the arrays that a verdict on several records of a specimen needs.
 
-    They describe each model's likelihood as a function of its damping, and the deviation of the damping from its law
-    along the damping curve.
+    They describe each model's likelihood as a function of its damping (for other forms of damping, see `JOINABLE`), the
+    deviation of the damping from its law along the damping curve, and the reference amplitude and frequency.
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])
     arrays = {f"{RUN}reference": np.array([comparison.reference.amplitude, comparison.reference.frequency])}

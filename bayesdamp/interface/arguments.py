@@ -49,12 +49,12 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
     what
         Name of the argument, for errors.
     where
-        Name of the signal, for errors.
+        Name of the signal or of the function, for errors.
 
     Raises
     ------
     InputError
-        If elements are masked or are not real numbers.
+        If elements are masked or are not real numbers; nan and infinite values are allowed.
     """
     try:
         array = np.asanyarray(given)
@@ -186,7 +186,7 @@ def check_priors(
 
 
 def check_sensor(who: str, sensor: object) -> None:
-    """Raise InputError if the argument is not a valid relative linearity error of a sensor."""
+    """Raise InputError unless the relative linearity error of a sensor is a number from 0 to below `LARGEST_SENSOR`."""
     if not 0 <= number(sensor) < LARGEST_SENSOR:
         raise InputError(
             f"{who}: sensor is {sensor!r}; it must be a number from 0 to below {LARGEST_SENSOR:g}"
@@ -194,7 +194,10 @@ def check_sensor(who: str, sensor: object) -> None:
 
 
 def check_noise(who: str, noise: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the argument `noise` as a tuple of names. Raises InputError if it is empty or contains an unknown name."""
+    """Return the argument `noise` as a tuple of names; "auto", which must be alone, becomes ("auto",).
+
+    Raises InputError if it is empty or contains an unknown name.
+    """
     names = (noise,) if isinstance(noise, str) else tuple(noise)
     if not names:
         raise InputError(f'{who}: noise is empty; give one noise model, several, or "auto"')
@@ -207,7 +210,10 @@ def check_noise(who: str, noise: str | Sequence[str]) -> tuple[str, ...]:
 def sums_and_laws(
     damping: str | Sequence[str], restoring: str | Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Return damping sums and restoring laws as lists. Raises InputError for an unknown name."""
+    """Return damping sums and restoring laws, each one name or several, as lists.
+
+    Raises InputError for an unknown name, and for anything that is not text.
+    """
     sums, laws = _names("damping", damping), _names("restoring", restoring)
     for name in sums:
         parse_model(name)

@@ -45,9 +45,10 @@ class Comparison(Result):
     Attributes
     ----------
     verdict
-        The verdict, with amplitudes in the unit of the recorded file, as in tables and figures.
+        The verdict, with amplitudes in the unit of the recorded file, as in tables and figures; in base units (rad, m)
+        if the files of a specimen have different units.
     answers
-        The answer on each record, in rad, m or the unit of the sensor.
+        The answer on each record, in base units: rad, m or the unit of the sensor.
     units
         The unit of each recorded file.
     quantities
@@ -71,16 +72,20 @@ class Comparison(Result):
 
     @property
     def outcome(self) -> str:
-        """ "ok", or the reason why no models were compared."""
+        """ "ok", or the reason why no model could be fitted.
+
+        It is also "ok" if a record is not a free decay (`verdict.grade`), and no models were compared.
+        """
         return self.verdict.sentence if self.verdict.grade is Grade.NOT_WEIGHED else OK
 
     @property
     def table(self) -> pd.DataFrame:
-        """A table with a row for each damping sum, restoring law and record that were compared.
+        """A table with a row for each damping sum and restoring law on each record, the most probable first.
 
-        The columns are damping, restoring, log_evidence and log_evidence_exact (in nats, relative to the best model),
-        rms (of the residual, in the unit of the record) and outcome. Other forms of damping, which may be more
-        probable, are in `verdict.rivals`.
+        The columns are record, damping, restoring, log_evidence (with deviations from the laws) and log_evidence_exact
+        (under exact laws), each in nats relative to the record's largest value; rms of the residual under exact laws,
+        in the unit of the file; outcome ("ok", or why the model was not compared); place; parameters. A value that was
+        not computed is NaN. Other forms of damping, which may be more probable, are in `verdict.rivals`.
         """
         rows = [
             {
@@ -103,7 +108,8 @@ class Comparison(Result):
         """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
 
         Columns: amplitude; ratio (equivalent damping ratio) and lost (energy lost in a cycle per unit of inertia, in
-        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record.
+        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record. A record on which
+        no model was compared, or that is too short for this measurement, has no rows.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
@@ -138,7 +144,10 @@ class Comparison(Result):
         yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with a row for each record, and one for the specimen, with the columns of verdicts.csv."""
+        """Return a table of verdicts with the columns of verdicts.csv.
+
+        It has one row for a single record; otherwise a row for each record, and a last one for the specimen.
+        """
         return data_frame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
@@ -199,7 +208,10 @@ class Comparison(Result):
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:
-        """Return damping ratios or decay rates against amplitude, below the sentence of the verdict."""
+        """Return damping ratios, or the decay rates of an envelope, against amplitude.
+
+        The caption is the sentence of the verdict, and the notes are its remarks.
+        """
         v = self.verdict
         table = (
             decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
@@ -243,7 +255,8 @@ def compare(
     noise
         A noise model; or several, or "auto" for all, from which the most probable one is chosen.
     damping, restoring
-        Damping sums and restoring laws to compare; by default all that the unit of the record allows.
+        Damping sums and restoring laws to compare; by default the seven sums of viscous, Coulomb and quadratic damping,
+        and all laws that the unit of the record allows. Other forms of damping are tried in addition.
     known
         Known values of parameters, by name.
     priors
@@ -261,7 +274,7 @@ def compare(
     Returns
     -------
     Comparison
-        The comparison. If no models can be compared on a record, its `outcome` is the reason.
+        The comparison. If no model can be fitted to a record, its `outcome` is the reason.
 
     Raises
     ------

@@ -60,7 +60,10 @@ class Estimate(Result):
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Values of the trajectory fit, or else of the estimator itself; a possible starting point for `fit`."""
+        """Values of the trajectory fit, or else of the estimator itself, by parameter; empty if neither has any.
+
+        They can be a starting point for `fit`.
+        """
         return self.refined.values or self.initial.values
 
     def summary(self) -> pd.DataFrame:

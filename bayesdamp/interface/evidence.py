@@ -45,7 +45,7 @@ class Evidence(Result, types.Evidence):
     noise: str = ""
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with one row, with log_evidence and stderr in nats.
+        """Return a table with one row, whose columns are the fields of this class; log_evidence and stderr in nats.
 
         Concatenate the rows of several models to compare them.
         """
@@ -74,7 +74,8 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     Parameters
     ----------
     source
-        A fit; or a posterior, whose draws are used by methods that need draws.
+        A fit or a posterior. Only bridge and smc need draws: bridge uses those of a posterior by NUTS, smc those of a
+        posterior by smc, and without these they make their own.
     method
         A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if the fit assumes exact laws),
         importance, nested or laplace.
@@ -151,7 +152,8 @@ def run_evidence_method(
     seed
         Seed of all random numbers.
     draws
-        Draws of "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws.
+        Draws of "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws (bridge); if None,
+        these make their own.
     outcome
         Outcome of the sampler that made these draws.
 

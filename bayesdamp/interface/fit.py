@@ -56,7 +56,8 @@ NO_RATIO_TABLE = (
 """Reason why a fit has no table of damping ratios."""
 _EMPTY = np.empty(0)
 BAND_DRAWS = 200
-"""Number of draws for the standard deviation of a prediction. Its relative standard error is then 1/√(2·200) = 5 %."""
+"""Number of draws for the standard deviation of a prediction (with deviations from the laws: at least). Its relative
+standard error is then 1/√(2·200) = 5 %."""
 PRECISION = 1e-6
 """Precision of a predicted motion, as a fraction of the record's range (conventional)."""
 PRINTED_TIMES = 8
@@ -152,9 +153,9 @@ class Fit(Result, Storable):
     known
         Values of the parameters that were not inferred, by name.
     fitted, residuals
-        Trajectory, and record minus trajectory, in the unit of the record, each of shape (n,). If laws may hold
-        approximately, the trajectory includes the deviations of the best motion; it is NaN at samples that are not used
-        (after the amplitude has fallen below 5 % of its first value).
+        Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty without a fit. If laws
+        may hold approximately, the trajectory includes the deviations of the best motion; it is NaN at samples that are
+        not used (after the amplitude has fallen below 5 % of its first value).
     log_posterior
         Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if laws
         may hold approximately.
@@ -167,8 +168,8 @@ class Fit(Result, Storable):
     sd_noise, sd_law
         If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest.
     deviation, frequency_deviation
-        If laws may hold approximately: relative deviations of damping and frequency from their laws, averaged over the
-        record.
+        If laws may hold approximately: size of the relative deviation of the damping, and of the frequency, from its
+        law, as the mean over the record weighted by energy; median and 95 % interval. Otherwise None.
     law
         If laws may hold approximately: the fit with deviations, linearised about the best motion, from which samplers
         start instead of target and mode; otherwise None.
@@ -216,7 +217,7 @@ class Fit(Result, Storable):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter, including default priors; empty without a fit."""
+        """The prior of each inferred parameter by name, including default priors; empty without a fit."""
         if self.law is not None:
             return self.law.state.priors
         return {} if self.target is None else self.target.priors
@@ -263,7 +264,8 @@ class Fit(Result, Storable):
         Raises
         ------
         InputError
-            If a time is not a finite number, or is outside the range in which the motion is known.
+            If a time is not a finite number or is outside the range in which the motion is known, or the quantity is
+            unknown.
         Refusal
             If there is no fit.
         """
@@ -276,7 +278,7 @@ class Fit(Result, Storable):
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
 
-        If laws may hold approximately, the table also has the parts of the sd.
+        If laws may hold approximately, the table also has the parts of the sd. Without a fit it has no rows.
         """
         columns = ["value", "sd", *(["sd_noise", "sd_law"] if self.law is not None else []), "low", "high"]
         rows = {
@@ -302,17 +304,18 @@ class Fit(Result, Storable):
         ax
             Two axes, or one axes for the record and the fit without residuals; by default new ones.
         until
-            Time in s up to which the fit is extrapolated after the end of the record.
+            Time in s up to which the fit is extrapolated after the end of the record, with a band of ± 2 sd; by default
+            it is not extrapolated.
 
         Returns
         -------
         tuple of Axes
-            The axes.
+            The axes of the record and, if drawn, of the residuals.
 
         Raises
         ------
         InputError
-            If `ax` contains another number of axes.
+            If `ax` contains another number of axes, or if the fit is extrapolated although laws may hold approximately.
         Refusal
             If there is no fit.
         """
@@ -453,7 +456,8 @@ def fit(
     """Fit a model to a record.
 
     Searches start from the record's turning points, a regression, two draws from the prior, and `start`. If the model
-    has several noise models, the one with the highest evidence under this model is chosen.
+    has several noise models, the one with the highest evidence under this model is chosen; the fit that this choice
+    is based on is a further starting point.
 
     If laws may hold approximately (model.deviation), the search is that of `compare`: it fits windows that grow from
     the first two cycles to the whole record, and `start` cannot be given. The noise model, and the width of friction

@@ -102,13 +102,14 @@ class Model(Result):
         Relative linearity error of the sensor, which is the smallest error of a damping ratio. It is used only if laws
         may hold approximately.
     amplitude, frequency
-        Amplitude and frequency to which default priors are scaled, in the unit of the displacement and in rad/s. By
-        default they follow from the known parameters, or else from the record, rounded to two digits.
+        Amplitude and frequency to which default priors are scaled, in the base unit of the displacement (rad, m or the
+        sensor's) and in rad/s. By default they follow from the known parameters if these suffice, or else from the
+        record, rounded to two digits.
 
     Raises
     ------
     InputError
-        If an argument is invalid. The message names the nearest valid name.
+        If an argument is invalid. For an unknown name, the message gives the nearest valid one.
 
     Examples
     --------
@@ -305,7 +306,7 @@ class Case:
             The noise model.
         epsilon
             Velocity in rad/s (m/s for a translation) within which Coulomb friction changes its sign, if it was chosen
-            for this record; None if the model states it or infers it.
+            for this record; None if the model states it or infers it, or has no friction.
 
         Raises
         ------
@@ -390,8 +391,8 @@ def check_signal(signal: object, model: object) -> Signal:
 def fit_approximate(signal: Signal, model: Model) -> Single:
     """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record.
 
-    If averaging a record of many cycles is not accurate enough, the record is fitted again without it, up to
-    `MOST_CYCLES` cycles.
+    A record of many cycles is first reduced to averages over cycles. If these are not accurate enough, a record of at
+    most `MOST_CYCLES` cycles is fitted again without averages.
     """
     case = Case.with_noise(signal, model)
     noises = noises_of(model.noise)

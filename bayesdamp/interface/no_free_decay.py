@@ -84,7 +84,11 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
 
 
 def remark_on(signal: Signal) -> str:
-    """Return a remark on a second oscillation that is too small to change the verdict; empty if there is none."""
+    """Return a remark on the frequency and the relative size of a second oscillation; empty if there is none.
+
+    It does not compare the size with a limit: call it if `no_free_decay` returned None, so that the oscillation is too
+    small to change the verdict.
+    """
     other = _other_motion(signal, False)
     if other is None or len(other.modes.frequencies) < 2:
         return ""

@@ -104,7 +104,7 @@ class Posterior(Result, types.Posterior):
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     effective
-        Effective sample size of the draws of an approximation, from their importance weights.
+        Effective sample size of the draws of an approximation, from their importance weights; None for other samplers.
     diagnostics
         Other results of the sampler.
     seed
@@ -135,9 +135,9 @@ class Posterior(Result, types.Posterior):
         """All results as a data tree for ArviZ, computed at the first use. Raises Refusal without draws.
 
         The groups are posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
-        leave-one-out cross-validation), sample_stats, observed_data and constant_data. Units and definitions are
-        attributes of the variables. With very many samples and draws, posterior_predictive and log_likelihood are
-        thinned to a size of 160 MB each.
+        leave-one-out cross-validation), sample_stats, observed_data and constant_data. posterior_predictive is missing
+        if the noise model cannot be simulated. Units and definitions are attributes of the variables. With very many
+        samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
 
         If laws may hold approximately, posterior and prior also contain the deviations at their knots, and their mean
         sizes. The groups along the record then contain the data that were fitted; these are averages of neighbouring
@@ -228,9 +228,11 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_prior(self) -> Array:
-        """Log prior density of the parameters in natural units at each draw, (chain, draw).
+        """Sum of the log marginal prior densities of the parameters in natural units at each draw, (chain, draw).
 
-        It does not include the deviations, which have no density: their prior is a mixture with a point mass at 0.
+        This is the log of their joint prior, except for several damping coefficients with `SharedHalfNormal` priors,
+        whose common scale makes them dependent. Deviations are not included, because they have no density: their prior
+        is a mixture with a point mass at 0. Raises Refusal without draws.
         """
         self._require_draws()
         priors = self.fit.priors
@@ -252,7 +254,7 @@ class Posterior(Result, types.Posterior):
         return data_frame(rows.values(), [*SUMMARY_COLUMNS, *parts, "unit"], index=rows)
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
-        """Plot the trace of each parameter, and its density to the right.
+        """Plot the trace of each parameter, and to the right a histogram of each chain with the prior (dashed).
 
         Parameters
         ----------

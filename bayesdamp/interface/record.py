@@ -175,7 +175,8 @@ def read(
     Raises
     ------
     InputError
-        If the file or an argument is invalid, or if the records are in several units.
+        If the file or an argument is invalid, if the records are in several units, or if the unit of the values or of
+        the times is so doubtful that it must be specified.
 
     Examples
     --------

@@ -53,7 +53,7 @@ class Signal(Result, types.Signal):
         Information on how the record was read and cleaned.
     whole_t, whole_y
         The whole record from which the decay was cut: times in s on the record's own time axis, and values in the unit
-        of y, shape (N,); empty if nothing was cut.
+        of y, shape (N,); empty if the signal was not cut from a record.
     """
 
     whole_t: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)

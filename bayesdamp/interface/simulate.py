@@ -23,7 +23,8 @@ START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 """Default values of simulated records: displacement and velocity at the start (rad, rad/s), and the velocity within
 which Coulomb friction changes its sign (0: the sign function)."""
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Default values of the parameters that shift the equilibrium of the oscillator: it is at 0 without gravity."""
+"""Default values of the parameters that shift the equilibrium of the oscillator: with these it is at 0, unless gravity
+shifts it."""
 
 
 def simulate(
