@@ -81,7 +81,7 @@ class Findings:
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
-        Exponent of the velocity, if the damping is a power law.
+        Exponent p of a damping force that is one power |v|^p of the velocity; None if no such motion fits the record.
     restoring : mapping of str to float
         Probability of each restoring law.
     term : mapping of str to float
@@ -101,12 +101,12 @@ class Findings:
     other : float
         95 % upper limit of the energy fraction of any other form: the 95 % quantile of the mean |g| in `deviation`.
     coefficients : mapping of str to Quantity
-        Parameters of the most probable candidate's damping and restoring law.
+        Inferred parameters of the damping and the restoring law of `best`.
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
         Rms of the residual under exact laws that is not noise, and sd of the noise of a sample, as fractions of the
-        first amplitude.
+        first amplitude, for the most probable candidate or rival.
     amplitudes : tuple of float
         First and last amplitude of the record, in rad or m.
     cycles : float
@@ -122,7 +122,8 @@ class Findings:
     exponents : tuple of float
         Quantiles of the exponent at equidistant probabilities; empty where there is no exponent.
     midline : float
-        Drift of the midline over the record, as a fraction of the first amplitude; 0 where it is not significant.
+        Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
+        probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
         Frequency in Hz at the last amplitude of `ratios`.
     over_law : tuple of Quantity
@@ -188,7 +189,7 @@ def compute_findings(
     comparison : ModelComparison
         The comparison, with rivals.
     amplitudes : sequence of float, optional
-        Amplitudes at which damping ratios are computed, in rad or m; by default three of the record.
+        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`.
     sensor : float
         Relative sd of the sensor's linearity and clock. Damping ratios include it unless the comparison assumes exact
         laws.
@@ -339,9 +340,10 @@ def _limits_of_absent_terms(
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return a candidate's parameters by name (median, 95 % interval, parts of the sd), from its draws.
+    """Return a candidate's inferred parameters by name (median, 95 % interval, parts of the sd), from its draws.
 
-    Return also the names of the undetermined parameters and the pairs of inseparable ones (see `Findings`).
+    They are the parameters of its damping and its restoring law. Return also the names of the undetermined parameters
+    and the pairs of inseparable ones (see `Findings`).
     """
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
@@ -389,8 +391,7 @@ def posterior_of(
         `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
         would cause under exact laws, sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 % quantiles of the
         energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as a fraction of the
-        first amplitude. `log_evidence` and its
-        `stderr` in nats. `acceptance` and `temperatures`: diagnostics of the sampler.
+        first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see `TemperedDraws`.
     ndarray, shape (n, p)
         The inferred parameters of each draw.
     """
@@ -422,11 +423,13 @@ def posterior_of(
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
     """Return the arrays of the figures of an answer by name.
 
-    t, record, fit, residual: times in s and thinned samples, or amplitudes of blocks, (p,). amplitude, ratio, low,
-    high: the damping ratio against amplitude with its 95 % interval, (a,). exponent: quantiles of the exponent. free/*:
-    without a law, the damping ratio and the energy lost in a cycle, with their 95 % intervals, against free/amplitude.
-    law/SUM: damping ratio of each sum's fit under exact laws, at `amplitude`. work/TERM: energy lost in a cycle by each
-    term of the best sum, per unit of inertia, at `amplitude`. Values are nan where no orbit has the amplitude.
+    t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
+    any) and their difference, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high: the damping
+    ratio against amplitude with its 95 % interval, (a,). exponent: quantiles of the exponent. free/*: without a law,
+    the damping ratio and the energy lost in a cycle, with their 95 % intervals, against free/amplitude. law/SUM:
+    damping ratio of the fit of each compared sum under exact laws and the best restoring law, at `amplitude`.
+    work/TERM: energy lost in a cycle by each term of the best sum in this fit, per unit of inertia, at `amplitude`.
+    Values are nan where no orbit has the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)

@@ -60,8 +60,8 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
-    A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the best restoring
-    law.
+    A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the restoring law
+    of the best candidate. Without results the comparison itself is returned.
     """
     if not comparison.results:
         return comparison
@@ -146,8 +146,10 @@ def bound_other_forms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the fraction of the energy loss for each form that a candidate's sum lacks.
 
-    For friction with own parameters the limit is on the part beyond Coulomb friction. It is 0 for a form that
-    dissipates no energy. The result is empty if the motion escapes (is unbounded).
+    The forms are the shipped terms with `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping. The limit
+    of a form with own parameters is the largest over several values of these; for friction with own parameters it is on
+    the part beyond Coulomb friction. It is 0 for a form that dissipates no energy. The result is empty if the motion
+    escapes (is unbounded).
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]

@@ -68,7 +68,8 @@ def free_curve(
     """Infer the damping ratio and the energy loss against amplitude under a restoring law, without a damping law.
 
     The search starts at the damping ratios of `guess`, in order of falling amplitude. Return None if no motion fits the
-    record, the linear model fails (`LARGEST_G`), or the motion has fewer than four half cycles.
+    record, the linear model fails (`LARGEST_G`), no equilibrium is near the midline, or the motion has fewer than four
+    half cycles.
     """
     data = comparison.data
     count = int(np.clip(round(data.cycles / CYCLES_PER_KNOT) + 1, *KNOT_LIMITS))

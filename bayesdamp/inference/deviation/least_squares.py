@@ -104,8 +104,8 @@ def fit(
 ) -> LeastSquaresFit | None:
     """Fit the motion to a record by least squares, with the standard normal priors of the scores.
 
-    Return None where the motion at the start of the search escapes (is unbounded), or depends chaotically on its
-    parameters.
+    It minimises |residual|² + variance |z|². Return None where the motion at the start of the search escapes (is
+    unbounded), or a motion depends chaotically on its parameters.
 
     Parameters
     ----------

@@ -351,7 +351,7 @@ class LinearPosterior:
     def only(self, which: np.ndarray) -> LinearPosterior:
         """Return the posterior with only the components marked in `which`, booleans (m,).
 
-        Its log evidence is the sum over these components, and its `damping_likelihood` is None.
+        Its log evidence is the log of the sum of their evidences, and its `damping_likelihood` is None.
         """
         log = self.log_each[which]
         scales = None if self.scales is None else self.scales[which]
@@ -680,8 +680,9 @@ class _ScaledPriors:
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
         """Return indices of the grid points and scales σ that have nearly all posterior probability, (m,) each.
 
-        They are all pairs but those with the smallest probabilities, whose sum is `LEFT_OUT`. The probabilities are
-        from an upper bound of the evidence, for which only the least probable of the conditions "score ≥ 0" is applied.
+        Left out are pairs that are `NEGLIGIBLE` nats below the best, and the least probable others, with a total
+        probability of at most `LEFT_OUT`. The probabilities are from an upper bound of the evidence, for which only the
+        least probable of the conditions "score ≥ 0" is applied.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE

@@ -239,7 +239,7 @@ class ModelComparison:
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
-        """Return the result of a candidate or rival."""
+        """Return the result of a candidate or rival; raise StopIteration if it has none."""
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
     @property
@@ -305,8 +305,8 @@ class ModelComparison:
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        It is the evidence of the linear model of a larger sum, `whole`, without the terms that the candidate does not
-        have. Return infinity if the candidate has a term that `whole` does not have.
+        It is the evidence of the linear model of a larger sum, `whole`, with the scores of the terms that the candidate
+        does not have fixed at 0. Return infinity if the candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -317,7 +317,10 @@ class ModelComparison:
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence."""
+        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
+
+        If laws are exact or the linearisation fails, the result has only the posterior under exact laws.
+        """
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
 
@@ -384,7 +387,8 @@ def compare_candidates(
     Raises
     ------
     Refusal
-        Where no motion stays in phase with the record, or no candidate can be compiled.
+        Where no motion stays in phase with the record, no candidate can be compiled, or none of the noise models
+        applies to the record.
     """
     given, priors = list(candidates), dict(priors or {})
     refused: dict[MotionCandidate, str] = {}
@@ -468,8 +472,9 @@ def choose_noise(
     """Choose the noise model and the variance of the noise, which are the same for all candidates.
 
     They are chosen for the residual of the sum of all terms, under the restoring law with the smallest residual
-    variance. frictions: values of the width ε of dry friction and their probabilities. Raises Refusal if no motion
-    stays in phase with the record, or if none of the noise models applies.
+    variance; a known `noise_sd` gives the variance of Gaussian noise. frictions: values of the width ε of dry friction
+    and their probabilities; they and the fits are replaced if ε is chosen again (`SHARPER`). Raises Refusal if no
+    motion stays in phase with the record, or if none of the noise models applies.
     """
     modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
     if not modes:
@@ -665,9 +670,10 @@ class _CandidateFits:
     def choose_friction(
         self, adapting: Callable[..., AdaptedData | None] | None = None
     ) -> tuple[tuple[Friction, ...], float]:
-        """Compute the probabilities of values of the width ε of dry friction, under the candidate with the best fit.
+        """Compute the probabilities of values of the width ε of dry friction, and choose the ε to use.
 
-        ε is the width of the velocity in which friction changes its sign, in rad/s or m/s.
+        ε is the width of the velocity in which friction changes its sign, in rad/s or m/s. The candidate with the
+        smallest sum of squared residuals is fitted with each ε.
 
         Parameters
         ----------
@@ -678,9 +684,9 @@ class _CandidateFits:
         Returns
         -------
         tuple
-            Values of ε and their probabilities, empty if the best fit has no friction; and the ε to use: the most
-            probable one if the log posterior density of `self.epsilon` is more than `LEAD` nats smaller, else
-            `self.epsilon`.
+            Values of ε and their probabilities, empty if the best fit has no friction or no fit succeeds; and the ε to
+            use: the most probable one if the log posterior density of `self.epsilon` is more than `LEAD` nats smaller,
+            else `self.epsilon`.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:

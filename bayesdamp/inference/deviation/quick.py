@@ -49,15 +49,17 @@ def compare_signal(
 ) -> ModelComparison:
     """Compare damping sums under restoring laws on a record, by their evidence.
 
-    A record of hundreds of cycles is reduced to amplitudes and phases. If this shifts a parameter by more than a tenth
-    of its sd, the samples are compared instead, unless the record has more than `MOST_CYCLES` cycles.
+    A record of hundreds of cycles is reduced to amplitudes and phases, unless initial values are known. If this shifts
+    a parameter by more than a tenth of its sd, the samples are compared instead, unless the record has more than
+    `MOST_CYCLES` cycles.
 
     Parameters
     ----------
     signal : Signal
         The record.
     damping, restoring : sequence of str
-        Damping sums and restoring laws; by default all, but for a record in metres only laws of a translation.
+        Damping sums (names of terms joined by +) and restoring laws; by default all, but for a record in another unit
+        than rad only laws of a translation.
     known : mapping or callable, optional
         Values of parameters by name, or a function from a restoring law to such a mapping.
     priors : mapping of str to Prior, optional
@@ -111,7 +113,8 @@ def compare_signal(
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
     """Return the comparison with averaged motions corrected by the full equation of motion at each candidate's mode.
 
-    This is done for candidates within `NEAR` nats of the best. A candidate whose correction fails stays as it was.
+    This is done for candidates within `NEAR` nats of the best. A candidate whose correction fails stays as it was. The
+    solver of the best candidate becomes that of its restoring law in `solvers`.
     """
     top = comparison.best.log_evidence
 
@@ -131,7 +134,10 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error that averaging causes in the best candidate's parameters; None if motions are not averaged."""
+    """Return the error that averaging causes in the best candidate's parameters; None if motions are not averaged.
+
+    It is infinite if the motion cannot be solved, and None also if there are no results.
+    """
     if comparison.data.averaged is None or not comparison.results:
         return None
     result, cycles = comparison.best, comparison.data.cycles

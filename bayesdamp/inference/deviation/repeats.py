@@ -127,6 +127,8 @@ def join_runs(
 ) -> Repeats:
     """Compute the evidence and the joint posterior of one damping for several records.
 
+    With one record the spread s is 0 unless it is given.
+
     Parameters
     ----------
     runs : sequence of RecordLikelihood
@@ -202,8 +204,9 @@ class _Problem:
         """Integrate out the factors exp η of the records by Laplace's approximation, at b grid points and spreads.
 
         combos, spreads: indices of the grid points and spreads s, the standard deviations of the log factors η, (b,)
-        each. Return log evidence (b,), means (b, k) and Cholesky factors of the covariances (b, k, k) of the scores z,
-        under priors N(0, 1) that allow negative scores.
+        each. The result has log evidence (b,), means (b, k) and Cholesky factors of the covariances (b, k, k) of the
+        scores z, under priors N(0, 1) that allow negative scores; prior probabilities of grid points and spreads are
+        not included.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)
@@ -253,7 +256,8 @@ class _Problem:
     def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the damping's parameters in each record, and the factors exp η that they contain, (b, n, k) each.
 
-        u: scores and log factors, (b, k + n). The factor of a parameter that is not a coefficient is 1.
+        u: scores and log factors η, (b, k + n); η is limited to ±5. The factor of a parameter that is not a coefficient
+        is 1.
         """
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))

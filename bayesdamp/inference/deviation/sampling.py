@@ -100,7 +100,7 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
     Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the tolerance of fits
     (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is accurate enough. This is checked at the mean of the
-    proposal `start` and at `TRIED_DRAWS` draws from it.
+    proposal `start` and at `TRIED_DRAWS` draws from it; if one of these motions escapes, `TOLERANCE` is used.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -176,8 +176,9 @@ class LinearProposal:
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
     """Return the linear posterior from which the sampling of a candidate starts.
 
-    It is in straight coordinates (`StraightParameters`) if the restoring law has any, and a mixture over slices
-    (`SlicedProposal`) if a damping term has a parameter of its own. Otherwise it is the candidate's linear posterior.
+    It is in straight coordinates (`StraightParameters`) if these exist, and a mixture over slices (`SlicedProposal`) if
+    a damping term has a parameter of its own that the record determines poorly (see `slice_proposal`). Otherwise it is
+    the candidate's linear posterior.
     """
     start = _straighten(comparison, result)
     if start is None:
@@ -188,7 +189,7 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
     """Return the linear model of a candidate in straight coordinates (`StraightParameters`) about its mode.
 
-    None if the restoring law has no such coordinates, or if the motion escapes.
+    None if there are no such coordinates (see `straighten_at`), or if the motion escapes.
     """
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straighten_at(result.fit.parameters, law, result.z)
@@ -223,8 +224,8 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     """Return a copy of the comparison in which the most probable candidates and rivals have draws in `sampled`.
 
-    These are at most `MOST_SAMPLED`, with a log evidence within `NATS_BEHIND` nats of the best. Equal seeds give equal
-    draws.
+    These are at most `MOST_SAMPLED`, with a log evidence within `NATS_BEHIND` nats of the best, among the results for
+    which `ModelComparison.compares` is true. Equal seeds give equal draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:

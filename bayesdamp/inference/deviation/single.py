@@ -167,9 +167,11 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """Return the mode of the posterior of the parameters, with a likelihood in which deviations are integrated out.
+        """Return a `Mode` whose likelihood has the deviations integrated out, at the point of the linearisation.
 
-        Raises Refusal if the motion with deviations escapes.
+        Its z are the scores at the joint mode of scores and deviations; `information` is the inverse covariance of the
+        draws `scores` of the linear posterior, which are also in `linear`. Raises Refusal if the motion with deviations
+        escapes.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -220,7 +222,7 @@ class Single:
 
     @cached_property
     def scores(self) -> Array:
-        """Return draws of u from the linear posterior, (n, K): scores, and the deviations g and h at the knots."""
+        """Return `LINEAR_DRAWS` draws of u from the linear posterior, (n, K): scores, and g and h at the knots."""
         positive = self.result.fit.parameters.positive
         return self.result.posterior.draws(positive, LINEAR_DRAWS, np.random.default_rng(0))[0]
 
@@ -400,8 +402,8 @@ def fit_single(
 ) -> Single:
     """Fit one candidate and compute its evidence.
 
-    The noise and the width of friction are chosen with the sum of all terms, as in a comparison, so that two dampings
-    under one restoring law are compared under the same noise.
+    The noise and the width of friction are chosen with the sum of `PAPER_TERMS` and the candidate's other terms, as in
+    a comparison, so that two dampings under one restoring law are compared under the same noise.
 
     Parameters
     ----------
@@ -423,7 +425,8 @@ def fit_single(
     Raises
     ------
     Refusal
-        Where no motion stays in phase with the record, or the motion with deviations escapes.
+        Where no motion stays in phase with the record, the motion with deviations escapes, or none of the noise models
+        applies.
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
@@ -483,9 +486,9 @@ def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
 def first_half(single: Single) -> Single:
     """Return the candidate on the first half of its record, linearised about the motion of the whole record.
 
-    Knots and noise are those of the whole record, so that its evidence is that of this half times the predictive
-    density of the second half. Raises Refusal if the record is reduced to amplitudes and phases, or has too few
-    samples.
+    Knots and noise are those of the whole record, so that the evidence of the whole record is that of this half times
+    the predictive density of the second half. Raises Refusal if the record is reduced to amplitudes and phases, or if
+    half its values are not more than the unknowns (parameters and deviations).
     """
     data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:

@@ -62,7 +62,7 @@ class Slice:
         Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
         `SlicedProposal`).
     pivot : float
-        Score of the term's coefficient at the mode.
+        Score of the term's coefficient at the mode; 1 if `SlicedProposal.product` is None.
     """
 
     middle: float

@@ -180,10 +180,9 @@ class RunComparison:
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
         """Return the log evidence of a damping whose likelihood was not computed on this record.
 
-        It is in nats relative to the best candidate.
-
-        If the damping has no evidence on this record, return that of the sum `limit`, to which it reduces (see
-        `OtherForm.place`). The result is at least `NO_EVIDENCE`.
+        It is the damping's own log evidence if there is one; else that of the sum `limit`, to which it reduces (see
+        `OtherForm.place`), under the same restoring law. The result is in nats relative to the best candidate, at least
+        `NO_EVIDENCE`.
         """
         own = self.log_evidence.get((damping, restoring))
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
@@ -199,14 +198,16 @@ class SpecimenComparison:
     records : tuple of RunComparison
         The comparisons on the single records.
     log_evidence : mapping of Model to float
-        Log evidence of each model on all records together, in nats; the coefficients, which the records have in common,
-        are integrated out once.
+        Log evidence of each model on all records together, in nats relative to the sum of the best on each; the
+        coefficients, which the records have in common, are integrated out once. For a model that is not fitted jointly
+        (`NATS_BEHIND`), an estimate from the single records.
     probability : mapping of Model to float
         Posterior probability of each damping (rivals included) and law.
     repeats : mapping of Model to Repeats
-        Joint posterior of each probable damping and law.
+        Joint posterior of each probable damping and law that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
-        The likelihood of each record, with coefficients converted to the specimen's reference.
+        The likelihood of each record, with coefficients converted to the specimen's reference, for the models in
+        `repeats`.
     reference : Reference
         Amplitude and frequency with which the specimen's default priors scale.
     """
@@ -219,7 +220,7 @@ class SpecimenComparison:
     reference: Reference
 
     def spread(self) -> dict[str, float]:
-        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the models.
+        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the models in `repeats`.
 
         The spread is the sd of the log factors by which a record's coefficients differ from those of the specimen.
         """
@@ -248,7 +249,7 @@ class SpecimenComparison:
         ]
 
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), over all models, (count,).
+        """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), (count,), over models in `repeats`.
 
         The ratio is the geometric mean over the records. Return also the spread between records of each draw, (count,).
         """
@@ -287,7 +288,7 @@ def compare_runs(
     given : mapping of str to Prior, optional
         Priors by parameter; the others have default priors at the geometric mean of the records' references.
     spread : float, optional
-        The spread between records, if it is known; else it is inferred.
+        The spread between records, if it is known; else it is inferred, or 0 for a single record.
     seed : int
         Seed of the random streams.
     """

@@ -196,9 +196,10 @@ def _importance_resampled(
 
 
 def _next_rise(ratios: np.ndarray, most: float) -> float:
-    """Return the increase of β, at most `most`, that reduces the effective fraction to `EFFECTIVE_FRACTION`.
+    """Return the increase of β that reduces the effective fraction of the draws to `EFFECTIVE_FRACTION`.
 
-    ratios: log importance weights at β = 1, (n,); at an increase δ the log weights are δ times these.
+    It is `most` if the fraction is still larger there, and `LEAST_RISE` if it is already smaller there. ratios: log
+    importance weights at β = 1, (n,); at an increase δ the log weights are δ times these.
     """
 
     def excess(rise: float) -> float:
