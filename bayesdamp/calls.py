@@ -27,7 +27,7 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 
 
 class CheckedMethods:
-    """Base of public classes: `checked_call` wraps each public method and class method of a subclass."""
+    """Base of public classes: `checked_call` wraps each public method and class method that a subclass defines."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -43,8 +43,9 @@ class CheckedMethods:
 def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
     """Return the function with a check of its arguments; `name` is its public name, for messages.
 
-    The result raises InputError for an unknown keyword, a missing argument, or an argument of `KINDS` with a wrong
-    type. Input errors that the function raises name Python keywords instead of options of the command.
+    The result raises InputError for arguments that do not match the signature (an unknown keyword, a missing or
+    superfluous argument), or an argument of `KINDS` with a wrong type. Input errors that the function raises name
+    Python keywords instead of options of the command.
     """
     signature = inspect.signature(function)
 

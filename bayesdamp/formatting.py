@@ -21,9 +21,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits, outside 1e-4 to 1e6 with a power of ten.
+    """Return a number with `digits` significant digits; below 1e-4 and from 1e6 on with a power of ten.
 
-    None and NaN give a dash, infinity gives ∞ or −∞.
+    Below 1e6 all digits before the decimal point are written: 123456 with four digits is "123456". 0 gives "0", None
+    and NaN give a dash, infinity gives ∞ or −∞.
     """
     if value is None or math.isnan(value):
         return NONE
@@ -38,7 +39,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def short(error: float) -> str:
-    """Return an error as short text: two significant digits; below 1e-4 one digit and an exponent."""
+    """Return an error as `number(error, 2)` does; if it is below 1e-4 but not 0, with one digit, as "3e−5"."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
         return number(error, 2)
     return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
@@ -64,7 +65,9 @@ NEGLIGIBLE_ERROR = 1e-7
 def with_error(value: float | None, error: float | None) -> str:
     """Return value ± error, both rounded to the second significant digit of the error.
 
-    Return the value alone, with more digits, if the error is missing, not positive, or below `NEGLIGIBLE_ERROR`.
+    Digits before the decimal point are always written, so an error of 123 is not rounded to 120. Return the value
+    alone, as `number` does, if the error is missing, not finite or not positive; with seven digits if the error is
+    below `NEGLIGIBLE_ERROR` times the value. A missing or infinite value is written as by `number`.
     """
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
@@ -81,7 +84,11 @@ def with_error(value: float | None, error: float | None) -> str:
 
 
 def nats(value: float | None, error: float = math.nan) -> str:
-    """Return a log probability (nats) with at most two decimals, because no decision needs more; ± error if given."""
+    """Return a log probability (nats) with at most two decimals, and ± error if the error is finite.
+
+    From 100 on it has one decimal and from 1000 on none, unless the error is below 0.5: no decision needs more. A value
+    that is missing or not finite is written as by `number`.
+    """
     if value is None or not math.isfinite(value):
         return number(value)
     places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
@@ -94,7 +101,8 @@ def nats(value: float | None, error: float = math.nan) -> str:
 def interval(low: float | None, high: float | None) -> str:
     """Return [low, high], rounded to the second significant digit of a quarter of the width.
 
-    A dash if an end is missing or not finite.
+    The ends have four significant digits if high ≤ low, if an end is 1e6 or more, or if more than 8 decimals were
+    needed. A dash if an end is missing or not finite.
     """
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return NONE
@@ -119,7 +127,10 @@ def spread(values: Sequence[float]) -> str:
 
 
 def probability(value: float | None) -> str:
-    """Return a probability with two decimals, near 0 and 1 with three; "< 0.001" and "> 0.999" instead of 0 and 1."""
+    """Return a probability with two decimals; below 0.01 and above 0.99 with three.
+
+    "< 0.001" is written below 0.0005, "> 0.999" from 0.9995 on, and a dash for None and NaN.
+    """
     if value is None or math.isnan(value):
         return NONE
     if value >= 0.9995:
@@ -130,7 +141,7 @@ def probability(value: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """Return a duration in ms, s, min or h."""
+    """Return a duration in ms (below 0.1 s), s, min and s, or h and min; a dash for None, NaN and infinity."""
     if seconds is None or not math.isfinite(seconds):
         return NONE
     if seconds < 0.0995:
@@ -144,7 +155,7 @@ def duration(seconds: float | None) -> str:
 
 
 def listing(items: Iterable[str], last: str = "and") -> str:
-    """Return the items as "a, b and c"; `last` replaces "and"."""
+    """Return the items as "a, b and c", "" for none; `last` replaces "and"."""
     texts = list(items)
     return f"{', '.join(texts[:-1])} {last} {texts[-1]}" if len(texts) > 1 else "".join(texts)
 
@@ -179,7 +190,8 @@ more than `MOST_DECIMALS` decimals."""
 def digits(value: float, width: float) -> str:
     """Return a value rounded to the second significant digit of `width`, its uncertainty.
 
-    If the width or the value is 0, return the value with three significant digits.
+    It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
+    the value with three significant digits. See `LARGE_NUMBER` for exponents.
     """
     if not width > 0 or value == 0:
         return f"{value:.3g}"
@@ -201,7 +213,7 @@ def percentage(fraction: float) -> str:
 
 
 def time_span(start: float, stop: float) -> str:
-    """Return a range of times in s, such as `36000 to 36014.99 s`, accurate to a thousandth of its length or better."""
+    """Return a range of times in s, such as `36000 to 36014.99 s`, rounded to a thousandth of its length or finer."""
     digits = max(0, 3 - math.floor(math.log10(stop - start))) if stop > start else 4
     return f"{round(start, digits):.12g} to {round(stop, digits):.12g} s"
 
@@ -279,7 +291,10 @@ class Table:
         return cls(list(columns), lines, left, caption)
 
     def __html__(self) -> str:
-        """Return the table as HTML; text is escaped, and indices of symbols are subscripts."""
+        """Return the table as HTML; a table without lines is shown as its caption and notes.
+
+        Text is escaped, and indices of symbols are subscripts (see `symbols`).
+        """
         text = set(self.left)
         groups = "".join(f'<th class="g" colspan="{n}">{symbols(cell)}</th>' for cell, n in self.groups)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))
@@ -300,7 +315,7 @@ class Table:
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
     def text(self) -> str:
-        """Return the table as plain text."""
+        """Return the table as plain text: caption, header, lines and notes; `groups` and `foot` are left out."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines = []
@@ -311,7 +326,10 @@ class Table:
         return "\n".join([self.caption, *lines, *self.notes])
 
     def rich(self, **look: object) -> RichTable:
-        """Return the table for the terminal. look: options of `rich.table.Table`."""
+        """Return the headers and lines for the terminal, without caption, groups, foot and notes.
+
+        look: options of `rich.table.Table`.
+        """
         from rich.table import Table as RichTable
 
         table = RichTable(*self.headers, **look)  # type: ignore[arg-type]
@@ -328,7 +346,7 @@ def _look(is_text: bool, cell: str = "") -> str:
 
 
 def symbols(text: str) -> Markup:
-    """Return escaped text with indices of symbols as HTML subscripts."""
+    """Return escaped text in which the indices of μc, μq, μk, μp, θs, θe, F_damp and F_rest are HTML subscripts."""
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")

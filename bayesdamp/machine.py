@@ -67,7 +67,10 @@ def cores() -> int:
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Apply `function` to each item in parallel threads; return the results in order. Raises the first exception."""
+    """Apply `function` to each item in parallel threads; return the results in the order of the items.
+
+    Raises the exception of the first item, in this order, that failed.
+    """
     work = list(items)
     threads = min(cores(), MAX_THREADS, len(work))
     if threads < 2:
@@ -126,7 +129,7 @@ def processes(workers: int) -> Iterator[Processes]:
     """Start a pool of processes for a context, and end it afterwards.
 
     Processes are spawned, not forked, because a library may have started threads. Each uses one thread, because they
-    share the cores.
+    share the cores. At the end the environment variables of this process are as before.
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"

@@ -16,7 +16,7 @@ class _Beginning(Enum):
     """Base of enumerations whose values are the beginnings of sentences."""
 
     def because(self, reason: str) -> str:
-        """Return the sentence that begins with this value and states a reason."""
+        """Return "VALUE: REASON"."""
         return f"{self.value}: {reason}"
 
 

@@ -117,7 +117,7 @@ class Registry(Generic[T]):
         return {e.name: e for e in entries if e.name not in self._modules}
 
     def ships(self, name: str) -> bool:
-        """Return whether a plug-in ships with bayesdamp."""
+        """Return whether a plug-in of this name ships with bayesdamp; False for an unknown name."""
         return name in self._modules and name not in self._added
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
@@ -192,7 +192,8 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
 def use_modules(modules: Sequence[PluginModule]) -> None:
     """Register the plug-ins of these modules in this process, and remove those of all other modules.
 
-    Raises InputError if a module cannot be run or does not contain valid plug-ins.
+    Raises InputError if a module cannot be run or does not contain valid plug-ins; then none of the modules is
+    registered.
     """
     if list(modules) == _USED:
         return
@@ -301,7 +302,10 @@ def _entry_points(path: tuple[str, ...]) -> Any:
 
 
 def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
-    """Return the plug-in of an entry point, which may be an instance, a class, or a module with PLUGIN."""
+    """Return the plug-in of an entry point, which may be an instance, a class, or a module with PLUGIN.
+
+    Raises InputError if its package cannot be loaded, or if the plug-in has another name than the entry point.
+    """
     try:
         value = entry.load()
     except Exception as error:
@@ -321,6 +325,6 @@ def has_added_plugins() -> bool:
 
 
 def nearest(name: str, valid: list[str]) -> str:
-    """Return a clause for the end of a message: the most similar valid name, or else all valid names."""
+    """Return a clause for the end of a message: the most similar valid name, or all valid names if none is similar."""
     close = get_close_matches(name, valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

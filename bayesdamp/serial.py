@@ -83,7 +83,8 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
 def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
     """Convert JSON and arrays from `split` back to a value of the type `kind`. None becomes NaN if a float is expected.
 
-    Raises KeyError, TypeError or ValueError if the value does not match the type.
+    Raises KeyError, TypeError or ValueError if the structure of the value does not match the type. Types of single
+    numbers and texts are not checked.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:
@@ -118,7 +119,8 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 def _member(kind: Any, value: object) -> Any:
     """Return the type in a union `kind` that `value`, in JSON form, was stored from.
 
-    NoneType for None; Any for numbers and texts; the union itself if all its members are pydantic models.
+    NoneType for None; the union itself if all its members are pydantic models; the only member besides None; else the
+    first that fits a list (tuple, array) or an object (mapping, dataclass). Any if none fits, as for numbers and texts.
     """
     kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):

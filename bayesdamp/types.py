@@ -110,7 +110,11 @@ class Provenance:
         return (*lines, *self.notes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the provenance as a dictionary for run.json, without empty fields; `of` is the inverse."""
+        """Return the provenance as a dictionary for run.json; `of` is the inverse.
+
+        Fields that are empty or None are left out, except `warnings` and `notes`; the entries of `more` are beside the
+        other fields.
+        """
         values = asdict(self)
         always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
         more = values.pop("more")
@@ -127,12 +131,12 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A record after cleaning, in SI units. Instances compare by identity.
+    """A record after cleaning, in base units. Instances compare by identity.
 
     t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first sample.
-    y: the recorded quantity, shape (n,): rad or m, per s or per s² for velocity or acceleration.
+    y: the recorded quantity, shape (n,), in `unit`, per s or per s² for velocity or acceleration.
     quantity: "angle", "velocity" or "acceleration".
-    unit: unit of the displacement, "rad" or "m".
+    unit: unit of the displacement: "rad", "m", or that of a sensor of unknown scale, such as "V".
     name: name of the record.
     step: recording step (quantisation) in the unit of y; 0 if none is detected.
     provenance: how the record was read, and what was done to it.
@@ -475,7 +479,7 @@ def candidate_name(damping: str, restoring: str = "") -> str:
 
 
 def candidate_parts(name: str) -> tuple[str, str]:
-    """Return damping sum and restoring law from the name of a candidate; the law is "" if the name has none."""
+    """Return damping sum and restoring law, in this order, from the name of a candidate; the law is "" without `@`."""
     damping, _, restoring = name.partition(LAW_MARK)
     return damping, restoring
 

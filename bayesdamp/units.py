@@ -45,13 +45,20 @@ class Unit:
         return self if self.quantity is None else UNITS[self.base]
 
     def quantity_name(self, quantity: str) -> str:
-        """Return the name of a quantity in this unit: "angle", "position", "signal", "velocity" or "acceleration"."""
+        """Return the name of a recorded quantity, such as "velocity".
+
+        For the quantity "angle" (a displacement) it depends on the base of this unit: "angle" (rad), "position" (m) or
+        "signal".
+        """
         if quantity != "angle":
             return quantity
         return {"rad": "angle", "m": "position"}.get(self.base, "signal")
 
     def of(self, quantity: str) -> str:
-        """Return the unit of a quantity if the displacement has this unit, such as "mm/s"."""
+        """Return the unit of a quantity if the displacement has this unit, such as "mm/s".
+
+        For a unit that is itself one of this quantity, such as rpm of a velocity, return its own name.
+        """
         return self.name if quantity == self.quantity else self.name + _PER[quantity]
 
 
@@ -88,5 +95,5 @@ def unit_named(name: str) -> Unit:
 
 
 def quantity_unit(unit: str, quantity: str) -> str:
-    """Return the unit of the recorded quantity if the displacement has the given unit."""
+    """Return `Unit.of(quantity)` of the unit with this name. Raises KeyError if it is not in `UNITS`."""
     return UNITS[unit].of(quantity)

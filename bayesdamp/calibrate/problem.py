@@ -64,13 +64,14 @@ class Generator:
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
         """Return a record with this name that is simulated with parameters drawn from the prior.
 
-        If a trajectory is unbounded, the parameters are drawn again. The likelihood of such parameters is zero for
-        every record, so that leaving them out of the prior does not change the posterior.
+        If the simulation raises InputError, as for an unbounded trajectory, the parameters are drawn again. The
+        likelihood of such parameters is zero for every record, so that leaving them out of the prior does not change
+        the posterior.
 
         Raises
         ------
         InputError
-            If the trajectories of `MOST_ESCAPES` successive draws are unbounded.
+            If the simulations with `MOST_ESCAPES` successive draws fail.
         """
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
@@ -112,8 +113,8 @@ def make_generator(
     Raises
     ------
     InputError
-        If the first signal is a file, the study has several noise models, or the prior of a parameter would depend on
-        the record, as a default prior that scales with the record's amplitude.
+        If the first signal is a file, the study has several noise models or one that depends on the record, no
+        reference amplitude or frequency follows from the study, or the prior of a parameter would depend on the record.
     """
     spec = study.signals[0]
     if not isinstance(spec.source, Simulation):
@@ -202,7 +203,11 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 
 
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
-    """Call a function and return its result and OK, or None and the message of the exception that it raised."""
+    """Call a function and return its result and OK, or None and the outcome of its exception.
+
+    The outcome is the message of a Refusal; for other exceptions it is that of `outcome_of_failure`, which raises
+    InputError, and OSError if the disk is full, again.
+    """
     try:
         return compute(*arguments), OK
     except Refusal as refusal:

@@ -43,7 +43,8 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
         The content is a `RecoveryContent`. Arrays for c records and m models: model (c,), the index of the true model;
         probability (c, m) of each model, with equal prior probabilities; log_evidence (c, m) in nats; design (c, 2),
         whose columns are the noise (fraction of the reference amplitude) and the number of cycles; loss (c,), the
-        fraction of the amplitude that the motion loses. Evidence and probability are NaN for records that are not used.
+        fraction of the amplitude that the motion loses. For records that are not used, all probabilities are NaN, and
+        so is the evidence of models after the first that failed.
     """
     models, began = models_of(study, kind), time.perf_counter()
     outcomes, evidence_outcomes = (
@@ -144,7 +145,10 @@ def _evidence(
 
 
 def _loss(drawn: DrawnRecord) -> float:
-    """Return the fraction of the amplitude that the motion loses between its first and its last cycle."""
+    """Return the fraction of the amplitude that the motion loses between its first and its last cycle.
+
+    It is 1 − a_last/a_first, the largest displacements from the equilibrium in the last and first natural period.
+    """
     target, t = drawn.target, drawn.signal.t
     p = {**target.known, **drawn.truth}
     theta = simulate(target.oscillator, p, t, tolerance=1e-4 * abs(p["theta0"]) + 1e-9)

@@ -15,7 +15,10 @@ from scipy.stats import binom
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw)."""
+    """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw).
+
+    The chains are joined one after the other. Raises ValueError if there are fewer than `count` draws.
+    """
     flat = draws.reshape(-1)
     if flat.size < count:
         raise ValueError(f"{count} thinned draws are needed, and there are {flat.size}")
@@ -31,7 +34,7 @@ def histogram(ranks: np.ndarray, draws: int, bins: int) -> np.ndarray:
 
 
 def uniformity_p(counts: np.ndarray) -> float:
-    """Return the p value of the counts (k,) of n ranks in k bins of equal size, against uniform ranks.
+    """Return the p value of the counts (k,) of n ranks in k bins of equal size, against uniform ranks; nan if n is 0.
 
     The statistic is that of Säilynoja, Bürkner and Vehtari (Statistics and Computing 32, 2022): the smallest two-sided
     binomial tail of the distribution function over the ends of the bins. Its distribution is not simulated: the p value

@@ -20,9 +20,9 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 PRUNE_NATS = 20.0
-"""A candidate (a damping sum under a restoring law) is left out if its log evidence is this far below the largest, in
-nats: a relative probability of 2e-9. Pruning uses Laplace's evidence, whose error is a few nats at most if a posterior
-is not normal."""
+"""A candidate (a damping sum under a restoring law) is left out if its log evidence is at least this far below the
+largest, in nats: a relative probability of 2e-9. Pruning uses Laplace's evidence, whose error is a few nats at most if
+a posterior is not normal."""
 SAMPLED_CANDIDATES = 2
 """Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
 WARMUP, DRAWS = 100, 500
@@ -45,7 +45,9 @@ file has several records. Without a unit, an envelope has the unit of its file, 
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
-    """Return the restoring laws that are compared if the user names none: all laws that fit the unit.
+    """Return the restoring laws that are compared if the user names none.
+
+    These are all laws for an angle or an unknown unit, and all laws of translations for another unit.
 
     All are needed, because the misfit of a wrong restoring law would be explained by damping.
     """

@@ -354,8 +354,8 @@ def _read_published(
 def _check_across_tables(study: Study) -> None:
     """Check settings that depend on several tables. Raises StudyError.
 
-    Estimators run only under compared models. Pruning needs Laplace's evidence. Records of a specimen must have the
-    same dimension and the same candidates, and cannot be combined with a sweep.
+    Estimators run only under compared models. `models.prune` and `posterior.best` need Laplace's evidence. Records of a
+    specimen must have the same base unit and the same candidates, and cannot be combined with a sweep.
     """
     for spec in study.signals:
         for model in spec.estimate or ():

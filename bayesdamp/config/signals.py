@@ -99,7 +99,10 @@ def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
 
 
 def _read_value(name: str, raw: object, key: str) -> object:
-    """Return a number, None for "free", or the prior that a table describes. Raises StudyError."""
+    """Return a number, None for "free", or the prior that a table describes.
+
+    `name` is the parameter; a name of `REFERENCE` must have a positive number. Raises StudyError.
+    """
     if name not in REFERENCE:
         if raw == "free":
             return None
@@ -164,7 +167,7 @@ def _read_systems(
 
 
 def _read_simulation(raw: object, system: System, key: str) -> Simulation:
-    """Read the table `simulate`, with the known parameters of the system.
+    """Read the table `simulate`; true values that it does not state are the known values of `system`.
 
     Raises StudyError if a value is missing or wrong, or if the motion would hardly oscillate or have too many cycles.
     """
@@ -238,7 +241,10 @@ def term_keys(law: tuple[str, ...]) -> dict[str, str]:
 
 
 def damping_order() -> list[str]:
-    """Return the damping terms in the order in which sums are named: the three terms of the paper first."""
+    """Return all damping terms, shipped and added, in the order in which sums are named.
+
+    First viscous, coulomb and quadratic (`PAPER_TERMS`), then the others in alphabetical order.
+    """
     return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
 
 
@@ -363,7 +369,10 @@ def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, k
 
 
 def canonical_model(name: object, key: str) -> str:
-    """Return a damping sum with its terms in the standard order (`damping_order`). Raises StudyError."""
+    """Return a damping sum, such as `viscous+coulomb`, with its terms in the order of `damping_order`.
+
+    Raises StudyError if `name` is not a sum of different damping terms.
+    """
     valid = damping_order()
     parts = [part.strip() for part in name.split("+")] if isinstance(name, str) else []
     for part in parts:
@@ -376,7 +385,7 @@ def canonical_model(name: object, key: str) -> str:
 
 
 def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Return damping sums in standard order. Raises StudyError if a sum is repeated."""
+    """Return each damping sum as `canonical_model` does, in the order given. Raises StudyError if a sum is repeated."""
     models = tuple(canonical_model(name, key) for name in names)
     check_distinct(models, key, "the model")
     return models

@@ -145,7 +145,7 @@ class SimulateTable(StudySection):
 
 
 class SweepTable(StudySection):
-    """A table [[sweep]]: all signals that have the key are repeated for each of its values."""
+    """A table [[sweep]]: all signals to which the key applies (see `expand`) are repeated for each of its values."""
 
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
     values: Annotated[tuple[Any, ...], BeforeValidator(_tuple_of), Field(min_length=1)] = Field(
@@ -306,10 +306,10 @@ class Recording(FileTable):
 class SignalSpec:
     """A signal of the study: a record that is simulated or read, and what is known of its system.
 
-    inertia: in kg m² (kg for a translation), used only for results in physical units.
-    compare: damping sums of this signal; None for those of the study. estimate: sums under which estimators run; None
-    for all. laws: the restoring laws that are compared. alternatives: the system under the laws other than that of
-    `system`. specimen: name of the specimen; empty if none is named. Records of a specimen are fitted jointly.
+    inertia: in kg m² (kg for a translation), used only for results in physical units. compare: damping sums of this
+    signal; None for those of the study. estimate: sums under which estimators run; None for all. laws: the restoring
+    laws that are compared; empty if it is only the law of `system`. alternatives: the system under the laws other than
+    that of `system`. specimen: name of the specimen; empty if none is named. Records of a specimen are fitted jointly.
     """
 
     name: str
@@ -457,7 +457,10 @@ class Study:
 
     @property
     def noises(self) -> tuple[str, ...]:
-        """The noise models of the study; if there are several, one is chosen for each record."""
+        """The noise models of the study; "auto" means all that ship or were added.
+
+        If there are several, the answer on each record chooses the one with the largest evidence.
+        """
         given = self.posterior.noise
         if isinstance(given, str):
             return tuple(NOISES.present()) if given == "auto" else (given,)

@@ -137,7 +137,8 @@ def run(
 def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
     """Call `compute` and return its estimate with name, stage and duration in s.
 
-    If `compute` raises Refusal, or a value is not finite, the estimate has no values, and its outcome is the reason.
+    If `compute` raises Refusal, or a value of an estimate with the outcome OK is not finite, the estimate has no
+    values, and its outcome is the reason.
     """
     start = time.perf_counter()
     try:

@@ -103,10 +103,12 @@ class _TrajectoryFit:
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     """Fit the trajectory to the record by least squares, starting at `first`.
 
-    The unknowns are the damping coefficients (not negative), and every restoring parameter, theta0 and omega0 that is
-    not known; values that `first` does not have start from the record's features. A single unknown is first searched
-    by Brent's method. If the fit loses the phase of the record, it starts again with the first two cycles and doubles
-    this window until it covers the record.
+    The unknowns are the damping coefficients (not negative), further parameters of damping terms, and every restoring
+    parameter, theta0 and omega0 that is not known; values that `first` does not have start from the record's features.
+    A single unknown is first searched by Brent's method. If the fit loses the phase of the record (the rms residual is
+    0.3 of the record's sd or more), it starts again with the first two cycles and doubles this window until it covers
+    the record, from the same start and, if this loses the phase too, from the coefficients of `decay_start`. The fit
+    with the least sum of squares counts.
 
     Parameters
     ----------
@@ -120,7 +122,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     Returns
     -------
     Estimate
-        The best values. Their standard errors assume white residuals. If the fit is poor, the outcome says so.
+        The values with the least sum of squares. Their standard errors assume white residuals; a parameter at its lower
+        bound has none. The outcome says if the search did not converge, a coefficient is at its bound 0, or there is a
+        `misfit`.
 
     Raises
     ------
@@ -219,8 +223,8 @@ def least_squares(
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
     """Return start values (k,) of the unknowns: the estimate `first`, with damping coefficients of at least `units`.
 
-    Restoring parameters and start values are those of the record's features instead, if these fit the first three
-    periods better.
+    All other unknowns are those of the record's features instead, if `first` has values of them that fit the first
+    three periods worse.
     """
     estimated = {**fit.base, **first.values}
     damping = {name: max(estimated[name], unit) for name, unit in zip(fit.osc.coefficients, units)}

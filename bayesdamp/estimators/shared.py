@@ -167,7 +167,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 
     The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. The
     coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The
-    result, by name, is rough but robust. With fewer than two clear half cycles, each term has a damping ratio of 0.01.
+    result, by name, is rough but robust. With fewer than two half cycles whose amplitude is more than three times the
+    noise, each term has a damping ratio of 0.01.
     """
     osc = oscillator(problem)
     # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
@@ -252,7 +253,11 @@ def noise_level(signal: Signal) -> float:
 
 
 def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (t, y) with at most `most` samples: block means if the record has noise, else a selection of samples."""
+    """Return times and samples (t, y) of a record, thinned to at most `most` samples.
+
+    A longer record with noise above 1e-5 of its amplitude is averaged over blocks of at most 1/`MEANS_PER_CYCLE` of a
+    cycle, without blocks that contain a gap. If still more remain, evenly spread ones are selected.
+    """
     t, y = signal.t, signal.y
     size = float(np.abs(features.turning_amplitudes).max())
     if t.size > most and noise_level(signal) > 1e-5 * size:
@@ -266,10 +271,10 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
 
 
 def phase_of(signal: Signal, features: Features) -> Polynomial:
-    """Return the phase of a record in rad, which grows by π from each crossing of the midline to the next.
+    """Return the phase of a record in rad, a polynomial in time that grows by π from one midline crossing to the next.
 
-    It is a polynomial in time: of degree 3 if the crossings span most of the record, so that it follows a frequency
-    that drifts with the amplitude, else a straight line.
+    If 8 or more crossings span over 0.75 of the record, the degree is 3, so that it follows a frequency that drifts
+    with the amplitude; it is 0 at the first crossing. Otherwise it is a straight line, 0 at the first turning point.
     """
     crossings, count = features.crossing_times, features.crossing_times.size
     span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
@@ -288,7 +293,8 @@ def motion(
     acceleration, a spline of degree 7 interpolates the record. Otherwise a spline of degree 7 with `knots_per_period`
     is fitted by least squares, without samples that deviate by more than six robust standard deviations. In both cases
     the ends are left out. A recorded velocity or acceleration is integrated; the constants follow from a known theta0
-    and omega0, or from the midline of the turning points. Each of the record's `pieces` is fitted separately.
+    and omega0, or from the midline of the turning points. Each of the record's `pieces` is fitted separately; clean,
+    bandwidth, theta0 and omega0 of the result are those of the first.
     """
     noise = noise_level(signal)
     parts = [

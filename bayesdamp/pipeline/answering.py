@@ -95,7 +95,9 @@ def answer_key(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: 
 def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, kind: str = ANSWER) -> Product:
     """Compute the answer on a record. If no candidate can be fitted, its outcome is the verdict's sentence.
 
-    Raises Refusal if the record shows no oscillation or has no noise, or if a damping term has no kernel.
+    kind: `ANSWER`, by linear approximations, or `SAMPLED_ANSWER`, which starts from the comparison of the first answer
+    if this process has computed it. Raises Refusal if the outcome of the record is not OK (it shows no oscillation, for
+    example), if it has no noise, or if a damping term has no kernel.
     """
     result = store.read(f"signal/{spec.name}/{repeat}")
     if result.outcome != OK:
@@ -142,7 +144,7 @@ def compute_answer(study: Study, spec: SignalSpec, repeat: int, store: Store, ki
 
 
 def answer_result(store: Store, signal: str, repeat: int) -> TaskResult | None:
-    """Return the result of a record's sampled answer, else of its first answer; None if it has neither."""
+    """Return the result of a record's sampled answer, else of its first answer; None if neither has the outcome OK."""
     for kind in (SAMPLED_ANSWER, ANSWER):
         result = store.find(f"{kind}/{signal}/{repeat}")
         if result is not None and result.outcome == OK:
@@ -151,13 +153,13 @@ def answer_result(store: Store, signal: str, repeat: int) -> TaskResult | None:
 
 
 def answer_of(store: Store, signal: str, repeat: int) -> Answer | None:
-    """Return the stored answer on a record, the sampled one if there is one; None if it has no answer."""
+    """Return the stored answer on a record as `answer_result` chooses it; None if there is none."""
     result = answer_result(store, signal, repeat)
     return None if result is None else Answer(AnswerContent.of(result), result.arrays)
 
 
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
-    """Return the stored verdict on a record; None if it has no answer."""
+    """Return the verdict in `answer_of`; None if there is no answer."""
     stored = answer_of(store, signal, repeat)
     return None if stored is None else stored.verdict
 
@@ -171,7 +173,7 @@ def specimen_input(store: Store, signal: str, repeat: int) -> RecordAnswer | Non
 def stored_fit(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> FitState:
     """Return the fit of a candidate, with deviations from its laws, that the first answer on a record has stored.
 
-    Raises Refusal if the answer has no such fit.
+    Terms of the sum may be in any order. Raises Refusal if the answer has no content, or no such fit.
     """
     result = store.read(f"{ANSWER}/{signal}/{repeat}")
     content = AnswerContent.maybe(result)
@@ -192,7 +194,8 @@ def stored_fit(store: Store, signal: str, repeat: int, damping: str, restoring: 
 def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) -> set[tuple[str, str]] | None:
     """Return the candidates, (damping, restoring), that are worth sampling.
 
-    These are the candidates whose log evidence is near the largest, and always the best one with deviations.
+    These are the candidates whose log evidence is near the largest, and always the one with the largest log evidence
+    with deviations, if any has one. Candidates that could not be fitted are left out.
 
     Parameters
     ----------
@@ -203,12 +206,13 @@ def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) ->
     nats
         A candidate is returned if its log evidence is less than this many nats below the largest one.
     law
-        Whether to take the evidence with deviations from the laws, if there is one, instead of that under exact laws.
+        Whether to take the evidence with deviations from the laws instead of that under exact laws; candidates without
+        it are then left out. If no candidate has it, that under exact laws is taken.
 
     Returns
     -------
     set or None
-        None if the answer compared no candidate.
+        None if there is no answer, or no candidate could be fitted.
     """
     content = AnswerContent.maybe(store.find(f"{ANSWER}/{signal}/{repeat}"))
     usable = [r for r in content.candidates if r.outcome == OK] if content else []

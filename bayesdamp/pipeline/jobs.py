@@ -78,11 +78,13 @@ class CandidateSelection:
         return outcomes
 
     def choose_for_sampling(self) -> tuple[str, ...]:
-        """Return the candidates whose posterior is sampled, those with the largest evidence first.
+        """Return the candidates whose posterior is sampled.
 
-        The study sets the number of best candidates (`posterior.best`); without a number all are sampled. Candidates
-        whose evidence by some method is unreliable are added if they are less than `FAR_BEHIND` behind, because bridge
-        sampling and nested sampling, which check the evidence, start from draws.
+        The study sets the number of best candidates (`posterior.best`); without a number these are all candidates, in
+        the study's order. Otherwise they are the best candidates that were not pruned, in the order of falling log
+        evidence. Candidates whose evidence by a method other than Laplace's is unreliable are added if they are less
+        than `FAR_BEHIND` behind the best, because bridge sampling and nested sampling, which check the evidence, start
+        from draws.
         """
         count = self.study.posterior.best
         if count is None:
@@ -275,8 +277,9 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
     """Iterate over the stages (lists of jobs) of candidates, in a study that leaves out those with small evidence.
 
-    Each stage has only the candidates that remain after the stages before. For a candidate that is left out, the reason
-    is stored as the result of its tasks.
+    Each stage has only the candidates that remain after the stages before. For a candidate that is pruned, the reason
+    is stored as the result of its evidence tasks; for one that is not sampled, it replaces the results of an earlier
+    run.
     """
     selections = [
         CandidateSelection(study, s, r, store)

@@ -145,7 +145,10 @@ def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
 
 
 def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
-    """Add white noise, a fraction `share` of the amplitude, to a record without noise; return any other unchanged."""
+    """Add white noise to a record without noise; return a record with noise, or without oscillation, unchanged.
+
+    share: standard deviation of the noise as a fraction of the largest amplitude. A warning is added to the provenance.
+    """
     try:
         measured = features(signal)
     except Refusal:
@@ -193,7 +196,11 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
 
 
 def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
-    """Return the Cramér–Rao bound (standard deviation by parameter) of a simulated record with white noise, else {}."""
+    """Return the Cramér–Rao bound of a simulated record: the smallest standard deviation of each unknown parameter.
+
+    Return {} for a measured record, noise that is not white and normal, no noise, damping terms with further
+    parameters, and friction that changes its sign abruptly (ε = 0).
+    """
     source = spec.source
     if not isinstance(source, Simulation) or source.noise != "gaussian":
         return {}

@@ -39,13 +39,11 @@ PRINTED_CANDIDATES = 20
 class Candidate(ResultView):
     """The results of a run for one damping model on one record.
 
-    record: name of the signal. repeat: number of the repeat, from 0.
-    damping, restoring: the damping sum and the restoring law.
-    values, sd: the inferred parameters at the posterior mode, and their standard deviations; empty without a mode.
-    log_posterior: log posterior density at the mode, in the coordinates of the search (standard normal scores); nan
-    without a mode.
-    estimates: the estimates of both stages, by estimator. posteriors: by sampler. evidence: by method.
-    outcome: "ok", or the reason why there is no mode.
+    record: name of the signal. repeat: number of the repeat, from 0. damping, restoring: the damping sum and the
+    restoring law. values, sd: the inferred parameters at the posterior mode, and their standard deviations; empty
+    without a mode. log_posterior: log posterior density at the mode, in the coordinates of the search (standard normal
+    scores); nan without a mode. estimates: the estimates of each stage, by estimator. posteriors: by sampler. evidence:
+    by method. outcome: "ok", also if no mode was searched, or the reason why there is no mode.
     """
 
     record: str

@@ -70,17 +70,19 @@ def run_study(
     out
         Folder of the run.
     workers
-        Number of processes on this machine; None uses all cores.
+        Number of processes on this machine; by default one for each core, but no more than jobs can run at the same
+        time.
     scheduler
         Address of a Dask scheduler, whose workers are used instead of processes on this machine.
     fresh
         Whether to delete the stored results and compute everything again.
     console
-        Console that shows progress and failed tasks.
+        Console that shows progress and failed tasks; by default standard error.
     depth
         Last step of the run.
     on_verdict
-        Function that is called with each record's verdict as soon as it is computed, and again after sampling.
+        Function that is called with the verdict on the first repeat of each signal, when the answers on all records are
+        computed, and again when all are sampled.
     quiet
         Whether to show failed tasks only.
     checked
@@ -223,7 +225,7 @@ def _is_done(store: Store, name: str, key: str) -> bool:
 
 
 def _report_verdicts(study: Study, store: Store, on_verdict: Callable[[Verdict], None] | None) -> None:
-    """Call `on_verdict` with the verdict on each record.
+    """Call `on_verdict`, unless it is None, with the verdict on the first repeat of each signal that has one.
 
     A study without samplers and evidence has verdicts only on measured records that are not a free decay.
     """

@@ -193,7 +193,10 @@ def compute_joint(specimen: Specimen) -> Product:
 
 
 def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
-    """Return the evidence and summaries of each candidate on a specimen, and the draws, named as in `JointContent`."""
+    """Return the evidence and summaries of each candidate on a specimen, and the draws, named as in `JointContent`.
+
+    A candidate that no answer compared, or whose coefficients were not inferred, has an outcome and no draws.
+    """
     rows: dict[str, JointCandidate] = {}
     arrays: Arrays = {}
     comparison = specimen.comparison
@@ -246,8 +249,9 @@ def likeliest_candidate(probabilities: Mapping[str, float]) -> str:
 def compute_population(study: Study, store: Store) -> Product:
     """Infer the population of each coefficient over all specimens (`population/specimens`).
 
-    All specimens have the same candidate, the one with the largest total evidence. Raises Refusal if no candidate was
-    fitted to every specimen.
+    All specimens have the same candidate: of those that were fitted to every specimen, the one with the largest sum of
+    log evidences. Raises Refusal if there is none, if the specimens have different base units, or if laws hold exactly
+    for some specimens only.
     """
     specimens = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
     assumed = sorted({s.deviation for s in specimens})

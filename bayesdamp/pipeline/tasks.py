@@ -77,7 +77,7 @@ def task_key(kind: str, *parts: object) -> str:
 
 
 def uses_library(method: str) -> bool:
-    """Return whether an estimator regresses on all damping terms of the package, not only on those it estimates."""
+    """Return whether an estimator also regresses on terms that it does not estimate: viscous, Coulomb and quadratic."""
     return "bayesdamp.estimators.regression.library" in import_closure(
         [f"bayesdamp.estimators.methods.{method}"]
     )
@@ -91,8 +91,8 @@ def task_seed(study: Study, name: str) -> int:
 def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
     """Compute a task and store its result.
 
-    If the computation raises Refusal or fails, the stored outcome is its message. Raises InputError, and OSError if the
-    disk is full.
+    If the computation raises Refusal, the stored outcome is its message; after any other exception it is that of
+    `outcome_of_failure`, which raises InputError, and OSError if the disk is full, again.
     """
     began = time.perf_counter()
 
@@ -110,7 +110,7 @@ def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
 
 
 def outcome_of_failure(fault: Exception) -> str:
-    """Return the outcome of a task that failed with an unexpected exception.
+    """Return the outcome of a task that failed: "failed: TYPE: FIRST LINE OF THE MESSAGE".
 
     Raises the exception again if the input or the disk caused it, or if BAYESDAMP_DEBUG is set.
     """

@@ -104,7 +104,8 @@ def run_in_pool(
     submit
         Function that submits a job without the tasks of the given names.
     next_task
-        Function that returns the first task of a job that has no result, except the tasks of the given names.
+        Function that returns the first task of a job that has no result, except the tasks of the given names; None if
+        there is none.
     give_up
         Function that stores, as the result of a task, that its process was killed.
     done

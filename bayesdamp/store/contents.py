@@ -42,7 +42,10 @@ class Content:
 
     @classmethod
     def maybe(cls, result: TaskResult | None) -> Self | None:
-        """Read the content of a result; None if there is no result or it has only an outcome."""
+        """Read the content of a result; None if there is no result or it has only an outcome.
+
+        Raises OtherVersionError if it was stored by another version.
+        """
         return cls.of_meta(result.meta) if result is not None and result.meta else None
 
     @classmethod

@@ -41,7 +41,10 @@ def temporary_path(path: Path) -> Path:
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Return whether an error means that the disk is full or read-only, not that one file or computation failed."""
+    """Return whether an error means that no file of this size can be written there.
+
+    The disk is full or read-only, a quota is exhausted, or the file is too large for the system.
+    """
     return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
@@ -118,7 +121,7 @@ def refuse_special(path: Path) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write or replace a file in one step, after its content is on the disk. Missing folders are created.
 
-    Raises InputError if the path exists but is not a regular file.
+    Raises InputError if the path exists but is not a regular file, and OSError if it cannot be written.
     """
     path = Path(path)
     refuse_special(path)
@@ -170,7 +173,7 @@ def pack(
 
 
 def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the values and the arrays of an archive; no arrays if `arrays` is false.
+    """Return the values and the arrays (by name) of an archive that `pack` made; no arrays if `arrays` is false.
 
     Raises one of `READ_ERRORS` if the file is damaged or is not such an archive.
     """

@@ -151,7 +151,7 @@ def remove_results(folder: Path) -> None:
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
-    """Remove the regular files with the listed names from a folder, unless the folder is a link."""
+    """Remove the regular files with the listed names directly in a folder, unless the folder is a link."""
     if folder.is_symlink():
         return
     for name in listed:
@@ -252,7 +252,10 @@ class Store:
         return result is not None and result.key == key
 
     def read(self, task_name: str, *, arrays: bool = True) -> TaskResult:
-        """Return the result of a task, with or without its arrays. Raises KeyError if it is missing or damaged."""
+        """Return the result of a task, with or without its arrays.
+
+        Raises KeyError if it is missing, damaged, or not among the visible results (`only`).
+        """
         if self.only is not None and task_name not in self.only:
             raise KeyError(task_name)
         try:
@@ -270,7 +273,7 @@ class Store:
         return result
 
     def find(self, task_name: str, *, arrays: bool = True) -> TaskResult | None:
-        """Return the result of a task like `read`, or None if it is missing or damaged."""
+        """Return the result of a task like `read`, or None where `read` raises KeyError."""
         try:
             return self.read(task_name, arrays=arrays)
         except KeyError:
@@ -296,8 +299,8 @@ class Store:
     def lock(self) -> Iterator[None]:
         """Lock the folder for writing, and remove the temporary files of a killed run.
 
-        Raises InputError if another process has the lock, or if the folder contains files that no run wrote. The system
-        releases the lock of a process that dies.
+        Raises InputError if another process has the lock, if the folder contains files that no run wrote, or if it
+        cannot be written; OSError if the disk is full. The system releases the lock of a process that dies.
         """
         try:
             claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))

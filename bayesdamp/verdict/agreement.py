@@ -16,7 +16,8 @@ class Agreement:
     """Agreement of a second verdict with the first.
 
     same: whether both verdicts name the same damping terms without reservation, or neither names any. moved: largest
-    change of a damping ratio at one amplitude, in total standard deviations of the first verdict.
+    change of a damping ratio at one amplitude, in total standard deviations of the first verdict; 0 if either verdict
+    has no damping ratios.
     """
 
     same: bool
@@ -61,6 +62,8 @@ def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> li
 
 def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> RatioAgreement:
     """Compare the damping ratios at all amplitudes, and return the comparison that agrees worst.
+
+    It has the largest of moved/`AGREEMENT_SDS` and |ln wider|/ln `WIDTHS_AGREE` (see `RatioAgreement`).
 
     Parameters
     ----------

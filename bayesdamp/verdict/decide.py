@@ -47,9 +47,12 @@ def decide(
 
     A damping is named without reservation (`decided`) if its probability is at least `thresholds.DECIDED`, if it is
     also the most probable one under exact laws, if the grade is not `DEVIATES`, and if no twin of its terms (a term
-    with the same loss at every amplitude) is possible. Where the law-free damping ratio contradicts the best law, the
-    verdict gives this ratio and names no law. Where only the law-free frequency contradicts the best restoring law, the
-    verdict gives this frequency.
+    with the same loss at every amplitude) is possible. The grade is `DEVIATES` too if a law-free damping ratio
+    contradicts that of the best law. With this grade no law is named, and the verdict gives the law-free ratios and
+    frequency, if they exist, instead of those of the law. With another grade it gives the law-free frequency only if
+    this contradicts that of the best restoring law, has the narrower interval at the same amplitude, or is the only
+    one. The natural frequency is left out if law-free values replace or contradict it, or if it is not determined
+    (`thresholds.UNDETERMINED`).
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def decide(
     averages
         How amplitudes and phases replaced the full motion, for a record of very many cycles; else None.
     law_free
-        Damping ratios and frequency that are measured without a law, at the amplitudes of the findings' ratios.
+        Damping ratios and frequency that are measured without a law, at or near the amplitudes of the findings' ratios.
 
     Returns
     -------
@@ -198,8 +201,9 @@ def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[R
 def grade_of(findings: Findings) -> Grade:
     """Return the grade of how well the laws of damping and restoring force hold.
 
-    It is `DEVIATES` if a deviation from one of the laws or the unexplained residual exceeds its threshold; else `EXACT`
-    if the 97.5 % quantile of the deviation from the damping law is at most `thresholds.EXACT`; else `APPROXIMATE`.
+    It is `DEVIATES` if the median of the deviation from the damping law is above `thresholds.DEVIATES`, the 2.5 %
+    quantile of that from the restoring law above `RESTORING_DEVIATES`, or the unexplained residual above `UNEXPLAINED`;
+    else `EXACT` if the 97.5 % quantile of the deviation from the damping law is at most `EXACT`; else `APPROXIMATE`.
     """
     if (
         findings.deviation.value > thresholds.DEVIATES
@@ -244,7 +248,8 @@ def interval_of(q: Quantity, unit: str = "") -> Interval:
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
     """Return the ratio of the damping to its law at the amplitude where it surely deviates most; None if nowhere.
 
-    It surely deviates where the 95 % interval of the ratio is above 1 + `DEVIATES` or below 1/(1 + `DEVIATES`).
+    It surely deviates where the 95 % interval (low, high) of the ratio is above 1 + `DEVIATES` or below 1/(1 +
+    `DEVIATES`), and most where max(low, 1/high) is largest.
     """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)

@@ -175,8 +175,8 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> MeasuredNumber:
     """Return the median of draws (n,) of a number, its 95 % interval, and the parts of its standard deviation.
 
-    plain: draws (m,) that vary by the noise of the readings alone; their standard deviation is `sd_noise`, and `sd_law`
-    is the rest. unit: unit of the number.
+    plain: draws (m,) that vary by the noise of the readings alone; their standard deviation, but at most that of
+    `draws`, is `sd_noise`. sd_law is √(sd² − sd_noise²) with the sd of `draws`. unit: unit of the number.
     """
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
@@ -335,9 +335,11 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
     """Return, for each damping sum that all records with a decay have, one likelihood for each of these records.
 
+    The result is empty if no record has a decay.
+
     The likelihood of a record is a function of the scores of the sum's terms. The score of a term is its damping ratio
     at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is common to the records: the geometric
-    mean of theirs. If the frequency of a record is not known, the score is the term's decay rate times the geometric
+    mean of theirs. If the frequency of any record is not known, the score is the term's decay rate times the geometric
     mean of the records' durations, times a constant.
 
     Raises

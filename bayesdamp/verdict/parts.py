@@ -238,7 +238,10 @@ class Column:
 
 
 def quality_of(r: DampingRatio) -> str:
-    """Return Q with its interval; only a lower limit where the damping ratio may be zero."""
+    """Return Q with its interval; its value and lower limit where the damping ratio may be zero.
+
+    Return a dash where the damping ratio itself is not positive.
+    """
     if not r.value > 0:
         return fmt.NONE
     if not r.low > 0:

@@ -35,8 +35,9 @@ Curve = Mapping[str, np.ndarray]
 class PooledMean:
     """The mean of a number over records, and the spread between records.
 
-    mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: standard deviation
-    between records, with its 95 % interval. low, high: 95 % interval of the value of one more record.
+    mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: posterior median of
+    the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured value of
+    one more record, whose standard error is the median of those of the records.
     """
 
     mean: float
@@ -163,8 +164,10 @@ def common_verdict(
     """Return a specimen's verdict with the fields that do not depend on the kind of its records (motions or envelopes).
 
     One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
-    in `decide`; a twin is possible if it is possible in each record. The grade, the deviation and the unexplained
-    residual are those of the worst record, the energy fractions and the noise are medians over the records.
+    in `decide`; a twin is possible if it is possible in each record. The grade is that of the worst record; the
+    deviation, the unnamed fraction and the unexplained residual are each the largest of all records. The energy
+    fractions and the noise are medians over the records, the ends of the energy intervals the least and the largest
+    ones.
 
     Parameters
     ----------

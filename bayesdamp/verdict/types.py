@@ -60,7 +60,10 @@ _TERMS = ("viscous", "coulomb", "quadratic")
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
-    """Return the cells of a number: its value, and its interval and parts of its standard deviation if it has them."""
+    """Return the cells of a number: its value, and its interval and parts of its standard deviation if it has them.
+
+    The names are `name` and `name` with the suffixes _low, _high, _sd_noise, _sd_law. {} for a plain number or text.
+    """
     ends = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
     return {name + end: getattr(value, part) for end, part in ends.items() if hasattr(value, part)}
 
@@ -248,7 +251,7 @@ class Verdict(CheckedMethods):
         return data_frame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """Return the row of verdicts.csv by column."""
+        """Return the row of verdicts.csv by column, without the columns of fields that are None."""
         row: dict[str, object] = {}
         for f in _columns():
             value, cells = getattr(self, f.name), f.metadata["column"].cells
@@ -260,7 +263,7 @@ class Verdict(CheckedMethods):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Return the values that terminal and report show on lines of their own, by label."""
+        """Return the known values that terminal and report show on lines of their own, by label."""
         facts: dict[str, str] = {}
         for f in _columns():
             value: Any = getattr(self, f.name)
@@ -278,7 +281,7 @@ class Verdict(CheckedMethods):
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """Return JSON values with the version of the schema, without provenance; unknown values are None."""
+        """Return JSON values with the version of the schema, without provenance; nan and infinities are None."""
         fields = {"schema": VERDICT_SCHEMA, **split(self)}
         fields.pop("provenance")
         return _plain(fields)  # type: ignore[return-value]

@@ -21,7 +21,8 @@ ENERGY_ARRAYS = ("work/", "free/lost")
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
     """Return the verdict with amplitudes in a record's own unit, and write its sentence again with these.
 
-    Coefficients stay in the units of the equation of motion (rad or m, and s).
+    Coefficients stay in the units of the equation of motion (rad or m, and s). The verdict is returned unchanged if it
+    has no amplitudes, if its amplitudes are not in the base unit, or if `unit` is the base unit.
     """
     own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):

@@ -104,7 +104,8 @@ def _percentages(i: Interval) -> str:
 def _size(v: Verdict) -> str:
     """Return the size of the damping in words: Q or the decay rate of an envelope.
 
-    Otherwise the damping ratios at the first and at the last of the amplitudes.
+    Otherwise the damping ratios at the first and at the last amplitude at which they are finite; if they are finite at
+    none, the text says that the size is not determined.
     """
     if v.quality_factor is not None:
         return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"

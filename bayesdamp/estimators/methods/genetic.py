@@ -73,7 +73,7 @@ class GeneticOptions(Options):
 
 
 class Genetic(Estimator[GeneticOptions]):
-    """Find the parameters whose trajectory has the least misfit, by a genetic search."""
+    """Search genetically for the parameters whose trajectory has the least rms difference (misfit) from the record."""
 
     options = GeneticOptions
 
@@ -193,7 +193,8 @@ def _balance(
 
     They follow from harmonic balance at this amplitude, by Newton's method. p: the law's parameters, each (m,), from
     which the method starts. wanted: the frequency under the name "stiffness", and the midline under the angle's name,
-    each (m,); the names in it are those of the result. Values are not finite if there is no solution.
+    each (m,); the names in it are those of the result. `NEWTON` steps are taken, and convergence is not checked. Values
+    are not finite where a step cannot be computed.
     """
     names = tuple(wanted)
     wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
@@ -229,10 +230,12 @@ def _balance(
 
 
 def coefficient_alone(term: DampingTerm, features: Features) -> float:
-    """Return the coefficient with which a term alone would cause the decay from the first to the last turning point.
+    """Return the coefficient with which a term alone would cause the decay of the record.
 
     With the equivalent damping ratio r(A) per unit of the coefficient, dA/dt = −c r(A) ω A, so that c is the integral
-    of dA/(ω A r(A)) over the fall of the amplitude, divided by the duration.
+    of dA/(ω A r(A)) over the fall of the amplitude, divided by the duration from the first to the last turning point.
+    The fall is from the largest turning amplitude to the last one, which counts as at least twice the noise, and at
+    most 1 − `LEAST_DECAY` of the largest.
     """
     sizes = features.turning_amplitudes
     scale = features.amplitude / max(float(sizes[0]), 1e-300)

@@ -109,8 +109,8 @@ def observe(
     """Compute pairs of the dictionary's values, one lag apart.
 
     The state comes from the smoothed motion, interpolated to an even clock if necessary. For a noisy record all
-    observables pass the same compact filter, which is applied to the record itself for θ and θ̇. lag: in periods, 0 to
-    choose it by the noise.
+    observables pass the same compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the
+    record itself. lag: in periods, 0 to choose it by the noise.
 
     Returns
     -------

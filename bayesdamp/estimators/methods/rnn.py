@@ -136,9 +136,9 @@ class Stretches:
     A stretch has several half cycles if there were more than `MOST_STRETCHES` otherwise, and a quarter cycle if there
     are fewer than `FEW` half cycles. In each, y = a cos φ + b sin φ is fitted by least squares about the record's
     midline, and with a constant of its own if it is at least half a cycle. The same matrices serve for any record at
-    these times. count: number of stretches with enough samples. half_cycles: number of half cycles in a stretch.
-    spread: for each stretch the Cholesky factor (2, 2) of the covariance of (a, b) for white noise of standard
-    deviation 1.
+    these times. count: number of stretches that are used, those with at least `LEAST_SAMPLES` samples over at least 0.6
+    of their phase. half_cycles: number of half cycles in a stretch. spread: for each stretch the Cholesky factor (2, 2)
+    of the covariance of (a, b) for white noise of standard deviation 1.
     """
 
     def __init__(self, signal: Signal, features: Features, t: np.ndarray) -> None:

@@ -71,7 +71,7 @@ class Derivatives:
     the regression uses. project: smooths values (n,) at all samples as the record is smoothed, and returns them at the
     rows, (m,). integrated: number of constants of integration that were guessed. freedom: effective number of
     independent rows. smoothing: log₁₀ of the spline's penalty. spline: the smoothing spline of a recorded angle; None
-    for other quantities.
+    for other quantities, and for a record without noise.
     """
 
     rows: np.ndarray
@@ -223,8 +223,9 @@ def sparse_models(
     """Return sparse solutions: for every set of damping terms, without and with functions of θ.
 
     For each set of damping terms and each ridge, the threshold is raised so that functions of θ are removed one by one.
-    Of these solutions the `TESTED` ones with the least Bayesian information criterion are kept, in which the number of
-    samples is `freedom`, the effective number of independent rows. dissipates (p,): which terms are damping.
+    Of these solutions the `TESTED` ones with the least Bayesian information criterion are kept, sound ones (see
+    `SparseModel`) first; in it the number of samples is `freedom`, the effective number of independent rows. dissipates
+    (p,): which terms are damping.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
     if size == 0.0:

@@ -36,7 +36,7 @@ KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
 """Numbers of spline knots in a period that are tried: more knots resolve the force better but pass more noise."""
 MOST_NOISE = 0.1
 """A number of knots above the smallest of `KNOTS` is used only if the noise of the acceleration is then at most this
-fraction of the rms damping force."""
+fraction of the rms damping force, and if there are at least six samples for each knot."""
 HATS = 25
 """Largest number of hat functions of the velocity that represent an unknown damping force."""
 FLOOR = 1e-11

@@ -126,7 +126,9 @@ class Topological(Estimator[TopologicalOptions]):
 
 
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return births, deaths and times of birth of the finite sublevel components of y (n,), in time order.
+    """Return the finite sublevel components of y (n,) at times t (n,), in time order: three arrays (k,).
+
+    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth.
 
     Components that are born within a tenth of a period of an end of the record or of a gap are incomplete and left out.
     """
@@ -151,7 +153,7 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
 def significant_pairs(
     signal: Signal, problem: Problem, features: Features, options: TopologicalOptions
 ) -> Pairs:
-    """Return the pairs above the noise cutoff.
+    """Return the pairs (see `Pairs`) above the noise cutoff. Raises Refusal if there are fewer than two.
 
     Variant "published": the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise,
     else the noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median.

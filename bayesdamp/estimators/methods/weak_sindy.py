@@ -157,6 +157,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
     """Return the record's pieces between gaps, interpolated to even clocks, with displacement and velocity.
 
+    Of a recorded velocity or acceleration it is only the first piece.
+
     sigma: standard deviation of the noise.
     """
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]

@@ -88,9 +88,12 @@ def candidates(
 
 
 def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> dict[str, float]:
-    """Return the unknown restoring parameters, by name, that fit an estimated force best; empty if all are known.
+    """Return the unknown restoring parameters, by name, that fit an estimated force by least squares.
 
-    theta (n,): displacements. force (n,): the estimated force there, without its known part.
+    The result is empty if all are known.
+
+    theta (n,): displacements. force (n,): estimate of F_rest(θ) there, in θ̈ + F_rest(θ) + damping = 0 (per unit of
+    inertia, in rad/s² or m/s²), without its known part, the `offset` of the law's `LinearForm`.
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
@@ -112,9 +115,10 @@ def damping_values(
 
 
 def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
-    """Return OK if a sparse regression selects exactly the model's damping terms, else a sentence with the differences.
+    """Return OK if a sparse regression selects all damping terms of the model and no term outside it, else a sentence.
 
-    selected (p,): whether each term is selected. model (p,): whether the model allows each term.
+    The sentence names the terms that are missing or superfluous. selected (p,): whether each term of the library is
+    selected. model (p,): whether the model allows each term; a function of θ that it allows may be left out.
     """
     names = [candidate.name for candidate in library]
     of_damping = np.array([candidate.damping is not None for candidate in library])

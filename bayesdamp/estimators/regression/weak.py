@@ -44,9 +44,10 @@ class Stretch:
 
 
 def to_even_clock(t: np.ndarray, h: float, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return times and curves, (n,) each, on an even clock of interval h (s).
+    """Return times and curves on an even clock of interval h (s), from values at the times t (n,).
 
-    They are interpolated (by cubic splines) if an interval of t differs from h by more than a thousandth.
+    They are interpolated (by cubic splines) if an interval of t differs from h by more than a thousandth; their number
+    may then differ from n. Otherwise they are returned unchanged.
     """
     if np.all(np.abs(np.diff(t) - h) <= 1e-3 * h):
         return (t, *curves)

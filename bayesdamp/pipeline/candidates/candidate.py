@@ -89,13 +89,13 @@ class StudyCandidate:
 
     @cached_property
     def answer(self) -> AnswerContent | None:
-        """The answer on the record; None if no candidate was compared."""
+        """The first answer on the record; None if there is none, or if it compared no candidate."""
         answer = AnswerContent.maybe(self.store.find(f"{ANSWER}/{self.spec.name}/{self.repeat}"))
         return answer if answer is not None and answer.candidates else None
 
     @property
     def noise(self) -> str:
-        """The noise model with the largest evidence in the answer, of those that the study allows.
+        """The noise model with the largest evidence in the first answer, of those that the study allows.
 
         If the answer compared none of these, the first one that the study allows.
         """
@@ -133,7 +133,7 @@ class StudyCandidate:
 
     @property
     def has_many_rivals(self) -> bool:
-        """Whether the study prunes candidates, because there are many.
+        """Whether the study prunes candidates (`models.prune` is set), as `compare` does for its many candidates.
 
         Each search for a mode then has no starts from the prior, and stops at the first mode that stays in phase with
         the record.

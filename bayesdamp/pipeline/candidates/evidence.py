@@ -87,7 +87,7 @@ def list_evidence(store: Store, record: str, model: str, methods: Sequence[str])
     """Return the evidence for a model on a record (such as `bench/0`) by each method that has a stored result.
 
     This includes nested sampling if it was computed as the referee. For a method that failed, the evidence has an
-    outcome but no number.
+    outcome but no number. A referee that was not needed is left out.
     """
     evidences = []
     for method in dict.fromkeys((*methods, REFEREE)):
@@ -107,8 +107,8 @@ def evidence_by_method(
 ) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record (such as `bench/0`) by method and model.
 
-    With more than one method besides Laplace's, the last entry, `combined`, has for each model the evidence from all
-    of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
+    If more than one method besides Laplace's has results, the last entry, `combined`, has for each model the evidence
+    from all of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
     """
     methods = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
@@ -145,7 +145,11 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
 
 
 def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
-    """Return the damping against amplitude, averaged over models (`averaged/bench/0`).
+    """Return the damping against amplitude on the first repeat, averaged over models (`averaged/bench/0`).
+
+    The weights are the models' posterior probabilities; pruned models have weight 0. Models that were not sampled are
+    represented by weighted importance draws, the most probable first, until `ENOUGH_COVERED` of the probability is
+    included.
 
     Raises Refusal if a model has no evidence, if no model has draws, or if those with draws have less than
     `LEAST_COVERED` of the probability.
@@ -210,7 +214,7 @@ def average_curves(curves: Mapping[str, np.ndarray], weights: Mapping[str, float
     Parameters
     ----------
     curves
-        Values that represent a model's draws with equal weight, shape (k, m), by model.
+        Values that represent a model's draws with equal weight, shape (k, m), by model; k may differ between models.
     weights
         Weights of the models, which need not sum to one.
 

@@ -26,9 +26,9 @@ from bayesdamp.types import OK, Refusal, Seed
 def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
     """Return the starts of the search for the mode by their seeds, and the outcomes of estimators without values.
 
-    The starts are the values of every estimator at each of its stages, and values from the record's frequency and
-    decay. If the study has no estimator, least squares is used. With many candidates, the fit of all terms in the
-    answer is a start too. Raises Refusal if there is no start.
+    The starts are the finite values of every estimator at each of its stages, and values from the record's frequency
+    and decay. If no estimator has finite values, least squares is used. With many candidates, the fit of all terms in
+    the answer is a start too. Raises Refusal if there is no start.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
@@ -60,7 +60,10 @@ def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]]
 
 
 def compute_mode(candidate: StudyCandidate) -> Product:
-    """Return the highest mode with the checks of its fit. Raises Refusal if the search finds none."""
+    """Return the highest posterior mode that is found, with the checks of its fit.
+
+    Raises Refusal if the search finds none, or if the record has no noise.
+    """
     if not candidate.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
     seeds, refused = seeds_of(candidate)

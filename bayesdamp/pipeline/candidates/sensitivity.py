@@ -49,8 +49,10 @@ STORED_SAMPLES = 1000
 def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> dict[str, str]:
     """Return the sensitivity tasks of a candidate, and the key of the task that each starts from.
 
-    They exist only for the first repeat, and only if the study asks for evidence. With deviations from the laws there
-    is no task for other noise models. Records that are fitted jointly have no tasks that search for further modes.
+    They exist only for the first repeat, and only if the study asks for evidence. Fewer terms (`savage_dickey`) are
+    tested only in a sum of two or more, other noise models only if the study names several and the laws hold exactly.
+    If the study samples no single records but fits them jointly, the tasks that search for further modes (`half`,
+    `noises`) are left out.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Product:
     """Compute one of the sensitivity tasks, `kind` of `SENSITIVITIES`.
 
-    Raises Refusal if the task that it starts from has no draws.
+    Raises Refusal if the task that it starts from has stored no arrays.
     """
     source_name, compute = SENSITIVITIES[kind]
     source = candidate.store.read(source_name.format(candidate.path))
@@ -138,7 +140,8 @@ def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> P
 def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
     """Return Laplace's log evidence (nats) under each noise model of the study.
 
-    Each search for a mode starts at the mode under the chosen noise model.
+    Each search for a mode starts at the mode under the chosen noise model. If a search finds none, the log evidence is
+    −∞, with the reason as outcome.
     """
     del source, seed
     content = ModeContent.of(candidate.store.read(f"mode/{candidate.path}"))
