@@ -30,7 +30,7 @@ COMMANDS = {
         "bayesdamp look rig.csv",
     ),
     "init": (
-        "Write a commented study of files next to them; nothing is computed, and no file is overwritten.",
+        "Write a commented study file for records, next to them; nothing is computed or overwritten.",
         "bayesdamp init rig.csv",
     ),
     "study": (
@@ -38,7 +38,7 @@ COMMANDS = {
         "bayesdamp study quickstart",
     ),
     "compare": (
-        "Find which damping records have, how large it is, how well its law holds, and how certain that is.",
+        "Find the kind of damping in records, how large it is, how well its law holds, and how certain that is.",
         "bayesdamp compare rig.csv --quick",
     ),
     "calibrate": (
@@ -103,7 +103,7 @@ def command(name: str) -> Any:
 app = typer.Typer(
     name="bayesdamp",
     cls=Commands,
-    help="Find which damping a decaying oscillation has, how large it is, and how certain that is.",
+    help="Find the kind of damping in a decaying oscillation, how large it is, and how certain that is.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -151,7 +151,7 @@ def comparison_tables(
         "version": 1,
         "name": study,
         "seed": seed,
-        "description": f"Which damping has {', '.join(files)}?"[:200],
+        "description": f"Damping of {', '.join(files)}"[:200],
         "signal": list(signals.values()),
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or sums, "prune": PRUNE_NATS},

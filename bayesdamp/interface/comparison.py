@@ -235,7 +235,7 @@ def compare(
     sample: bool = True,
     seed: int = 0,
 ) -> Comparison:
-    """Find which damping a record has, how large it is, and how well the law holds.
+    """Find the kind of damping in a record, how large it is, and how well its law holds.
 
     For a record of 5,000 samples it takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with many
     cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled. Of

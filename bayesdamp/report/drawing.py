@@ -45,7 +45,7 @@ _MODELS = {
     frozenset({"viscous", "coulomb"}): ("#CC79A7", "-"),
     frozenset({"viscous", "quadratic"}): ("#56B4E9", "--"),
     frozenset({"coulomb", "quadratic"}): ("#E69F00", "-."),
-    frozenset({"viscous", "coulomb", "quadratic"}): ("#000000", "-"),
+    frozenset({"viscous", "coulomb", "quadratic"}): ("#332288", "--"),
 }
 """Colours and line styles of the seven sums of viscous, Coulomb and quadratic damping, by their sets of terms."""
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")

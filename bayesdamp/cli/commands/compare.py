@@ -116,7 +116,7 @@ def compare(
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
 ) -> int:
-    """Find which damping records have, how large it is, how well its law holds, and how certain that is."""
+    """Find the kind of damping in records, how large it is, how well its law holds, and how certain that is."""
     check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
     if out is not None:
         check_folder(out, "")

@@ -129,7 +129,7 @@ def init(
     runs: o.Runs = None,
     channel: o.Channels = None,
 ) -> int:
-    """Write a commented study of files next to them; nothing is computed, and no file is overwritten."""
+    """Write a commented study file for records, next to them; nothing is computed or overwritten."""
     check_names(files)
     file = files[0]
     if len({path.absolute().parent for path in files}) > 1:

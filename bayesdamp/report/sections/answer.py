@@ -121,7 +121,7 @@ class AnswerSection(Section):
 
     order = 5
     name = "answer"
-    title = "Which damping, and how large"
+    title = "Kind and size of the damping"
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the run is a study or a comparison; other kinds of runs have a verdict of their own."""

@@ -78,7 +78,7 @@ class EvidenceSection(SignalSection):
 
     order = 60
     name = "evidence"
-    title = "Which damping: the evidence"
+    title = "Evidence of the damping models"
     lead = (
         "The evidence of a model is the probability with which it predicts the record, averaged over the prior of its "
         "parameters. A log "
