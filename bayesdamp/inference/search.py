@@ -218,7 +218,7 @@ def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
 def _grow_windows(
     target: Target, starts: Sequence[_Start], tolerance: float, period: float | None
 ) -> Iterator[_Start]:
-    """Yield each start after fits to its first two cycles, then to the first four, eight and so on of the record.
+    """Yield each start after fits to the first two cycles of the record, then to the first four, eight and so on.
 
     The window is doubled while it is shorter than the record; the fit to the whole record is left to the caller. In a
     record of less than two cycles the start is not fitted. The parameters of the noise in each result are estimated

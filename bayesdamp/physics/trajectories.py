@@ -109,7 +109,7 @@ class Trajectories:
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
         central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
-        the trajectory escapes or there is no equilibrium.
+        the trajectory escapes, or if a damping term needs the equilibrium and there is none.
         """
         motion = self._solve(p, _epsilon(p), PARAMETERS)
         if motion is None:

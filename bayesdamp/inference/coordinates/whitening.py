@@ -382,7 +382,7 @@ class Shear:
 
 
 def shear_of(target: Target, mode: Mode) -> Shear | None:
-    """Return the shear that straightens the ridge of a posterior; None if the ridge is straight.
+    """Return the shear that straightens the ridge of a posterior; None if its bend is below `VISIBLE_BEND`.
 
     Wide scores are those of the motion's parameters (not reflected) with the largest posterior sds: first the largest,
     then the one with the largest conditional sd given the first. The ridge is the set of maxima of the posterior over

@@ -109,7 +109,10 @@ class Decay:
         return (top - bottom) * NEPER
 
     def amplitude(self, x: float) -> tuple[float, str]:
-        """Return the amplitude for x = ln(A/A_ref), and its unit, which is that of the record."""
+        """Return the recorded quantity at x = ln(A/A_ref), in the record's unit, and this unit.
+
+        For a record in dB the quantity is the level in dB, for a record of powers it is the power.
+        """
         value, unit = self.record.amplitude((x + self.reference) * NEPER)
         return float(value), unit
 

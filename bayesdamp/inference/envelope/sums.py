@@ -367,7 +367,8 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
 def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
     """Return a function that computes the log evidence (nats) of a sum at given parameters other than the coefficients.
 
-    The argument of the function is the tuple of the standard normal scores of these parameters.
+    The argument of the function is the tuple of the standard normal scores of these parameters. The fit in each call
+    starts at the rates from the call before.
     """
     rates: np.ndarray | None = None
 
@@ -543,7 +544,7 @@ class Ranking:
 
 
 def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
-    """Combine the evidence of all candidates into a ranking of the sums."""
+    """Add up the evidence of each sum's candidates, with the prior odds in `log_share`; return the ranking."""
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
         """Return the log of the summed evidence of each damping sum's candidates, (sums,); logs: of all candidates."""

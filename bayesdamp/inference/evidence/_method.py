@@ -90,7 +90,7 @@ class EvidenceMethod(ABC):
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return why nested sampling must decide (a method is unreliable, or two disagree), as text; "" if it need not."""
+    """Return why nested sampling must decide: a method is unreliable, or two disagree (`SE_APART`); "" if not."""
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"

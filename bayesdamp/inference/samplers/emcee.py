@@ -42,7 +42,8 @@ class Emcee(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws of two ensembles that start widely scattered about the mode (`seeded_starts`).
 
-        Long chains are thinned to between 40,000 and 80,000 draws; the summaries are those of all draws.
+        If `settings.grows`, long chains are thinned to between 40,000 and 80,000 draws; the summaries are those of all
+        draws.
         """
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)

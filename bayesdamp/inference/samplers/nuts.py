@@ -84,7 +84,11 @@ class WhitenedPosterior:
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
-        """Return the gradient of the log density by u, (d,), at u, (d,): exact, or for the linearised motion."""
+        """Return the gradient of the log density by u, (d,), at u, (d,): exact, or for the linearised motion.
+
+        The gradient for the linearised motion is corrected by the curvature that this motion lacks
+        (`Whitening.lacking`).
+        """
         at, shear = self.at, self.at.shear
         away = at.factor @ u
         if self.line is None:
@@ -269,7 +273,7 @@ def drift(
 
 
 def is_poor(posterior: Posterior) -> bool:
-    """Return whether draws have a low mean acceptance (`LEAST_ACCEPTANCE`) or many divergences (`MOST_DIVERGENT`)."""
+    """Return whether the mean acceptance is < `LEAST_ACCEPTANCE`, or the divergent fraction > `MOST_DIVERGENT`."""
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
 
