@@ -139,9 +139,9 @@ class Posterior(Result, types.Posterior):
         if the noise model cannot be simulated. Units and definitions are attributes of the variables. With very many
         samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
 
-        If laws may hold approximately, posterior and prior also contain the deviations at their knots, and their mean
-        sizes. The groups along the record then contain the data that were fitted; these are averages of neighbouring
-        samples if the sampling is denser than the fit needs.
+        If laws may hold approximately, posterior and prior also contain the deviations at the times at which they are
+        inferred (coordinate `knot`), and their mean sizes. The groups along the record then contain the data that were
+        fitted; these are averages of neighbouring samples if the sampling is denser than the fit needs.
         """
         self._require_draws()
         import xarray as xr

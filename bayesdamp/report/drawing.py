@@ -81,7 +81,10 @@ def colour(model: str) -> str:
 
 
 def dash(model: str) -> str:
-    """Return Matplotlib's line style for a model, which distinguishes models also without colours."""
+    """Return Matplotlib's line style for a model, which depends on its damping sum and not on its restoring law.
+
+    It is that of `_MODELS` (solid, dashed or dash-dotted), and dotted for any other sum, so several sums share a style.
+    """
     return _look(model)[1]
 
 
@@ -109,7 +112,10 @@ def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
-    """Return the number of columns, at most `most`, of a legend that fits a figure of this width in inches."""
+    """Return the number of columns of a legend: as many as fit a figure of this width in inches, from 1 to `most`.
+
+    There are no more columns than labels. One column is returned even if it is too wide.
+    """
     longest = max(map(len, labels), default=1)
     return max(1, min(len(labels), most, int(LETTERS_PER_INCH * width / (longest + MARK_LETTERS))))
 
@@ -127,8 +133,8 @@ def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tupl
     Returns
     -------
     tuple
-        The points of the line with a nan in y at each gap that is longer than `GAP_INTERVALS` median sampling
-        intervals.
+        t and y of the line. For each gap that is longer than `GAP_INTERVALS` median sampling intervals, a point with
+        y = nan is inserted at the gap's beginning.
     """
     gaps = np.diff(sampled)
     begins = sampled[:-1][gaps > GAP_INTERVALS * np.median(gaps)] if gaps.size else sampled[:0]
@@ -223,7 +229,8 @@ class Drawings:
     def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
         """Save a figure that is already a PNG, and return the HTML that shows it.
 
-        `embed`: whether the HTML contains the figure; otherwise it links to the file.
+        `name` is the name of the file, without its ending; without a folder no file is written. `embed`: whether the
+        HTML contains the figure; otherwise it links to the file. Without a folder it always contains the figure.
         """
         source = f"figures/{name}.png"
         if self.folder is not None:

@@ -91,7 +91,7 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
 
 
 def _section(run: RunFolder, name: str) -> tuple[str, tuple[str, ...]]:
-    """Return a section's HTML, and the names of the figures that it wrote."""
+    """Return a section's HTML, and the names of the figures that it drew."""
     before = len(run.drawings.names)
     body = SECTIONS.get(name).render(run)
     return str(body), tuple(run.drawings.names[before:])

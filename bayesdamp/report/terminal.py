@@ -50,7 +50,11 @@ class VerdictPrinter:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
-        """Print a record's first verdict in full. For a later one, print whether it confirms the first one."""
+        """Print a record's first verdict in full. For a later one, from sampling, print whether it confirms the first.
+
+        If it does, only its sentence follows, else the whole verdict. A later verdict is not printed if neither of the
+        two has a damping law, if the record is not a free decay, or if it is an envelope.
+        """
         unit = self._units.get(verdict.record)
         converted = in_unit(verdict, unit_named(unit)) if unit else verdict
         before = self.first.get(verdict.record)
@@ -99,7 +103,11 @@ def _print_sentence(verdict: Verdict, console: Console) -> None:
 
 
 def print_conclusion(folder: Path, console: Console) -> None:
-    """Print the end of a run: verdicts on specimens, a table of the records, warnings, and the report's path."""
+    """Print the end of a run: verdicts on specimens, a table of the records, warnings, and the report's path.
+
+    The table is left out if fewer than two records have an answer. Before the warnings, a line for each record without
+    a verdict gives the reason.
+    """
     run = RunFolder(folder)
     available = answers(run)
     for verdict in specimens(run):

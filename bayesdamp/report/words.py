@@ -28,14 +28,17 @@ _WORDS = {
 
 
 def symbol(parameter: str) -> Symbol:
-    """Return the symbol of a parameter and its meaning. A parameter without a symbol is written with its name."""
+    """Return the symbol of a parameter and its meaning.
+
+    A parameter without a symbol is written with the words of `_WORDS`, or else with its name.
+    """
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))
     return named or Symbol(text, text, meaning)
 
 
 def axis(parameter: str, units: str) -> str:
-    """Return a figure's axis label: the symbol and its unit."""
+    """Return a figure's axis label: the symbol of a parameter, and its unit `units` if this is not empty."""
     label, raised = symbol(parameter).math, unit(units)
     if not raised:
         return label
@@ -71,7 +74,10 @@ def method(name: str) -> str:
 
 
 def stage(name: str) -> str:
-    """Return the name of an estimator's stage in words: "own estimate" or "trajectory fit"."""
+    """Return the name of an estimator's stage in words.
+
+    "initial" becomes "own estimate", and "refined" becomes "trajectory fit"; other names are not changed.
+    """
     return {"initial": "own estimate", "refined": "trajectory fit"}.get(name, name)
 
 

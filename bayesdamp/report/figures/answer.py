@@ -143,7 +143,8 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     """Draw the equivalent damping ratio in per cent against amplitude.
 
     The curves are that of the answer with its 95 % band, that of each damping sum fitted to the record, and the 95 %
-    band of the ratio measured without assuming a damping law.
+    band of the ratio measured without assuming a damping law, as far as `arrays` contains them. Without a curve of the
+    answer ("ratio"), the ratio measured without a law is drawn as a line with its band.
     """
     law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")
@@ -177,6 +178,8 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
 
 def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     """Draw the damping ratios of several records against amplitude.
+
+    More than `MOST_COLOURED` records all have the same colour, and no legend.
 
     Parameters
     ----------

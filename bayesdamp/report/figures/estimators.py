@@ -22,7 +22,7 @@ MOST_IN_ROW = 4
 """Largest number of panels in a row; more would be too narrow for their labels."""
 HALF_AXIS = 3.0
 """Half the length of the axis of a coefficient in `estimate_panels`, as a multiple of half the posterior's 95 %
-interval; the interval then fills the middle third of the axis."""
+interval; the interval then fills the middle third of the axis. The axis is longer if the true value is outside."""
 HALF_AXIS_ALONE = 0.06
 """Half the length of the axis of a coefficient in `estimate_panels` if there is no posterior, as a fraction of the true
 value or of the median estimate."""
@@ -36,7 +36,7 @@ LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
 def traces(curves: Mapping[str, np.ndarray]) -> Figure:
     """Draw the progress of iterative methods, a panel for each curve.
 
-    An axis is logarithmic if all values are positive and span two decades.
+    A vertical axis is logarithmic if all finite values are positive and span more than two decades.
 
     Parameters
     ----------

@@ -39,15 +39,15 @@ def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.
     Parameters
     ----------
     draws
-        The draws, of any shape.
+        The draws, of any shape; those that are not finite are left out.
     reflected
-        Whether the quantity cannot be negative. The density is then zero below zero, and the part that the kernel puts
-        there is reflected.
+        Whether the quantity cannot be negative. The grid then has no negative points, and the part of the density that
+        the kernel puts below zero is reflected.
 
     Returns
     -------
     tuple
-        Grid and density, each (bins,).
+        Grid and density, each (`_BINS`,). The grid covers all draws except the outermost 0.05 % on either side.
     """
     flat = np.ravel(draws)
     flat = flat[np.isfinite(flat)]
@@ -72,7 +72,7 @@ def contours(
     Parameters
     ----------
     x, y
-        Draws of the two parameters, of the same shape.
+        Finite draws of the two parameters, of the same shape.
     reflected
         Whether x and y cannot be negative, as in `outline`.
 
@@ -135,7 +135,8 @@ def pairs(
 ) -> Figure:
     """Draw pairs of damping coefficients, with contours that enclose 50 % and 90 % of the posterior.
 
-    `names` lists the coefficients. For the other arguments see `marginals`.
+    The panels on the diagonal have the marginal density of each coefficient. `names` lists the coefficients. For the
+    other arguments see `marginals`.
     """
     count = len(names)
     figure = Figure(figsize=(2.5 * count + 0.4, 2.3 * count + 0.4))

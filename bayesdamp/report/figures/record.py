@@ -151,9 +151,9 @@ def draw_raw_record(
     axis
         Label of y.
     start, stop
-        Start and end of the part that is used, on the time axis of t.
+        Start and end of the part that is used, on the time axis of t; None if it is not to be marked.
     decays
-        All free decays in the record.
+        All free decays in the record; those that overlap the used part are not marked.
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
@@ -220,6 +220,9 @@ def draw_motions(
     t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str
 ) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
+
+    If the first oscillation has no damping ratio (nan), because it is excited, draw instead its amplitude in each
+    period: half the range of the samples.
 
     Parameters
     ----------

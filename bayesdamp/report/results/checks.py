@@ -100,11 +100,11 @@ class RecordChecks:
         The verdict on the record; None if there is none.
     model
         The study's model with the damping and the restoring law of the answer; without an answer, the study's most
-        probable model.
+        probable model. None if the study has no such model.
     coefficient_names
-        Names of the damping coefficients of `model`.
+        Names of the damping coefficients of `model`; [] without a model.
     answer_coefficients
-        The coefficients in the answer, by name.
+        The coefficients in the answer, by name; {} without an answer.
     exact_only
         Whether the answer allows deviations from the laws, while the chains, evidence and fits assume exact laws.
     """
@@ -123,7 +123,11 @@ class RecordChecks:
         self.exact_only = v is not None and v.deviation is not None and not run.under_law
 
     def all(self) -> list[Check]:
-        """Return all checks, the failed ones first. There are none for an envelope."""
+        """Return all checks, the failed ones first. There are none for an envelope.
+
+        If no damping law describes the record, nothing is checked, and one sentence says so (if there are chains or
+        evidence). Some sentences only add information, such as the true damping of a simulated record.
+        """
         v, evidence = self.verdict, rank_models(self.run, self.signal, self.repeat)
         if v is not None and v.quantity == "envelope":
             return []
@@ -209,7 +213,10 @@ class RecordChecks:
         return rows_of(table, signal=self.signal, repeat=self.repeat, model=self.model, **wanted)
 
     def _samplers(self) -> dict[str, list[Row]]:
-        """Return the rows of posteriors.csv for `model`, by sampler, without samplers that have no draws."""
+        """Return the rows of posteriors.csv for `model`, by sampler.
+
+        Rows without a finite mean, and those of the answer's own sampler (`ANSWER_SAMPLER`), are left out.
+        """
         by_sampler: dict[str, list[Row]] = {}
         for row in self._rows(self.run.posteriors):
             if math.isfinite(row["mean"]) and row["sampler"] != ANSWER_SAMPLER:
@@ -217,7 +224,7 @@ class RecordChecks:
         return by_sampler
 
     def _fits(self, parameter: str) -> list[float]:
-        """Return the values of a coefficient by the trajectory fits of `model`."""
+        """Return the finite values of a coefficient by the trajectory fits of `model` that succeeded."""
         rows = self._rows(self.run.estimates, stage="refined", parameter=parameter, outcome=OK)
         return [r["value"] for r in rows if math.isfinite(r["value"])]
 
@@ -320,7 +327,12 @@ class RecordChecks:
         return None
 
     def _coefficients(self) -> Iterator[Check]:
-        """Yield a failed check for each chain, trajectory fit and true value that contradicts a coefficient."""
+        """Yield a failed check for each contradiction to a coefficient of the answer.
+
+        A chain contradicts it if its median differs by at least `AGREEMENT_SDS` standard deviations; the trajectory
+        fits, counted in one check, and the true value if they are outside the 95 % interval. Chains and fits are not
+        compared if `exact_only`. Without an answer, only the true value is compared, with the first chain's interval.
+        """
         chains = self._samplers()
         limits = {name: (c.low, c.high) for name, c in self.answer_coefficients.items()}
         if self.verdict is None:
@@ -426,9 +438,10 @@ class RecordChecks:
             )
 
     def _residuals(self) -> Iterator[Check]:
-        """Yield checks of the residuals of `model`: whether it fits, and whether parts of the record agree.
+        """Yield a check whether `model` fits, by its residuals, and checks of what is wrong with the fit otherwise.
 
-        There are none for a study that allows deviations, because its fits assume exact laws.
+        These are: coefficients that change between parts of the record, and simulated records that look different from
+        this one. There are none for a study that allows deviations, because its fits assume exact laws.
         """
         for row in [] if self.run.under_law else self._rows(self.run.fits)[:1]:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")

@@ -57,7 +57,8 @@ class EstimatorComparison:
     signals
         Names of the simulated signals that are compared.
     errors
-        By (method, signal, stage): root mean square error over repeats, in per cent of the truth.
+        By (method, signal, stage): root mean square error over the damping coefficients and the repeats, in per cent of
+        the true values; without an entry if there is no estimate.
     outcomes
         By (method, signal, stage): the first outcome that is not `ok`, or `ok`.
     seconds
@@ -81,7 +82,7 @@ class EstimatorComparison:
         return _mean(self.errors.get((method, s, stage), math.nan) for s in self.signals)
 
     def mean_published(self, method: str) -> float:
-        """Return the mean of the published errors; nan if there are none."""
+        """Return the mean of a method's published errors over the signals that have one; nan if there are none."""
         return _mean(printed_error(self.published.get((method, s), "")) for s in self.signals)
 
 
@@ -92,7 +93,7 @@ def _mean(errors: Iterable[float]) -> float:
 
 
 def printed_error(printed: str) -> float:
-    """Convert a printed error to a number: "~0" to 0, an empty text to nan."""
+    """Return the first number in a printed error, such as 0 for "~0"; nan if there is none."""
     match = re.search(r"\d+(\.\d+)?", printed)
     return float(match[0]) if match else math.nan
 
@@ -120,7 +121,11 @@ def true_models(run: RunFolder) -> dict[str, str]:
 
 
 def compare_estimators(run: RunFolder) -> EstimatorComparison:
-    """Return the errors of the estimators on the signals with published errors, or else on all simulated signals."""
+    """Return the errors of the estimators on the simulated signals that have published errors.
+
+    If the study contains no published errors, all simulated signals are compared. Only estimates under the model with
+    which a signal was simulated are used.
+    """
     printed = run.study.get("published") or []
     truths, with_figures = true_models(run), {p["signal"] for p in printed}
     signals = [s for s in run.signals if s in truths and (s in with_figures or not with_figures)]
@@ -251,7 +256,8 @@ class ErrorSeries:
     values
         Values of the factor, ascending.
     errors
-        By (method, stage): the root mean square error over repeats at each value, in per cent of the true coefficient.
+        By (method, stage): the root mean square error over repeats at each value, in per cent of the true coefficient;
+        nan at a value without estimates.
     answers
         By (method, stage): at each value, the number of repeats with an estimate and the number of all repeats.
     bounds
@@ -274,7 +280,8 @@ class ErrorSeries:
 def error_series(run: RunFolder) -> list[ErrorSeries]:
     """Return all series of signals in the run that differ in one factor only and have at least three values of it.
 
-    The other factors have their most common values among the signals of the same damping.
+    The factors are those of `FACTORS`, rounded to two digits. The other factors have their most common values among the
+    signals of the same damping.
     """
     # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}
@@ -342,10 +349,10 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
 
 
 def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
-    """Return the 95 % interval of the root mean square of errors by repeat; nan for fewer than three repeats.
+    """Return the 95 % interval of the root mean square of errors by repeat.
 
     It is the jackknife interval of the log of the mean square, with Student's t (Tukey 1958). This is approximate; the
-    errors need a finite fourth moment.
+    errors need a finite fourth moment. (nan, nan) for fewer than three repeats, or if all errors are 0.
     """
     squares = np.array([e * e for e in errors.values()])
     if squares.size < LEAST_VALUES or not squares.any():
@@ -358,7 +365,8 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
     """Return whether a method's errors are significantly smaller than another's, on the repeats with both estimates.
 
     The test is a jackknife of the log ratio of the two mean squares, with a false-alarm rate of 2.5 %. Both methods
-    used the same records, so the common part of their errors cancels.
+    used the same records, so the common part of their errors cancels. False for fewer than three such repeats; errors
+    that are all 0 are better than any others.
     """
     common = sorted(set(own) & set(other))
     if len(common) < LEAST_VALUES:
@@ -375,8 +383,8 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
 def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
     """Return the best and the worst rank of each method that the repeats allow, at one value of the factor.
 
-    Rank 1 is the smallest error. The best rank counts the methods that are significantly better, the worst rank those
-    that are significantly worse.
+    Best rank: 1 + the number of methods that are significantly better. Worst rank: the number of methods minus that of
+    those that are significantly worse. Methods without an estimate at this value are left out.
 
     Parameters
     ----------

@@ -276,10 +276,10 @@ def damping_of(row: Row) -> str:
 
 
 def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
-    """Rank the models by the evidence method with values for most of them; None if no evidence was computed.
+    """Rank the models by the evidence method that has finite probabilities for the largest number of models.
 
-    If several methods have values for equally many models, use the first of: combined evidence, nested sampling, bridge
-    sampling, importance sampling, Laplace.
+    None if no method has any. If several methods have them for equally many models, use the first of: combined
+    evidence, nested sampling, bridge sampling, importance sampling, Laplace, any other.
     """
     by_method: dict[str, list[Row]] = {}
     for row in rows_of(run.evidence, signal=signal, repeat=repeat):
@@ -366,7 +366,7 @@ def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, floa
 
 
 def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent | None:
-    """Return the stored posterior mode of a model; None if there is none."""
+    """Return the stored posterior mode of a model; None if there is none, or if its task did not end with `ok`."""
     task_result = run.task_result("mode", signal, repeat, model)
     return ModeContent.maybe(task_result) if task_result is not None and task_result.outcome == OK else None
 
@@ -390,9 +390,10 @@ def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[Row]:
-    """Return the rows of posteriors.csv by the sampler to quote.
+    """Return the rows of posteriors.csv with a finite mean, by the sampler to quote.
 
-    It is a sampler whose outcome is `ok`, NUTS if possible; if there is none, the first sampler.
+    It is a sampler whose outcomes are all `ok`, or without such a sampler any other; among several, NUTS, or else the
+    first one.
     """
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
@@ -433,7 +434,7 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
     """Return the stored answer on a record from linear approximations, before sampling.
 
-    Return None if it is missing or contains no damping law.
+    Return None if it is missing, or if no damping law describes the record (`law_free` in its verdict).
     """
     task_result = run.task_result("answer", signal, run.repeats(signal)[0])
     content = AnswerContent.of(task_result) if task_result is not None and task_result.outcome == OK else None
@@ -510,7 +511,8 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
     """Return the geometric mean of the ends of the range of amplitudes that all damping curves have in common.
 
-    It is in the unit of the records. None if there is no such range, or if the records have different units.
+    It is in the unit of the records. None if there is no such range, if no record has a curve, or if the records have
+    different units.
     """
     curves = [curve for answer in records if (curve := curve_of(answer)) is not None]
     units = {a.verdict.damping_ratio[0].unit for a in records if a.verdict.damping_ratio}
@@ -521,9 +523,10 @@ def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
 
 
 def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | None:
-    """Interpolate a record's damping curve at an amplitude; None if the record has no damping ratio.
+    """Return a record's damping ratio at an amplitude; None if the record has none.
 
-    Without an amplitude or a curve, return the ratio in the middle of the record.
+    Its damping curve is interpolated linearly in the logarithm of the amplitude; beyond its ends, it has the value of
+    the nearer end. Without an amplitude or a curve, return the ratio at the middle one of the verdict's amplitudes.
     """
     ratios = answer.verdict.damping_ratio
     if not ratios:
@@ -541,7 +544,8 @@ def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | No
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
     """Return a table with a row for each record.
 
-    The damping ratios are at a common amplitude if there is one that all records contain.
+    The damping ratios are at the `common_amplitude` of the records if there is one, else in the middle of each record.
+    An envelope has Q or its decay rate instead.
 
     Parameters
     ----------

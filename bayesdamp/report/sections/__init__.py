@@ -126,7 +126,7 @@ class SignalSection(Section):
         return has_content or bool(self.nothing and run.signals and not only_answered(run))
 
     def render(self, run: RunFolder) -> Markup:
-        """Return the introduction and the content on each signal."""
+        """Return the introduction and the content on each signal; without content, the sentence `nothing`."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
         if not signals and self.nothing:
             return paragraph(self.nothing)
@@ -162,7 +162,10 @@ def is_drawn(run: RunFolder, place: int) -> bool:
 def by_signal(
     run: RunFolder, part: Callable[[RunFolder, str], Markup], signals: Sequence[str], anchor: str = ""
 ) -> Markup:
-    """Return the content of each signal under its name. From the fifth signal on, the content is folded.
+    """Return the content of each signal, under its name if there are several.
+
+    From the fifth signal on, the content is folded. If the run has more than four signals, a note says that only the
+    best model of each is drawn.
 
     Parameters
     ----------

@@ -106,7 +106,8 @@ MOST_EMBEDDED = 24
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum that is listed."""
 FEWEST_RECORDS = 3
-"""Smallest number of records for which the report has an overview."""
+"""Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
+always has one."""
 TABLE_CAPTION = (
     "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
     "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
@@ -217,8 +218,9 @@ def _why_none(run: RunFolder, signal: str) -> str:
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
     """Return the numbers in large type, with their names.
 
-    They are the frequency, and the damping ratio and Q in the middle of the record; for an envelope the frequency, and
-    Q or the decay rate.
+    They are the natural frequency; the frequency at an amplitude, if there is no natural frequency or it is
+    extrapolated; and the damping ratio and Q at the middle one of the verdict's amplitudes. For an envelope: the
+    frequency, and Q or else the decay rate. Those that the verdict lacks are left out.
     """
     numbers: list[tuple[str, str]] = []
     if v.quantity == "envelope":

@@ -99,7 +99,11 @@ class EstimatesSection(SignalSection):
         return any(r["signal"] == signal for r in run.estimates)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a figure and a table for each model, and further results of the methods under the best model."""
+        """Return a figure and a table for each model with estimates.
+
+        Further results of the methods are shown under the model with which the signal was simulated, or else the most
+        probable one.
+        """
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         best = true_models(run).get(signal) or ranked[0]
@@ -147,7 +151,7 @@ class EstimatesSection(SignalSection):
 def _figure(run: RunFolder, signal: str, model: str) -> list[object]:
     """Return the figure of the estimates against the posterior, and a sentence on how many are in its interval.
 
-    The list is empty if there is nothing to compare an estimate with.
+    The list is empty if no coefficient has estimates by two methods, or an estimate and a posterior.
     """
     estimates = [
         e for e in estimates_of(run, signal, model) if len(e.methods) > 1 or (e.methods and e.posterior)
@@ -402,7 +406,10 @@ class ComparisonSection(Section):
 
 
 def _errors(run: RunFolder, comparison: EstimatorComparison) -> Table:
-    """Return a table of errors by method and signal, with published errors and the posteriors' intervals."""
+    """Return a table of errors by method and signal.
+
+    If the study contains published errors, the table also has these, and the intervals of the posteriors.
+    """
     published = bool(comparison.published)
     headers = ["own", "fit", *["published"] * published]
     groups = [(name, len(headers)) for name in (*comparison.signals, "mean")]

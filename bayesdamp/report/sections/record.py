@@ -216,7 +216,7 @@ class FitQualitySection(SignalSection):
         return fitted and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return checks of each fit, and fits to parts of the record."""
+        """Return checks of each fit, fits to parts of the record, and the evidence for additional forms of damping."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []

@@ -145,14 +145,14 @@ def _signals(run: RunFolder) -> Table | str:
 
 
 class ProvenanceSection(Section):
-    """The section with versions, revision, machine, inputs, failed tasks, and the time of each kind of task."""
+    """The section with versions, revision, machine, inputs, failed tasks, times, and numerical errors of the solver."""
 
     order = 90
     name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of the inputs, the software, the machine, the failed tasks and the times."""
+        """Return tables of the inputs, software, machine, failed tasks, times, and numerical errors of the solver."""
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),
