@@ -293,9 +293,9 @@ class Mode:
 
 
 def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
-    """Find the mode near z, with a motion so accurate that the log likelihood changes by less than `MOST_CHANGE`.
+    """Find the mode near z, with motions whose errors change the log likelihood by less than `MOST_CHANGE`.
 
-    After six attempts the last result is returned, whatever its error.
+    After six attempts with smaller and smaller tolerances the last result is returned, whatever its error.
 
     Parameters
     ----------

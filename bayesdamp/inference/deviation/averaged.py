@@ -279,7 +279,7 @@ def _long_pieces(t: np.ndarray) -> np.ndarray:
 def _demodulated(
     t: np.ndarray, y: np.ndarray, features: Features
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
-    """Demodulate a record in short windows, and count the cycles across holes.
+    """Demodulate a record in short windows (`WINDOW`), and count the cycles across holes (gaps that contain no window).
 
     Return times in s, unwrapped phases in rad and amplitudes of the w windows, (w,) each, and `_Curves.steps`. Where
     the cycles in a hole cannot be counted, the phases continue smoothly and the unknown change is in the steps instead.
@@ -325,7 +325,7 @@ class _BlockFit:
     curves: these curves. z: complex amplitudes, (b,): |z| is the amplitude in the record's unit, and the argument is
     the phase minus that of the curve, in rad. midline: midlines of the blocks, (b,). sd: standard errors of the
     amplitudes, (b,). left: residual of all samples, (n,). bent: `_scatter` of the amplitudes or of the phases about the
-    curves, whichever is larger.
+    curves, whichever is larger; that of the amplitudes alone if the curve follows a wandering phase.
     """
 
     curves: _Curves
@@ -407,7 +407,7 @@ def _fit_blocks(
 def _blocks(
     t: np.ndarray, phases: np.ndarray, block: float
 ) -> tuple[list[tuple[int, int]], tuple[float, float]]:
-    """Divide a record into blocks of about the same change of the phase, which do not extend over holes.
+    """Divide a record into blocks of about the same change of the phase, which do not extend over holes (`HOLE`).
 
     Return the indices of each block's first sample and of the sample after its last, and the least and the greatest
     time in s that the middle of a block may have. t: times in s, (n,). phases: the phase at these times in rad, (n,).

@@ -227,7 +227,8 @@ def search_near(
     """Fit a candidate, starting near the motion of another candidate; None if this fails.
 
     About that motion, the record is a linear function of the coefficients, the restoring law and the initial state.
-    Least squares of this function give the values at which the fit starts, and which of `starts` is the best.
+    Least squares of this function give the values at which the fit starts. It starts from the one of `starts` for which
+    the sum of squares of this linear function is smallest.
 
     Parameters
     ----------
@@ -267,7 +268,10 @@ def search_near(
 
 
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
-    """Fit a candidate again, starting near its fit `at` to other data or with another solver; None if this fails."""
+    """Fit a candidate to `data` with `solver`, starting near an earlier fit `at`; None if this fails.
+
+    The earlier fit may be to other data or with another solver.
+    """
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 

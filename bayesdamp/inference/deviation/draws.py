@@ -576,10 +576,11 @@ def midline_drift(result: CandidateResult) -> float:
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of the part of the exact laws' residual that is not noise, and the sd of the noise of a sample.
+    """Return the rms of the part of the residual under exact laws that is not noise, and the sd of a sample's noise.
 
     Both are fractions of the first amplitude. The noise is the residual that remains with deviations g and h; without a
-    linearisation with deviations, all of the residual counts as noise.
+    linearisation with deviations, all of the residual counts as noise. Of an averaged record only the residuals of the
+    amplitudes are used for the first number.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left

@@ -49,7 +49,7 @@ the summed absolute works for positions on either side of the equilibrium."""
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
     """Return the compared sum that a rival becomes in a limit of its own parameters; empty if it has no such limit.
 
-    damping: names of the rival's terms.
+    For example, Stribeck friction becomes Coulomb friction. damping: names of the rival's terms.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()

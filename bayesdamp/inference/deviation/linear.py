@@ -385,7 +385,7 @@ class LinearPosterior:
     def crank_nicolson_step(
         self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u, (n, K), after one Crank–Nicolson step within their components, which leaves these unchanged.
+        """Return draws u, (n, K), after one Crank–Nicolson step, which leaves each component's distribution unchanged.
 
         With step s, a draw is moved to mean + √(1 − s²) (u − mean) + s times a random vector with the component's
         covariance; s = 1 gives an independent draw. places: index of each draw's component, (n,). The step ignores the
@@ -582,8 +582,9 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute the posterior and the evidence of a linear model under white noise.
 
-    Each score has the prior N(0, 1); shared scores have N(0, σ²) instead, with a common scale σ, which is summed over
-    the values `SHARED_SIGMAS`. Positive scores have half-normal priors, cut off below zero.
+    Each score has the prior N(0, 1); scores marked in `model.shared` have N(0, σ²) instead, with a common scale σ,
+    which is summed over the values `SHARED_SIGMAS`. Scores marked in `model.positive` have half-normal priors, cut off
+    below zero.
 
     Parameters
     ----------

@@ -373,7 +373,7 @@ def compare_candidates(
     priors : mapping of str to Prior, optional
         Priors by parameter; the others have default priors.
     reference : Reference, optional
-        Amplitude and frequency with which default priors scale; by default the record's own.
+        Amplitude and frequency with which default priors scale; by default the record's own, to two digits.
     approximate : bool
         Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
@@ -601,11 +601,10 @@ class _CandidateFits:
         return self.fits.get(c)
 
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
-        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, at guesses.
+        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, or `near` is None, at guesses.
 
-        From guesses, the first cycles are fitted first, and then longer and longer parts of the record.
-
-        The fit is stored in `fits`, or the reason of its failure in `refused`.
+        From guesses, the first cycles are fitted first, and then longer and longer parts of the record. The fit is
+        stored in `fits`, or the reason of its failure in `refused`.
         """
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
@@ -696,7 +695,7 @@ class _CandidateFits:
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, np.ndarray] | None:
-            """Fit with one width ε; return ε, the log likelihood in nats, and the values of the terms' parameters.
+            """Fit with one width ε; return ε, the log likelihood in nats up to a constant, and the terms' parameters.
 
             share: ε as a fraction of the peak velocity. None if the fit fails.
             """

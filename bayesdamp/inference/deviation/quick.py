@@ -79,7 +79,8 @@ def compare_signal(
     Raises
     ------
     Refusal
-        Where the record does not oscillate, or no motion stays in phase with it.
+        Where the record does not oscillate, no motion stays in phase with it, no candidate can be compiled, or none of
+        the noise models applies.
     """
     laws = list(restoring) or [n for n in LAWS.names() if signal.unit == "rad" or LAWS.get(n).translates]
     sums = list(damping) or all_sums()

@@ -76,7 +76,7 @@ class DeviatingTrajectories(Trajectories):
     motions : DrawSolver
         Solver of the motions, with its tolerance and correction.
     deviations : tuple of ndarray, shape (n,)
-        Relative deviations of damping and frequency at the knots.
+        Relative deviations of damping (exp g − 1) and frequency (h) at the knots.
     given : mapping of str to float
         Values of the parameters of the motion that are not inferred.
     """
@@ -488,7 +488,7 @@ def first_half(single: Single) -> Single:
 
     Knots and noise are those of the whole record, so that the evidence of the whole record is that of this half times
     the predictive density of the second half. Raises Refusal if the record is reduced to amplitudes and phases, or if
-    half its values are not more than the unknowns (parameters and deviations).
+    half of it has no more values than there are unknowns (parameters and deviations).
     """
     data, knots = single.comparison.data, single.result.solver.knots
     if data.averaged is not None:
@@ -553,7 +553,7 @@ def _rebuild(
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
     """Draw from the posterior with exact motions: each chain is an independent run of sequential Monte Carlo.
 
-    The first chain is the same as in `compare` with as many draws.
+    The first chain has the draws of `sampling.sampled_result` with this seed, in another order.
 
     Parameters
     ----------

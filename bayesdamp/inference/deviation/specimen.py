@@ -118,7 +118,8 @@ class OtherForm:
     damping : str
         Name of the rival's damping sum.
     restoring : str
-        The one restoring law under which it was evaluated: the most probable law of this record.
+        The one restoring law under which it was evaluated: that of the candidate with the largest evidence on this
+        record.
     log_evidence : float
         Its log evidence minus that of the best compared sum, in nats.
     place : str
@@ -238,10 +239,10 @@ class SpecimenComparison:
         return sums
 
     def under(self, model: Model) -> list[RunComparison]:
-        """Return a comparison for each record in which `model` is the only candidate, with log evidence 0.
+        """Return a comparison for each record in which `model`, a key of `runs`, is the only candidate.
 
-        Its likelihoods are for coefficients at the specimen's reference. With these, several specimens can be compared
-        under one model.
+        Its log evidence is 0; its likelihoods are for coefficients at the specimen's reference. With these, several
+        specimens can be compared under one model.
         """
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)

@@ -201,7 +201,7 @@ class Likelihood:
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
     def line(self, z: np.ndarray) -> Line:
-        """Return the motion linearised about its parameters at scores z, (d,)."""
+        """Return the motion as a linear function of its parameters, about their values at scores z, (d,)."""
         p = self.target.all_values(z)
         motion, slopes = self._solved(p)
         return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
