@@ -45,9 +45,9 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step.
 
-    x: start point, (d,). move: end point minus x, (d,), after `retract` and the bounds. at: expansion at the start
-    point. gain: increase of the function; −inf if its value or its information is not finite at the end point.
-    expected: gradient times the step before `retract` and the bounds. damping: λ of the step.
+    x: start point, (d,). move: end point minus x, (d,), after the `Retract` function and the bounds are applied. at:
+    expansion at the start point. gain: increase of the function; −inf if its value or its information is not finite at
+    the end point. expected: gradient times the step before these are applied. damping: λ of the step.
     """
 
     x: np.ndarray

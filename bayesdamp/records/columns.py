@@ -314,8 +314,9 @@ def choose_columns(
 def _make_block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
     """Return the columns of a run and group, with their times or sampling rate if the file has these.
 
-    timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives. Raises InputError if a
-    column that is named like times has another length than the values.
+    timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives; it replaces all times.
+    Without any clock, a column that is named like times is used even if it does not increase; InputError is raised if
+    there is only one other column and it has another length.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
@@ -577,9 +578,9 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates without those that equal another one up to a factor and an offset.
+    """Return the candidates without those that equal another one up to a factor and an offset (see `SAME_SIGNAL`).
 
-    Of two equal ones with the same unit the larger one is kept, else the first one.
+    Of two equal ones with the same unit the one with the larger oscillation is kept, else the first one.
     """
     independent: list[_Candidate] = []
     for candidate in candidates:

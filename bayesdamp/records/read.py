@@ -92,7 +92,7 @@ def read_records(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> list[RawRecord]:
-    """Return all records of a file: one for each run and channel.
+    """Return the records of a file: one for each selected run, and each channel that is given or chosen automatically.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class RawRecord:
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:
-        """Return the period (in samples) and size (in the unit of y) of the oscillation, and whether it decays."""
+        """Return the `OscillationMeasure` of y: period in samples, size in the unit of y, and whether it decays etc."""
         return measure_oscillation(self.y)
 
 

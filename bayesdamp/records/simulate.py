@@ -54,7 +54,7 @@ def simulate_signal(
         Degrees of freedom of Student's t; 1 by default.
     outliers
         Number of spikes or, if it is below 1, the fraction of samples that are spikes. The size of a spike is 0.3 to 1
-        times half of the record's range, up or down.
+        times half of the range of the motion, up or down.
     gaps
         Number of missing stretches, each 1/50 of the record; none is at the ends.
     quantum

@@ -286,7 +286,9 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
 
 
 def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
-    """Return the number of samples that differ from local harmonic fits by more than OUTLIER_SIGMAS sds.
+    """Return the number of samples that differ from local harmonic fits by more than OUTLIER_SIGMAS sds of the noise.
+
+    The noise is that of the fit's window (about a period) or the median over windows, whichever is larger.
 
     Parameters
     ----------
@@ -342,8 +344,8 @@ def decimate(raw: RawRecord) -> RawRecord:
     """Reduce the samples of a record with more than `MOST_SAMPLES` to as many as its oscillation needs.
 
     Values are low-pass filtered first; a note describes the filter. The first and last samples, for which the filter
-    lacks neighbours, are left out. A shorter record, one that is not uniformly sampled, and one whose oscillation needs
-    all samples are returned unchanged.
+    lacks neighbours, are left out. The result has times instead of a rate, and no rows. A shorter record, one that is
+    not uniformly sampled, and one whose oscillation needs all samples are returned unchanged.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing

@@ -65,7 +65,9 @@ period, by this fraction of the range of a swing."""
 
 
 def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
-    """Find the stretches of swings that may be a free decay.
+    """Find the stretches of swings (half cycles) that may be a free decay.
+
+    The swings of a stretch are in phase and above the noise, and neither their range nor its decay rate jumps.
 
     Parameters
     ----------
@@ -294,7 +296,7 @@ class Swings:
         self.midlines = (values[:-2] + 2 * values[1:-1] + values[2:]) / 4
 
     def reason_not_continuing(self, i: int) -> Reason | None:
-        """Return the property in which swing i does not fit to the later swings.
+        """Return the first property of "period", "midline" and "shape" in which swing i does not fit to later swings.
 
         Return None if it fits. A property is not tested if there are too few later swings for it.
         """
@@ -429,9 +431,9 @@ class Series:
         return float(self.grid[1] - self.grid[0])
 
     def moves(self, begin: float, end: float, swing: float) -> bool:
-        """Return whether the values between begin and end (s) change by more than noise and rounding can explain.
+        """Return whether the range of the values between begin and end (s) shows that the body moves.
 
-        The change must also be more than STILL_FRACTION of the range `swing` of a half cycle.
+        It must exceed STILL_FRACTION × `swing` + 2 `step` + NOISE_ERRORS × `noise`. swing: range of a half cycle.
         """
         part = self.values[(self.grid >= begin) & (self.grid <= end)]
         return (

@@ -89,7 +89,7 @@ class DecayWindow:
     notes
         Sentences on why it was chosen.
     decays
-        All free decays in the record.
+        All free decays in the record, with the used one; empty if the record is not a free decay.
     """
 
     first: int
@@ -118,7 +118,10 @@ class _Decays:
         return self.turns.cut(*self.best)
 
     def is_relevant(self, stretch: tuple[int, int]) -> bool:
-        """Return whether a stretch has enough information to be another free decay, and not a hum in the noise."""
+        """Return whether a stretch has at least `OTHER_INFORMATION` times the `information` of the best one.
+
+        One with less may be a hum in the noise instead of another free decay.
+        """
         return information(self.turns, stretch) >= OTHER_INFORMATION * information(self.turns, self.best)
 
 
@@ -304,7 +307,7 @@ def _largest_rise(decays: _Decays) -> float:
 
     It measures narrow-band noise, which a filter leaves and which raises some swings, in the unit of the values. Only
     swings in phase with the stretch and before the next release are used. If the rise is more than `MAX_NOISE_RISE`
-    allows, as in beats, the result is 0.
+    allows, as in beats, or if there are few swings, the result is 0.
     """
     turns, (first, end) = decays.turns, decays.best
     after = [a for a, b in decays.stretches if a >= end - 1 and decays.is_relevant((a, b))]
@@ -393,10 +396,12 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
 def _find_start(
     series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
 ) -> int:
-    """Return the index of the first sample of the free decay: start of record, release, or clean turning point.
+    """Return the index of the first sample of the free decay.
 
-    why: property in which the swing before does not fit to the later ones. before: time (s) of the turning point at
-    which that swing begins, if any. A note on the choice is appended to `notes`.
+    It is that of the record, the release, a point within the swing before the first of `swings` from which on it agrees
+    with them, or their first turning point (the second one if a hand may have moved the first). why: property in which
+    the swing before does not fit to the later ones. before: time (s) of the turning point at which that swing begins,
+    if any. Unless the decay begins with the record, a note on the choice is appended to `notes`.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])

@@ -41,7 +41,7 @@ class EnvelopeRecord:
     t
         Times in s, shape (n,), increasing.
     level
-        20 log10 of the amplitude (10 log10 of the power) in dB of `unit`, shape (n,).
+        20 log10 of the amplitude (10 log10 of the power) in dB of `unit`, shape (n,); as recorded for a unit in dB.
     unit
         Unit of the recorded values.
     frequency
@@ -156,7 +156,7 @@ def make_record(
 
 
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
-    """Return whether a file is an envelope: its unit is one of DECIBELS.
+    """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS.
 
     The unit is the given one; else that in the name `value`; else that in the last line with letters at the start of
     the file. A file that cannot be opened is not an envelope.

@@ -286,7 +286,11 @@ def power_law_holds(levels: Levels, at: int) -> bool:
 
 
 def fit_power_law(levels: Levels, begin: int) -> DecayFit:
-    """Return the fit of dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on."""
+    """Return the fit of dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on.
+
+    It is a robust least-squares fit to the logs of mean powers in up to `FITTED_BLOCKS` blocks. If the decay reaches
+    the floor, readings after twice the time that this takes are left out.
+    """
     t, y = levels.t, levels.y
     start, stop = int(levels.edges[begin]), y.size
     scale = float(y[start:].max())
@@ -494,7 +498,8 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
     """Return the block at which the decay begins, and whether other readings precede it.
 
     Short straight lines are fitted to the levels. Going back from the straight part (blocks `first` to `last`), the
-    first line that fits worse or has another rate contains readings that are not part of the decay.
+    first line that fits worse or has another rate contains readings that are not part of the decay. If the straight
+    part is too short for such lines, the decay begins with it.
     """
     t, y = levels.tb, levels.yb
     span = last - first + 1

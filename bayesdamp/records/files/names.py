@@ -110,7 +110,10 @@ def _normalise_time_unit(text: str) -> str:
 
 
 def _unit_candidates(name: str) -> list[str]:
-    """Return the parts of a column's name that may be a unit: in brackets, or after "/", " in ", "_" or a blank."""
+    """Return the parts of a column's name that may be a unit: all in brackets, else the end after "/", " in " or "_".
+
+    Without these, a known unit may also follow a blank or be the whole name.
+    """
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
         return ["".join(groups).strip() for groups in inside]
@@ -433,13 +436,13 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
     Parameters
     ----------
     facts
-        Facts by name, such as `Sample interval (ms)`.
+        Facts by name, such as `Sample rate` (in Hz, if it has no unit) or `Sample interval (ms)` (else in s).
 
     Returns
     -------
     tuple or None
-        The rate in Hz and the name of the fact; None if no fact states a rate, if several facts differ, or if the comma
-        in the number is ambiguous.
+        The rate in Hz and the name of the fact; None if no fact states a rate or interval, or if several state
+        different ones. A fact with an unknown unit, or a number whose comma is ambiguous, does not count.
     """
     rates: dict[float, str] = {}
     for name, value in facts.items():

@@ -47,7 +47,7 @@ class Walk:
             Path of the item; "" for the whole file.
         item
             A mapping, list, array, number or text. Other items, empty arrays, matrices of which both dimensions exceed
-        WIDEST_MATRIX, and arrays of more dimensions are ignored.
+            WIDEST_MATRIX, and arrays of more dimensions are ignored.
         run
             Run to which the item belongs; "" for none.
         depth

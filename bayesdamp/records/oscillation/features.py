@@ -110,7 +110,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
 
 
 def holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Return the gaps in the samples that are much longer than the usual sampling interval.
+    """Return the gaps in the samples: longer than `GAP_PERIODS` periods and `GAP_INTERVALS` median sampling intervals.
 
     Parameters
     ----------
@@ -130,7 +130,10 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> TurningPoints:
-    """Return the turning points that are not in or near a gap, where interpolation would create false ones."""
+    """Return the turning points that are not in a gap (see `holes`) or within `GAP_MARGIN` periods of one.
+
+    Interpolation would create false ones there. period: in s.
+    """
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
         good &= (turns.times < a - GAP_MARGIN * period) | (turns.times > b + GAP_MARGIN * period)

@@ -470,8 +470,7 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
     The phases are a constant plus the time integrals of the powers of the squared amplitude. Polynomials with one, two
     and three coefficients (fewer in short records) are fitted, and weighted in the result by the Bayesian information
-    criterion. amplitude:
-    amplitude of the displacement in the windows, (k,).
+    criterion. amplitude: amplitude of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
@@ -643,7 +642,10 @@ class FirstWords:
         return replace(self, damping=(top, middle, least), unit=own.name)
 
     def sentence(self) -> str:
-        """Return frequency and damping as a sentence; the number after ± is half the width of the 95 % interval."""
+        """Return a sentence on frequency, cycles, damping ratios with their amplitudes, Q, and their change.
+
+        The number after ± is half the width of the 95 % interval.
+        """
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
         near = half < self.frequency

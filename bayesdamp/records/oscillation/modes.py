@@ -117,7 +117,7 @@ class Modes:
 
 
 def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
-    """Fit a constant and one damped sinusoid to a record, then two, and so on, until no search converges.
+    """Fit a constant and one damped sinusoid to a record, then two, and so on, until all searches for a mode fail.
 
     Amplitudes and phases are linear and are eliminated (variable projection); frequencies and decay rates are searched,
     starting from lines of the spectrum.

@@ -47,7 +47,10 @@ class _Fits:
         return self.values - (self.columns @ (self.inverse @ self.values[:, :, None]))[:, :, 0]
 
     def weighted_residuals(self, which: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the residuals (v, n) of fits with weights (v, n) in the windows with indices `which`, (v,)."""
+        """Return the residuals r (v, n) of fits with weights w (v, n), which minimise Σ (w r)².
+
+        which: indices of the windows that are fitted, (v,).
+        """
         columns = self.columns if self.is_uniform else self.columns[which]
         values = self.values[which]
         inverse = _inverse(columns * weights[:, :, None])

@@ -40,9 +40,10 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the number of samples in a cycle of the strongest spectral line; NaN if no line has most of the power.
+    """Return the number of samples in a cycle of the strongest spectral line with at least two cycles.
 
-    With fewer than 4 a cycle, a record is too coarse to follow its oscillation.
+    It is NaN if the line has less than half of the power. With fewer than 4 a cycle, a record is too coarse to follow
+    its oscillation.
 
     Parameters
     ----------

@@ -33,8 +33,9 @@ class ExcelReader:
         return path.suffix.lower() in self.extensions if names is None else "xl/workbook.xml" in names
 
     def read(self, path: Path) -> Contents:
-        """Return the columns of the tables in all sheets; if there are several, names begin with that of the sheet.
+        """Return the columns of the tables in all sheets.
 
+        If several sheets have tables, names begin with that of the sheet (or of one of several tables side by side).
         Raises InputError for a workbook with a password, for an Excel 97-2003 workbook (.xls), and if no sheet has rows
         of numbers.
         """
@@ -81,7 +82,7 @@ class ExcelReader:
 
 
 def _cell(value: object) -> str:
-    """Return a cell as text; numbers are written without rounding."""
+    """Return a cell as text: numbers without rounding, dates and times of day as in ISO 8601, durations in s."""
     if value is None:
         return ""
     if isinstance(value, datetime.datetime | datetime.time):

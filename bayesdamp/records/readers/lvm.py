@@ -95,7 +95,10 @@ class LvmReader(Reader):
 
 
 def _columns(segment: _Segment, tags: dict[str, str], run: str) -> list[Column]:
-    """Return the columns of a segment, with its column of times or else a sampling rate for each channel."""
+    """Return the columns of a segment: times and channels; a channel without times has a rate, if the file states it.
+
+    tags: tags of the file's header. run: number of the segment, with which names begin; "" if it is the only one.
+    """
     axes, decimal = tags.get("X_Columns", "One"), tags.get("Decimal_Separator", ".")
     width = max(map(len, segment.rows))
     timeless = axes == "No" and any(row[0] for row in segment.rows)  # without even an empty column of times

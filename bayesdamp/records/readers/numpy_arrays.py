@@ -31,7 +31,10 @@ class NumpyReader(Reader):
         return bool(names) and all(name.endswith(".npy") for name in names)
 
     def read(self, path: Path) -> Contents:
-        """Return arrays, and fields of structured arrays, as columns named by their paths."""
+        """Return arrays, and fields of structured arrays, as columns named by their paths.
+
+        Arrays of Python objects are skipped in an archive; a single one raises InputError.
+        """
         walk = Walk()
         with path.open("rb") as file:
             single = file.read(len(_MAGIC)) == _MAGIC
