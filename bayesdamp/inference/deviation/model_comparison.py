@@ -263,7 +263,8 @@ class ModelComparison:
     def exact_variance(self, fit: LeastSquaresFit) -> float:
         """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
-        If `noise_known`, it is `variance`.
+        It is κ (`inflation`) times the sum of squared residuals divided by the degrees of freedom, plus the variance of
+        the solver's error. If `noise_known`, it is `variance`.
         """
         if self.noise_known:
             return self.variance

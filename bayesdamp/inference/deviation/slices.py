@@ -60,7 +60,7 @@ class Slice:
         The linear model as a function of the other scores and the deviations g and h, and its posterior.
     slopes : ndarray, shape (d − 1,)
         Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
-        `SlicedProposal`).
+        `SlicedProposal`); 0 for coefficients whose mode is near zero (`MOVING_SDS`).
     pivot : float
         Score of the term's coefficient at the mode; 1 if `SlicedProposal.product` is None.
     """

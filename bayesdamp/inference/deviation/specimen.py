@@ -367,6 +367,7 @@ def _at_reference(run: RatioLikelihood, damping: str, own: Reference, common: Re
 
     The force of a term such as a power of the velocity contains a reference velocity. With another reference its
     coefficient changes by a factor that depends on the exponent; this dependence is linearised about the record's mode.
+    Without such a term the likelihood is returned unchanged.
     """
     names = run.names
     jacobian, mode = np.eye(len(names)), run.mode.copy()

@@ -56,9 +56,9 @@ class TemperedDraws:
     log_ratios : ndarray, shape (n,)
         Log of (likelihood with the exact motion / likelihood under the linear model) of each draw.
     log_evidence, stderr : float
-        Log evidence in nats, and its standard error.
+        Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws escape.
     temperatures : int
-        Number of increases of β.
+        Number of increases of β; 1 after importance sampling, 0 if the motions of all first draws escape.
     acceptance : float
         Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves, and 0 if β did
         not reach 1.
