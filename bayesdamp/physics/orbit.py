@@ -83,7 +83,7 @@ def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray
 
 
 def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
-    """Return the undamped motion about an equilibrium. Arrays broadcast.
+    """Return half a cycle of the undamped motion about an equilibrium; NaN where none exists. Arrays broadcast.
 
     Parameters
     ----------

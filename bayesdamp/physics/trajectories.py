@@ -176,7 +176,10 @@ class Trajectories:
         return solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
-        """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one."""
+        """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one.
+
+        It starts at `rest` in p or, if this is missing, at the equilibrium of the reference.
+        """
         force = _force(self.osc, p)
         return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
 
@@ -279,6 +282,8 @@ def simulate(
     ------
     ValueError
         If a parameter is missing or the quantity is unknown.
+    Refusal
+        If the restoring law or a damping term has no `kernel`.
     """
     missing = [name for name in osc.parameters if name not in p]
     if missing:

@@ -73,7 +73,8 @@ class Blocks:
     t
         Mean times of the blocks in s from the first one, (n,).
     x
-        Means of ln(A/A_ref) over the blocks, (n,).
+        Means of ln(A/A_ref) over the blocks, (n,). `decay.infer_noises` corrects them for the curvature of the decay
+        within a block.
     duration
         Time from the first to the last block in s.
     mean_rate

@@ -234,7 +234,8 @@ def merge_noises(
     """Merge the likelihoods for several noises into one Gaussian for each size and length of the deviation.
 
     A mixture of Gaussians is not a Gaussian. The result has, under a wide normal prior, the same evidence, mean and
-    covariance as the mixture; the prior is then divided out.
+    covariance as the mixture; the prior is then divided out. Negative eigenvalues of the resulting information are set
+    to 0.
 
     Parameters
     ----------

@@ -231,7 +231,8 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
     """Return the sums that an envelope can distinguish, and for each sum that is left out a sentence why.
 
     Two terms cannot be distinguished if the energies that they dissipate in a cycle are proportional to each other at
-    all amplitudes.
+    all amplitudes. A sum that contains two such terms is left out. Of sums that differ only by such terms, the first is
+    kept.
 
     Raises
     ------

@@ -61,7 +61,11 @@ class Bridge(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by bridge sampling. Without draws, sample them by NUTS first."""
+        """Compute the evidence by bridge sampling. Without draws, sample them by NUTS first.
+
+        The outcome is not "ok" if that of the draws is not, if the overlap is at most `OVERLAP_LIMIT`, or if the two
+        halves of the draws disagree (`SE_APART`).
+        """
         evaluations = 0
         if draws is None:
             posterior = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))

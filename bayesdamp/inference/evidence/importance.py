@@ -51,7 +51,12 @@ class Importance(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance sampling, after choosing a proposal with pilot draws."""
+        """Compute the evidence by importance sampling, after choosing a proposal with pilot draws.
+
+        The outcome is not "ok" if the Pareto shape of the weights of the final draws is ≥ `K_LIMIT`, or their effective
+        number is below `LEAST_EFFECTIVE`. The arrays of the result are the final draws as scores, `y`, and their
+        `log_weights`. `draws` are not used.
+        """
         rng = np.random.default_rng(seed)
         reflected = target.reflected
         shear = Shear.of_noise(target, mode)

@@ -31,7 +31,7 @@ class LaplaceEvidence(EvidenceMethod):
     ) -> Evidence:
         """Compute the evidence by Laplace's approximation at the mode; it has no standard error.
 
-        `seed` and `draws` are not used.
+        With deviations from the laws it is that of `Mode.linear`. `seed` and `draws` are not used.
         """
         return Evidence(
             model=model,

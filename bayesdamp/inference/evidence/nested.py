@@ -65,7 +65,8 @@ class NestedSampling(EvidenceMethod):
     ) -> Evidence:
         """Compute the evidence by nested sampling from the prior or, if this cannot finish, from around the mode.
 
-        `draws` are not used.
+        The outcome is not "ok" if the last run does not finish within `MAX_LIKELIHOODS`, or if it missed the mode
+        (`MAX_GAP_NATS`). `draws` are not used.
         """
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)

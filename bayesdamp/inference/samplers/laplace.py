@@ -25,7 +25,10 @@ class LaplaceSampler(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return independent draws of the approximation, judged by their importance weights."""
+        """Return independent draws of the approximation, judged by their importance weights.
+
+        Raises Refusal if the Hessian is not positive definite.
+        """
         normal = laplace(target, mode)
         z = normal.draw(np.random.default_rng(settings.seed), settings.chains * settings.draws)
         return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings)

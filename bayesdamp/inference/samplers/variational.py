@@ -140,7 +140,7 @@ class Variational(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws from the nearest normal distribution, with their importance weights.
 
-        Raises Refusal if the optimisation does not converge.
+        Raises Refusal if the optimisation does not converge, or if Laplace's approximation, its start, does not exist.
         """
         at = UnboundedMap.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)
