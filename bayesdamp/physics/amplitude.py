@@ -368,8 +368,8 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 class AmplitudeSolver:
     """Compute decays x(t) = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
 
-    The parameters of `solve` are the rates in 1/s at the reference amplitude A_ref, in the order of the law's terms,
-    then x at the start.
+    The parameters of `solve` are the rates in 1/s at the reference amplitude A_ref, in the order of the law's terms (or
+    the two parameters of a `PowerLaw`), then x at the start.
 
     Attributes
     ----------
