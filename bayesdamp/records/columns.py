@@ -527,7 +527,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     """Return the columns of one block that are a record each, and a sentence on the choice; "" if nothing is left out.
 
     Columns that do not oscillate or decay, derived quantities, copies, and small signals beside large ones are left out
-    as long as others remain; of sensors' channels without units, only those that do not oscillate.
+    as long as others remain. If the file declares channels of sensors, small signals remain, and without units all that
+    oscillate.
     """
     values = block.candidates or block.values
     if len(values) == 1:
