@@ -193,8 +193,8 @@ class Form:
     words : str
         Description for the report.
     force : callable
-        Function of displacement and velocity, each divided by its largest value, and of time, which goes from −½ to ½
-        over the record, (n,) each; it returns the force, (n,), in an arbitrary unit.
+        Function of displacement from the equilibrium and velocity, each divided by its largest value, and of time,
+        which goes from −½ to ½ over the record, (n,) each; it returns the force, (n,), in an arbitrary unit.
     damps : bool
         Whether it is a damping force, for which a Bayes factor is reported.
     signed : bool
@@ -230,7 +230,7 @@ class StrongestForm:
     chance : float
         p value of the reduction, corrected for the number of forms; 1 if nothing was tested.
     words : str
-        Description of the form.
+        Description of the form; "" if nothing was tested.
     rivals : tuple of AddedForm
         For each damping force in `FORMS`: log Bayes factor (nats) of the model with it against the model without it; 0
         if fitted parameters can replace the force. Empty if nothing was tested.

@@ -149,9 +149,10 @@ def infer_noise(
     begin: Noise | None = None,
     only_floor: bool = False,
 ) -> Noise:
-    """Infer the most probable noise by restricted maximum likelihood (Harville 1977).
+    """Infer the most probable noise: maximise the restricted likelihood (Harville 1977) times the priors of the noise.
 
-    The parameters of the law, which have flat priors, are integrated out.
+    The parameters of the law, which have flat priors, are integrated out. The search is within bounds such as
+    `LONGEST_SCATTER`.
 
     Parameters
     ----------
