@@ -213,7 +213,8 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of swings at which the decay rate changes suddenly.
 
     The change must be larger than a dependence of the rate on a power of the amplitude explains. The decay rates in two
-    windows before the break and two after it are compared, because in a beat they change steadily.
+    windows before the break and two after it are compared, because in a beat they change steadily. The change must also
+    exceed `MIN_RATE_CHANGE` of the larger rate, and noise. The list is empty for fewer than 16 swings.
 
     ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise.
     """
@@ -232,9 +233,11 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
-        """Return the change of the decay rate from window i to j that no power of the amplitude explains.
+        """Return the change of the decay rate (per swing, ≥ 0) between windows i and j that no power explains.
 
-        The result has one value for each possible place of the break. The windows are numbered 0 to 3.
+        It is the distance of the rate in window i from the interval that the rate in window j and powers of the
+        amplitude up to ± `LARGEST_POWER` allow. The result has one value for each possible place of the break. The
+        windows are numbered 0 to 3.
         """
         factor = np.exp(LARGEST_POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)

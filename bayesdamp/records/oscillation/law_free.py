@@ -113,7 +113,7 @@ class Sinusoids:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Return the covariance of the errors, (k, k)."""
+        """Return the covariance (k, k) of the errors of the phases, which is also that of the log amplitudes."""
         return self.errors[:, None] * self.errors * self.correlation
 
     @property
