@@ -372,7 +372,8 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
     They are left out because swings there do not fit to the later ones: the number is the first index from which two
     successive swings fit (`Swings.reason_not_continuing`). Only half of the swings, at most `MOST_HEAD_SWINGS`, are
     tested; the result is (0, None) if none of these fits, or if the first two fit. After a filtered hit, as many swings
-    as grew before it, minus one, are left out untested; the reason is then None. step: recording step in the unit of y.
+    as grew before it, minus one, are left out untested; if the next one fits, the reason is None. step: recording step
+    in the unit of y.
     """
     # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]
