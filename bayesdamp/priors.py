@@ -466,7 +466,10 @@ class LogUniform(_Between):
         return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return Φ⁻¹(log(x/low)/log(high/low)), with the fraction clipped so that z is finite at and beyond bounds."""
+        """Return Φ⁻¹(log(x/low)/log(high/low)), with the fraction clipped so that z is finite at and beyond bounds.
+
+        It is nan at x < 0.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
         return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))

@@ -51,7 +51,10 @@ class InputError(BayesdampError):
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
-        """Return this error with arguments named `name(argument)` in its message, instead of as options."""
+        """Return the error with arguments named `name(argument)` in its message, instead of as options.
+
+        Its own `arguments` and `likely` are empty.
+        """
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
 
@@ -212,12 +215,11 @@ class System:
 class Estimate:
     """A point estimate of one method at one stage.
 
-    estimator, stage: names of the method and of the stage.
-    values: parameter values that the method computes, by name (SI units).
-    stderr: standard errors that the method computes, by parameter.
-    trace: convergence curves by name, each an array of values by iteration. details: further results of the method
-    (selected terms, eigenvalues, a Pareto front, a learnt force), as strings, numbers and lists of these. evaluations,
-    seconds: number of evaluations, and computing time. outcome: `ok`, or why the method failed.
+    estimator, stage: names of the method and of the stage. values: parameter values that the method computes, by name
+    (SI units). stderr: standard errors that the method computes, by parameter. trace: convergence curves by name, each
+    an array of values by iteration. details: further results of the method (selected terms, eigenvalues, a Pareto
+    front, a learnt force), as strings, numbers and lists of these. evaluations, seconds: number of evaluations, and
+    computing time. outcome: `ok`, why the method failed (there are then no values), or why the values are doubtful.
     """
 
     estimator: str
@@ -457,9 +459,10 @@ class Posterior:
 class Evidence:
     """Log marginal likelihood (nats) of one model by one method, with its standard error and diagnostic.
 
-    log_evidence and stderr are NaN if they could not be computed. evaluations: number of likelihood evaluations.
-    seconds: computing time. outcome: `ok`, or why the result is unreliable or missing. arrays: arrays for further use,
-    such as draws and their weights.
+    model: name of the candidate. log_evidence and stderr are NaN if they could not be computed. diagnostic: text on the
+    reliability of the method, "" without one. evaluations: number of likelihood evaluations. seconds: computing time.
+    outcome: `ok`, or why the result is unreliable or missing. arrays: arrays for further use, such as draws and their
+    weights.
     """
 
     model: str

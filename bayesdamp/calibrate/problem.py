@@ -25,16 +25,17 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
-"""The estimator whose estimates are the starting points of the search for the posterior mode."""
+"""The estimator whose refined estimate is the starting point of the search for the posterior mode."""
 SECOND_ESTIMATOR = "envelope"
-"""If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate is one more starting
-point of the search."""
+"""If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate, the initial estimate
+of `ESTIMATOR` and the centre of the prior are further starting points of the search."""
 SCALE_RANGE = (0.003, 0.1)
 """Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`). Records are drawn, and
 their posteriors and evidence computed, with only those of `SHARED_SCALES` that are in this range: below it noise hides
 the damping of most records; above it many records do not oscillate."""
 MOST_ESCAPES = 100
-"""A prior is rejected if this many successive draws from it have unbounded trajectories (conventional)."""
+"""A prior is rejected if records cannot be simulated with this many successive draws from it, because trajectories are
+unbounded, for example (conventional)."""
 Result = TypeVar("Result")
 
 

@@ -97,7 +97,8 @@ def models_of(study: Study, kind: str) -> list[str]:
 def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
     """Return the noise (fraction of the reference amplitude) and the number of cycles of a record.
 
-    Records take all combinations of the study's noise levels and cycles in turn.
+    Records take all combinations of the study's noise levels and cycles in turn; those of the kind "single" all have
+    its single_noise and single_cycles.
     """
     table = study.recovery
     if kind == "single":

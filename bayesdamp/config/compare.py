@@ -29,8 +29,8 @@ WARMUP, DRAWS = 100, 500
 """Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
 if they are not, the sampler adds draws."""
 LEAST_NOISE = 1e-3
-"""Noise that is added to a record without noise, because a likelihood needs noise: a fraction of the amplitude, typical
-of a good encoder."""
+"""Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
+of the amplitude, typical of a good encoder."""
 METHODS = ("laplace", "importance", "bridge")
 """Methods by which the evidence of each model is computed, unless the records are also fitted jointly."""
 JOINT_METHODS = ("laplace", "importance")
@@ -47,7 +47,7 @@ file has several records. Without a unit, an envelope has the unit of its file, 
 def laws_for(unit: str) -> tuple[str, ...]:
     """Return the restoring laws that are compared if the user names none.
 
-    These are all laws for an angle or an unknown unit, and all laws of translations for another unit.
+    For an angle or an unknown unit these are all laws, for any other unit those that also describe a translation.
 
     All are needed, because the misfit of a wrong restoring law would be explained by damping.
     """

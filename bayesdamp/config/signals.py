@@ -249,7 +249,10 @@ def damping_order() -> list[str]:
 
 
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
-    """Return the record of a signal that is read from a file, whose keys are checked here. Raises StudyError."""
+    """Return the record of a signal that is read from a file; the file itself is not read.
+
+    Raises StudyError if it does not exist, if both time and rate are given, or if start is not before stop.
+    """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
     if not path.is_file():

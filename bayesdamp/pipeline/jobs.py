@@ -51,7 +51,10 @@ class CandidateSelection:
         self.names, self.limit = study.compare(spec), study.models.prune
 
     def outcomes_after_answer(self) -> dict[str, str]:
-        """Return the outcome of each candidate after the answer: candidates with much smaller evidence are left out."""
+        """Return the outcome of each candidate after the answer: those that are not in the `shortlist` are left out.
+
+        Without a limit `prune` in the study, or without an answer, all are kept.
+        """
         short = None
         if self.limit is not None:
             law = likelihood_of(self.study) == "law"
@@ -64,7 +67,11 @@ class CandidateSelection:
         return outcomes
 
     def outcomes_after_laplace(self) -> dict[str, str]:
-        """Return the outcome of each candidate after Laplace's evidence, by the limit `prune` of the study."""
+        """Return the outcome of each candidate after Laplace's evidence.
+
+        Those whose log evidence is more than the study's limit `prune` below the largest are left out, as are those
+        that were pruned before. Candidates without a finite evidence are kept.
+        """
         logs = {name: self._log_evidence(name, "laplace") for name in self.names}
         best = max((value for value in logs.values() if math.isfinite(value)), default=math.nan)
         outcomes = {}
@@ -102,7 +109,10 @@ class CandidateSelection:
         return (*order[:count], *doubtful)
 
     def choose_for_sensitivity(self) -> tuple[str, ...]:
-        """Return the candidates whose sensitivity is computed: the sampled ones and all that are not far behind."""
+        """Return the candidates whose sensitivity is computed: those of `choose_for_sampling`, and near ones.
+
+        A candidate that was not pruned is near if its log evidence is less than `FAR_BEHIND` below the largest.
+        """
         log_evidences = self._log_evidences()
         top = max(log_evidences.values(), default=math.nan)
         near = (n for n, value in log_evidences.items() if top - value < FAR_BEHIND)
@@ -181,7 +191,8 @@ def is_within(job: Job, depth: Depth) -> bool:
 def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
     """Return how many jobs of a run can use a process of their own at the same time.
 
-    In a whole run these are candidates; otherwise records, because one process answers a record with several threads.
+    In a whole run it is the number of candidates or that of records, whichever is larger; otherwise that of records,
+    because one process answers a record with several threads.
     """
     records = len({(job.signal, job.repeat) for job in jobs})
     return max(records, sum(job.model is not None for job in jobs)) if depth is Depth.WHOLE else records

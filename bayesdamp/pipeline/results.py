@@ -85,7 +85,7 @@ class Run(ResultView):
 
     @cached_property
     def estimates(self) -> pd.DataFrame:
-        """The table estimates.csv, a row for each estimated parameter."""
+        """The table estimates.csv, a row for each parameter that an estimator estimated at a stage for a candidate."""
         return self._read("estimates.csv")
 
     @cached_property
@@ -95,12 +95,12 @@ class Run(ResultView):
 
     @cached_property
     def evidence(self) -> pd.DataFrame:
-        """The table evidence.csv, a row for each candidate and method."""
+        """The table evidence.csv, a row for each record, candidate and method."""
         return self._read("evidence.csv")
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """The table fits.csv, a row for each candidate."""
+        """The table fits.csv, a row for each record and candidate that has a fit."""
         return self._read("fits.csv")
 
     @cached_property

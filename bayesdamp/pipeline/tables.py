@@ -232,7 +232,7 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of evidence.csv: of each method of the study, then of the sampled answer (`SMC`)."""
+    """Yield the rows of evidence.csv: for each record, of each method in `evidence_by_method`, then of `SMC`."""
     for spec, repeat in study.records:
         models = study.compare(spec)
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
@@ -397,7 +397,12 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
 
 
 def run_info(study: Study, store: Store) -> Row:
-    """Return the content of the run.json of a run."""
+    """Return the content of the run.json of a run.
+
+    It has the settings and tables of the study, the versions and hashes of `provenance`, the duration and key of each
+    task, formulas of the laws, and, by signal, how the record was read, its features, priors of the candidates and the
+    error budget of their fits.
+    """
     files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
     about: dict[str, Row] = {}
     priors, budget = {}, {}

@@ -52,8 +52,8 @@ are not imported but looked up by name: their source is added to the key separat
 class Product:
     """The result of a computation, which is stored as the result of a task.
 
-    content: the values; None if there are none. arrays: further arrays by name. outcome: `ok`, or why there is no valid
-    result. seconds: duration; None for that of the whole task.
+    content: the values; None if there are none. arrays: further arrays by name. outcome: `ok`, or why there is no
+    result, or only a doubtful one. seconds: duration; None for that of the whole task.
     """
 
     content: Content | None = None

@@ -155,10 +155,10 @@ class ModeContent(FitCheck, Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
 
     values, sd: inferred parameters and their standard deviations. known: the other parameters. priors: descriptions.
-    climbs, modes: the searches, and the maxima that they reached. touching_zero: coefficients within a standard
-    deviation of zero. refused: seeds without values. error_budget: changes of motion and log likelihood with finer
-    integration steps. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial`
-    splits it, with arrays `stored/...`.
+    climbs, modes: the searches, and the maxima that they reached. touching_zero: parameters with half-normal priors
+    that are within a standard deviation of zero. refused: seeds without values. error_budget: changes of motion and log
+    likelihood with finer integration steps. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it,
+    with arrays `stored/...`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -485,12 +485,12 @@ class JointContent(Content):
 
 @dataclass(frozen=True)
 class PopulationContent(Content):
-    """The population of specimens (`population/specimens`), for the candidate with the largest total evidence.
+    """The population of specimens (`population/specimens`), for one candidate that was fitted to all of them.
 
-    best: this candidate. log_evidence: log evidence of each candidate, summed over the specimens (nats). behind: by
-    specimen, the number of nats by which the log evidence of `best` on it is below that of the specimen's own best
-    candidate. specimens: result of each specimen for `best`. units, populations: by coefficient. deviation: "law" if
-    the answers allow deviations from the laws, else "none".
+    best: this candidate, the one with the largest log evidence summed over the specimens. log_evidence: log evidence of
+    each candidate, summed over the specimens (nats). behind: by specimen, the number of nats by which the log evidence
+    of `best` on it is below that of the specimen's own best candidate. specimens: result of each specimen for `best`.
+    units, populations: by coefficient. deviation: "law" if the answers allow deviations from the laws, else "none".
     """
 
     best: str

@@ -206,7 +206,7 @@ class TaskResult:
     key: hash of everything that the result depends on; a result is reused only under the same key.
     meta: the values, as JSON (nan and infinities included); tuples come back as lists.
     arrays: numeric arrays by name.
-    outcome: "ok", or the reason why there is no result.
+    outcome: "ok", or the reason why there is no result, or only a doubtful one.
     seconds: duration of the computation.
     """
 

@@ -81,6 +81,12 @@ class EnvelopeAnswer:
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     """Compare damping sums on a decay, and return the verdict, the decay with its fit, and likelihoods of the rates.
 
+    The grade is `EXACT` if the probability that a law holds exactly is at least `thresholds.LIKELY_EXACT`; else
+    `APPROXIMATE` if the 97.5 % quantile of the deviation is at most `DEVIATES`; else `DEVIATES`. It is `DEVIATES` too,
+    and the rates are then drawn from a single power of the amplitude as well, if this describes the decay much better
+    (`POWER_LAW`). A damping is named without reservation under the conditions of `decide`, where twins are sums whose
+    decays the record cannot distinguish (`indistinguishable`).
+
     Parameters
     ----------
     decay

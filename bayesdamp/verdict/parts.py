@@ -19,8 +19,9 @@ those with different ones do not."""
 class Grade(StrEnum):
     """How well a law of damping describes the record, the best first; or why no law was compared.
 
-    `EXACT`, `APPROXIMATE` and `DEVIATES` are as `decide.grade_of` returns them; `NO_FREE_DECAY`: the record is not the
-    free decay of one oscillator; `NOT_WEIGHED`: no model could be fitted.
+    `EXACT`, `APPROXIMATE` and `DEVIATES` are as `decide.grade_of` returns them, for an envelope as `envelope.answer`
+    describes; `NO_FREE_DECAY`: the record is not the free decay of one oscillator; `NOT_WEIGHED`: no model could be
+    fitted.
     """
 
     EXACT = "exact"
@@ -193,7 +194,8 @@ class Oscillation:
     """One of the damped sinusoids in a record that is not a free decay of one oscillator.
 
     frequency: in Hz. damping_ratio: with its 95 % interval low to high, negative where the sinusoid grows. first, last:
-    amplitudes at the ends of the record, in `unit`.
+    displacement amplitudes at the ends of the record, in `unit`; the least and the largest one if the motion is
+    `EXCITED`.
     """
 
     frequency: float
@@ -206,7 +208,12 @@ class Oscillation:
 
 
 class MotionKind(StrEnum):
-    """Kinds of records that are not a free decay of one oscillator."""
+    """Kinds of records that are not a free decay of one oscillator.
+
+    GROWING: the oscillation grows. STEADY: no decay is detected. EXCITED: the amplitude rises and falls repeatedly, as
+    under random forces. BEATS, TWO_MODES: two oscillations, which beat or not. DRIVEN: a driven oscillation in addition
+    to a decay.
+    """
 
     GROWING = "growing"
     STEADY = "steady"

@@ -263,9 +263,10 @@ def _ratios(
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
     """Return the specimen's damping ratios at three falling amplitudes, and those of one more record.
 
-    The amplitudes are in the range that all records share, or that of the first record if they share none. The damping
-    ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the records. The
-    relative error `sensor` of the sensor is added only if laws may hold approximately.
+    The amplitudes are at 0.1, 0.5 and 0.9 of the logarithm of the range that all records share, from its upper end, or
+    of the range of the first record if they share none. The damping ratio by the law is drawn from the joint posterior;
+    the deviation from the law is pooled over the records. The relative error `sensor` of the sensor is added only if
+    laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")

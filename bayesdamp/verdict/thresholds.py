@@ -15,8 +15,8 @@ NAMED = 0.05
 EXACT = 0.03
 """The grade is exact if the 95 % interval of the deviation from the damping law (a fraction) ends at or below this."""
 DEVIATES = 0.25
-"""If the deviation from the damping law (a fraction; its median) is larger, the grade is `DEVIATES`: no law is named as
-the answer."""
+"""If the deviation from the damping law (a fraction; its median, for an envelope its 97.5 % quantile) is larger, the
+grade is `DEVIATES`: no law is named as the answer."""
 RESTORING_DEVIATES = 0.05
 """The grade is `DEVIATES` if the 95 % interval of the deviation from the restoring law (a fraction) begins above
 this."""

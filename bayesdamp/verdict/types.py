@@ -124,7 +124,7 @@ class Verdict(CheckedMethods):
         The most probable restoring law.
     frequency
         Natural frequency of small oscillations in Hz, by the restoring law; None where the record does not determine
-        it.
+        it. For an envelope: the frequency of its oscillation, if it was stated.
     frequency_at
         Frequency at the last of the amplitudes of `damping_ratio`.
     exponent

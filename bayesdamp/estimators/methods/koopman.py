@@ -46,7 +46,9 @@ class KoopmanOptions(Options):
 
 
 class Koopman(Estimator[KoopmanOptions]):
-    """Fit g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping follows from the generator log(K)/τ.
+    """Fit g(x(t + τ)) ≈ K g(x(t)); the damping follows from the generator log(K)/τ.
+
+    x = (θ, θ̇) is the state, and g(x) the dictionary of the paper: the functions of `candidates` with `mixed`.
 
     The row of the generator for θ̇ is the equation of motion: its acceleration along the record, minus the known force,
     is regressed on the unknown damping and restoring terms.

@@ -35,8 +35,8 @@ REPLICAS = 64
 class LeastSquaresOptions(Options):
     """Options of the regression.
 
-    variant: ordinary ("ols"), weighted by the local scatter ("wls"), iteratively reweighted by Huber's weights
-    ("irls"), or total least squares ("tls").
+    variant: ordinary ("ols"), weighted by the inverse of the local mean square residual ("wls"), iteratively reweighted
+    by Huber's weights ("irls"), or total least squares ("tls").
     """
 
     variant: Literal["ols", "wls", "irls", "tls"] = "ols"

@@ -197,7 +197,8 @@ class Solution:
 
     support (p,): whether each term is used. left: residual sum of squares. expected: its expectation from the noise of
     inertia and columns. sound: whether the terms can be distinguished despite the noise; otherwise the coefficients are
-    not corrected for bias. score: see `sparse_path`. threshold: the smallest t-value.
+    not corrected for bias. score: see `sparse_path`; the smallest is best. threshold: the smallest |x|/stderr of its
+    terms.
     """
 
     support: np.ndarray

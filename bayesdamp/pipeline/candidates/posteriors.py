@@ -43,6 +43,9 @@ SMALLEST_AMPLITUDE = 0.02
 def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Product:
     """Draw with one sampler, write the draws to a file (netCDF), and summarise them.
 
+    The content is a `PosteriorContent` with the summaries of parameters and derived quantities; the arrays are the
+    draws and the curves of `_curves`.
+
     Raises Refusal if there is no fit, or the sampler cannot work on it.
     """
     s, signal = candidate.study.posterior, candidate.record.signal

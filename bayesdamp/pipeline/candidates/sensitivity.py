@@ -96,7 +96,10 @@ def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Prod
 
 
 def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the evidence with wider and narrower priors of the damping coefficients, from reweighted draws."""
+    """Return the log evidence (nats) with the priors of all damping coefficients scaled by each of several factors.
+
+    It is from reweighted draws, or new ones (see `evidence_by_prior_width`); the arrays are the fields of `Widths`.
+    """
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     law, (target, mode) = candidate.fit.law, candidate.fit.engine
 
@@ -110,7 +113,11 @@ def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 
 
 def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
-    """Return the evidence of the first half of the record, and how well the fit to this half predicts the second."""
+    """Return the evidence of the first half of the record, and how well the fit to this half predicts the second.
+
+    The content is a `HalfContent`. The arrays are the times (s) of the second half, thinned, and the error of the
+    prediction there with its expected sd, in the unit of the record.
+    """
     law, (_, mode), signal = candidate.fit.law, candidate.fit.engine, candidate.record.signal
     if law is None:
         t, half = signal.t, first_half(mode)
