@@ -83,7 +83,10 @@ class Commands(TyperGroup):
         self.commands = {name: TyperCommand(name, help=summary) for name, (summary, _) in COMMANDS.items()}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the name of the command to run, the command with its options, and the arguments after its name."""
+        """Return the name of the command to run, the command with its options, and the arguments after its name.
+
+        An unknown name is an error of the command line.
+        """
         name, _, rest = super().resolve_command(ctx, args)
         return name, command(name or ""), rest
 

@@ -306,8 +306,8 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
     """Return records as entries [[signal]] of a study.
 
-    Runs of one channel are repeats of one specimen, which has the name of the file, and of the channel if there are
-    several. Other records have no specimen.
+    If the file marks its records as runs, the runs of one channel are repeats of one specimen, which has the name of
+    the file without its ending, and of the channel if there are several. Other records have no specimen.
     """
     o = options
     signals = []

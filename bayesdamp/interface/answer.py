@@ -119,7 +119,7 @@ class Answer:
 
 
 def law_prefix(damping: str, restoring: str) -> str:
-    """Return the prefix of the arrays in `Answer.further` that belong to the fit of one model."""
+    """Return the prefix "found/DAMPING@RESTORING" of the arrays of one model's fit in `Answer.further`."""
     return f"found/{damping}@{restoring}"
 
 
@@ -165,9 +165,9 @@ def answer(
     reference
         Amplitude and frequency to which default priors are scaled; by default those of the record.
     sensor
-        Relative linearity error of the sensor, which is the smallest error of every decay rate.
+        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
     measured
-        Whether the record is a measurement. Probabilities are then capped.
+        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`.
     seed
         Seed of all random numbers.
     notes

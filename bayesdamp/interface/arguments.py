@@ -93,7 +93,7 @@ def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -
 def check_known(
     who: str, known: object, coefficients: Mapping[str, str], parameters: Sequence[str]
 ) -> dict[str, float]:
-    """Check the argument `known`, and return its values as floats.
+    """Check the argument `known`, and return its values as floats, by name. epsilon (`EPSILON`) is always allowed.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def check_known(
     known
         The argument: values by name.
     coefficients
-        The term of each damping coefficient.
+        The term of each damping coefficient, as `coefficients_of` returns it.
     parameters
         Names of all parameters.
 
@@ -159,8 +159,8 @@ def check_priors(
     Raises
     ------
     InputError
-        If a name is neither a term nor a parameter, if a value is not a prior, or if the prior allows values that the
-        parameter cannot have.
+        If a name is neither a term nor a parameter, if a value is not a prior, if the prior allows values that the
+        parameter cannot have, or if a parameter is known or has two priors.
     """
     terms = tuple(coefficients.values())
     valid = [*terms, *parameters]

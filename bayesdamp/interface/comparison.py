@@ -108,8 +108,8 @@ class Comparison(Result):
         """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
 
         Columns: amplitude; ratio (equivalent damping ratio) and lost (energy lost in a cycle per unit of inertia, in
-        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record. A record on which
-        no model was compared, or that is too short for this measurement, has no rows.
+        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record. An
+        envelope, a record on which no model was compared, or one that is too short for this has no rows.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
@@ -118,7 +118,8 @@ class Comparison(Result):
         """The damping ratio by amplitude from the damping laws, averaged by their probability, with 95 % intervals.
 
         Columns: amplitude, ratio (equivalent damping ratio), ratio_low and ratio_high (ends of the interval), unit (of
-        the amplitude), record. It has no rows if no law describes the record (`verdict.law_free`).
+        the amplitude), record. A record that no law describes (`verdict.law_free`), and an envelope, have no
+        rows.
         """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
@@ -262,7 +263,7 @@ def compare(
     priors
         Priors by damping term or parameter.
     sensor
-        Relative linearity error of the sensor, which is the smallest error of a damping ratio.
+        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file; by default three.
     sample

@@ -88,6 +88,12 @@ def answer_envelope(
     repeated
         Whether the record is one of several of a specimen. The answer then contains the likelihood of each sum.
 
+    Returns
+    -------
+    Answer
+        Its arrays are `t` in s and `level` in dB (thinned to about `STORED_READINGS`), the fields `curve/...` of
+        `inference.envelope.decay.Curve` if there is a decay, the figure `picture`, and the likelihoods.
+
     Raises
     ------
     InputError

@@ -148,8 +148,8 @@ class Fit(Result, Storable):
     values, units
         Values of the inferred parameters in natural units, and their units, by name; empty without a fit.
     sd, intervals
-        Standard deviation of each parameter and its 95 % interval (low, high), by name, from a normal approximation of
-        the posterior.
+        Standard deviation of each parameter and its 95 % interval (low, high), by name. Under exact laws they are from
+        the normal approximation of the posterior in z, otherwise from draws of the linear approximation.
     known
         Values of the parameters that were not inferred, by name.
     fitted, residuals
@@ -512,7 +512,8 @@ def tabulate_ratios(
 ) -> pd.DataFrame:
     """Return the table of `Fit.damping_ratio` from draws of parameters and deviations.
 
-    `u`, (n, K), contains the draws; by default draws of the linear approximation are used.
+    `u`, (n, K), contains the draws, as in `Posterior.u`; by default draws of the linear approximation are used. Raises
+    Refusal if there is no fit, or if it assumes exact laws.
     """
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)

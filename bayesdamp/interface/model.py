@@ -99,8 +99,8 @@ class Model(Result):
         "none": laws hold exactly; "law" or "auto": they may hold approximately, with deviations that are inferred. The
         noise variance is then known, or set to the residual variance after fitting parameters and deviations.
     sensor
-        Relative linearity error of the sensor, which is the smallest error of a damping ratio. It is used only if laws
-        may hold approximately.
+        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
+        It is used only if laws may hold approximately.
     amplitude, frequency
         Amplitude and frequency to which default priors are scaled, in the base unit of the displacement (rad, m or the
         sensor's) and in rad/s. By default they follow from the known parameters if these suffice, or else from the
@@ -280,13 +280,17 @@ class Case:
 
     @classmethod
     def of(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model. Raises Refusal if the record shows no oscillation."""
+        """Return the case of a record and a model.
+
+        Raises Refusal if the record shows no oscillation, and InputError if the known parameters allow none about its
+        midline.
+        """
         own = features(signal)
         return cls(signal, model, own, reference_of(model.system, own))
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model. Raises Refusal if the record has no oscillation or no noise."""
+        """Return the case of a record and a model, as `of`. Raises Refusal if the record has no noise too."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
             raise Refusal(NO_POSTERIOR)

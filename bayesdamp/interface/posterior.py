@@ -112,8 +112,9 @@ class Posterior(Result, types.Posterior):
     outcome
         "ok", or a sentence that says why the draws are unreliable or missing.
     u
-        If laws may hold approximately: parameters and deviations of each draw in the coordinates of `fit.law`, shape
-        (chain, draw, K).
+        If laws may hold approximately: (scores, g, h) of each draw, shape (chain, draw, K): the parameters as scores
+        with the prior N(0, 1), the log deviation g of the damping and the relative deviation h of the frequency at
+        each knot (the times `fit.law.knots`). Otherwise empty.
     """
 
     fit: Fit = field(kw_only=True)
@@ -350,7 +351,7 @@ def _definition(name: str, fit: Fit) -> str:
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     """Return the variables of draws whose laws may hold approximately: parameters, deviations and their sizes.
 
-    `u`, (chain, draw, K), contains the parameters and deviations in the coordinates of `law`.
+    `u`, (chain, draw, K), contains the draws, as in `Posterior.u`.
     """
     chains, count, total = u.shape
     flat = u.reshape(-1, total)

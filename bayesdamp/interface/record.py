@@ -65,7 +65,7 @@ class Record(Result):
     def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
         """Start and end in s of all free decays in each run, by the run's number; empty for a run without a decay.
 
-        Use `signal(run, start=..., stop=...)` to select one of them.
+        They are on the time axis of the file. Use `signal(run, start=..., stop=...)` to select one of them.
         """
         decays: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
         for run in self.runs:

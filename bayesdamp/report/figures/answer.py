@@ -58,8 +58,8 @@ PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "") -> Figure:
     """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
-    If `arrays` contains no fit (because no damping law describes the record), the residual is left out and there are
-    three panels.
+    If `arrays` contains no fit (because the record contradicts every damping law), the residual is left out and there
+    are three panels.
 
     Parameters
     ----------

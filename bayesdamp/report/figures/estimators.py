@@ -196,7 +196,8 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
     """Draw the root mean square errors of estimators against noise, sampling or length, with the Cramér–Rao bound.
 
     The left panel has the errors of the initial estimates, the right panel those after a trajectory fit that starts
-    there. Both axes are logarithmic. A noise of 0 is drawn at the left edge.
+    there. Both axes are logarithmic. Errors are clipped to `LOWEST_ERROR` and `HIGHEST_ERROR`; a noise of 0 is drawn at
+    the left edge.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def contours(
     Returns
     -------
     tuple
-        Grids of x and y, (80,) each, the density at (y, x), and the two levels.
+        Grids of x and y, (80,) each, the density (not normalised) at (y, x), and the levels for 90 % and 50 %.
     """
     x, y = np.ravel(x), np.ravel(y)
     edges, modes = [], []

@@ -71,7 +71,9 @@ class ModelFit:
 def record(
     t: np.ndarray, y: np.ndarray, fits: Sequence[ModelFit], axis: str, unit: str, period: float
 ) -> Figure:
-    """Draw a record, its first and last cycles with the fits, and the residuals.
+    """Draw a record, its first and last cycles with the fits, and the residuals with their autocorrelations.
+
+    These cycles are three periods each, but at most half of the record.
 
     Parameters
     ----------

@@ -198,8 +198,8 @@ class CoefficientEstimates:
 def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row | None:
     """Return a row of posteriors.csv for a coefficient, with a finite 95 % interval; None if there is none.
 
-    If the signal has no such row, use that of the first other signal that was simulated with the same damping and the
-    same true value of the coefficient and has one.
+    It is one of the `summary_rows` of the signal's first repeat. If the signal has no such row, use that of the first
+    other signal that was simulated with the same damping and the same true value of the coefficient and has one.
     """
     models = true_models(run)
     others = [s for s in run.signals if s != signal and signal in models and models.get(s) == models[signal]]
@@ -325,7 +325,7 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
             errors[signals.index(row["signal"])][int(row["repeat"])] = row["error_pct"]
 
     def bound(signal: str) -> float:
-        """Return the Cramér–Rao bound on the damping coefficient in per cent of its true value."""
+        """Return the Cramér–Rao bound on the damping coefficient in per cent of its true value, or nan."""
         bounds = run.about(signal).get("bound") or {}
         for row in run.estimates:
             if row["signal"] == signal and row["parameter"] in bounds and row["parameter"] in damping:

@@ -40,7 +40,8 @@ _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 ANCHOR = "answer-"
 """Prefix of the anchor of a record's answer in the page; the name of the record follows."""
 MOST_RESULTS = 100
-"""Results that stay in memory at once: sections visit one record after the other, and a run may have thousands."""
+"""Largest number of results that stay in memory: sections visit one record after the other, and a run may have
+thousands."""
 CURVE = ("amplitude", "ratio", "low", "high")
 """Arrays of an answer that are its damping curve."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -170,15 +171,15 @@ class RunFolder:
         return [*self.estimates, *self.posteriors, *self.evidence, *self.fits]
 
     def about(self, signal: str) -> Row:
-        """Return the description of a signal in run.json: notes, unit, quantity, simulated, ..."""
+        """Return the description of a signal in run.json (notes, unit, quantity, simulated, ...); else {}."""
         return (self.info.get("signals") or {}).get(signal) or {}
 
     def unit(self, signal: str) -> Unit:
-        """Return the unit of a signal's record."""
+        """Return the unit of a signal's record; rad if run.json does not state it."""
         return unit_named(self.about(signal).get("unit") or "rad")
 
     def quantity(self, signal: str) -> str:
-        """Return the recorded quantity: "angle", "velocity", "acceleration" or "envelope"."""
+        """Return the recorded quantity: "angle" (also if not stated), "velocity", "acceleration" or "envelope"."""
         return str(self.about(signal).get("quantity") or "angle")
 
     def rms(self, row: Row) -> str:
@@ -500,7 +501,10 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def curve_of(answer: RecordAnswer) -> Curve | None:
-    """Return the finite points of an answer's damping curve; None if there are fewer than two."""
+    """Return the points of an answer's damping curve that are finite and have a positive amplitude.
+
+    None if there are fewer than two, or if the verdict has no damping ratio.
+    """
     if not answer.verdict.damping_ratio or not set(CURVE) <= set(answer.arrays):
         return None
     columns = np.array([answer.arrays[name] for name in CURVE], float)

@@ -104,7 +104,7 @@ RATIOS = (
 MOST_EMBEDDED = 24
 """Largest number of envelopes whose figures are embedded in the page; with more, it links to files in `figures/`."""
 LEAST_SHOWN = 0.005
-"""Smallest probability of a damping sum that is listed."""
+"""Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
 FEWEST_RECORDS = 3
 """Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
 always has one."""
@@ -248,7 +248,7 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
-    """Return the figures and tables of an answer."""
+    """Return the figures and tables of an answer on an oscillation."""
     v, signal = answer.verdict, answer.signal
     own = run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))

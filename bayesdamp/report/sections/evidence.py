@@ -194,7 +194,7 @@ class SensitivitySection(SignalSection):
 
 
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
-    """Return the stored results of one kind of sensitivity task by model, for models with an outcome `ok`."""
+    """Return the results of one kind of sensitivity task for the first repeat, by model, if their outcome is `ok`."""
     task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
 
@@ -342,7 +342,7 @@ def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | Non
 
 
 class PriorsSection(SignalSection):
-    """The section with the priors of each signal. A prior that all models share is listed once."""
+    """The section with the priors of each signal. Equal priors of a parameter are listed once, with their models."""
 
     order = 80
     name = "priors"

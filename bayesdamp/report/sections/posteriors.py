@@ -325,7 +325,8 @@ def _sentences(mode: ModeContent) -> list[str]:
 def _listing(seeds: Iterable[Seed]) -> str:
     """Return a list of starting points in words, such as "least squares (trajectory fit) and draw from the prior".
 
-    Each is described by its source (for example an estimator), and by the stage of the estimator if it has one.
+    Each is described by its source (for example an estimator), the stage of the estimator if it has one, and whether
+    the fit went over growing windows of the record.
     """
     names = []
     for seed in seeds:
@@ -345,7 +346,10 @@ def _searches(mode: ModeContent) -> Table:
     """Return a table of the searches: where each started, what it cost and where it ended."""
 
     def below(value: float | None) -> str:
-        """Return by how many nats a log posterior is below the mode's."""
+        """Return by how many nats a log posterior is below the mode's, as text.
+
+        It is "not finite" for None and for a value that is not finite.
+        """
         if value is None or not math.isfinite(value):
             return "not finite"
         return fmt.number(mode.log_posterior - value, 3)

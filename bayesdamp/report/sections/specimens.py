@@ -85,7 +85,10 @@ class SpecimensSection(Section):
 
 
 def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
-    """Return sentences on how much the records of a specimen differ, and whether one damping fits all of them."""
+    """Return sentences on how much the records of a specimen differ, and whether one damping fits all of them.
+
+    Without a joint fit, the sentence gives the reason.
+    """
     joint = JointContent.maybe(task_result)
     if joint is None:
         return f"No joint fit: {task_result.outcome}."
@@ -115,7 +118,10 @@ def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
 
 
 def population_sentence(task_result: TaskResult) -> str:
-    """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning."""
+    """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning.
+
+    Without a population, the sentence gives the reason.
+    """
     content = PopulationContent.maybe(task_result)
     if content is None:
         return f"All specimens: {task_result.outcome}."
