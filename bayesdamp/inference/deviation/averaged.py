@@ -490,9 +490,10 @@ def _track(
 ) -> Track | None:
     """Return the times and phases at which each block is measured, in the record and in the compressed oscillation.
 
-    None if these times do not increase or are negative, for example where the phase decreases. middles: times of the
-    blocks in the record in s, (b,). slowness: duration of the record divided by that of the compressed oscillation.
-    weights, whitening: see `Track`.
+    The compressed oscillation decays through the same amplitudes in fewer cycles (see the module). None if its times do
+    not increase or are negative, for example where the phase decreases. middles: times of the blocks in the record in
+    s, (b,). slowness: duration of the record divided by that of the compressed oscillation. weights, whitening: see
+    `Track`.
     """
     phase, rate = curves.phase, curves.phase.derivative()
     origin, end = float(phase(0.0)), phase.t[-1]

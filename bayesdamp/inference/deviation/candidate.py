@@ -158,7 +158,8 @@ def parameters_of(
 def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
     """Return the values at which a fit starts, by name: coefficients, restoring parameters and initial state.
 
-    The coefficients are such that each damping term causes the same part of the record's decay.
+    The coefficients are such that each damping term causes the same part of the record's decay. The restoring
+    parameters follow from the record's frequency and midline, and from the values of such parameters in `known`.
     """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -174,9 +175,9 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
     """Return combinations of values of the terms' own parameters, by name, at which fits start.
 
-    The values are low, middle and high in the prior of a single parameter, and low and high for two or more. A
-    parameter that makes its term equal to a simpler one at a certain value (`DampingTerm.reduces`) starts only at this
-    value. Without own parameters the result is one empty mapping.
+    The values are low, middle and high in the prior of a single parameter, and low and high for two or more (`STARTS`).
+    A parameter that makes its term equal to a simpler one at a certain value (`DampingTerm.reduces`) starts only at
+    this value. Without own parameters the result is one empty mapping.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}

@@ -122,12 +122,15 @@ class Data:
 
     @property
     def middle(self) -> Reference:
-        """Return a `Reference` with the geometric mean of first and last amplitude, and the frequency."""
+        """Return a `Reference` with the geometric mean of `amplitude` and `final_amplitude`, and with `frequency`."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
     def times(self) -> np.ndarray:
-        """Return the times of y in the record, in s from its first sample, (n,)."""
+        """Return the times of y in the record, in s from its first sample, (n,).
+
+        For means over windows they are mean times, for blocks the times of their middles.
+        """
         return self.t if self.averaged is None else np.repeat(self.averaged.track.middles, NUMBERS)
 
     @property

@@ -62,7 +62,7 @@ class Quantity:
 
 
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    """Return median and 95 % interval of draws, (n,), with the parts of their sd.
+    """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
     noise: the part that noise alone causes. The part from deviations is √(variance − noise²), at least 0; it is nan if
     `noise` is nan.
@@ -320,7 +320,7 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = Fals
 
 
 def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
-    """Interpolate values at equidistant knots, (n, k), at a fraction (0 to 1) of the record; return (n,)."""
+    """Interpolate values at equidistant knots, (n, k), linearly at a fraction (0 to 1) of the record; return (n,)."""
     k = values.shape[1]
     at = fraction * (k - 1)
     i = min(int(at), k - 2)
@@ -359,7 +359,7 @@ def ratio_at(
     sensor: float,
     rng: np.random.Generator,
 ) -> Ratio:
-    """Return median, 95 % interval and parts of the sd of the equivalent damping ratio at an amplitude.
+    """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at an amplitude.
 
     Parameters as of `draw_ratios`. All numbers but the amplitude are nan if no orbit has this amplitude.
     """

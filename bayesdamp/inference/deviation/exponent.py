@@ -161,8 +161,9 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 def exponent_starts(comparison: ModelComparison) -> list[float]:
     """Return three exponents at which fits may start, limited to the prior.
 
-    They are the local exponent of the best candidate's damping against velocity at the middle amplitude, a smaller and
-    a larger one (`ASIDE`). The list is empty if the best candidate has no orbit there or loses no energy.
+    They are the local exponent 1 + d log ζ / d log A of the best candidate at the middle amplitude, with its damping
+    ratio ζ at an amplitude A, then a smaller and a larger one (`ASIDE`). The list is empty if the best candidate has no
+    orbit there or loses no energy.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
@@ -240,7 +241,8 @@ def _explore(
 def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate log evidences `log` (nats) at increasing exponents p, (m,) each.
 
-    Return a grid of exponents and the cumulative posterior probability there, (POINTS,) each.
+    Return a grid of exponents from p[0] to p[-1] and the cumulative posterior probability there under a uniform prior,
+    (POINTS,) each.
     """
     grid = np.linspace(p[0], p[-1], POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)

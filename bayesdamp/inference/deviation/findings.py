@@ -340,7 +340,7 @@ def _limits_of_absent_terms(
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return a candidate's inferred parameters by name (median, 95 % interval, parts of the sd), from its draws.
+    """Return a candidate's inferred parameters by name, each as a `Quantity`, from its draws.
 
     They are the parameters of its damping and its restoring law. Return also the names of the undetermined parameters
     and the pairs of inseparable ones (see `Findings`).

@@ -696,7 +696,11 @@ class _ScaledPriors:
         return combos[places], scales[places]
 
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Return an upper bound of the log evidence with the cut-off at zero, (m,), at grid points and scales."""
+        """Return an upper bound of log(evidence × prior probability), (m,), for pairs of grid point and scale.
+
+        Of the conditions that scores are ≥ 0, only the least probable one is applied. combos, scales: indices of the
+        grid points and of the scales, (m,).
+        """
         log = self.log[combos, scales]
         if not self.inside.size:
             return log
@@ -711,8 +715,8 @@ class _ScaledPriors:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return means (m, K) and factors F of the covariances F Fᵀ, (m, K, K), for pairs of grid point and scale.
 
-        combos, scales: indices of the grid points and of the scales, (m,). rows: which of the K unknowns to return, by
-        default all.
+        They are those before the cut-off at zero. combos, scales: indices of the grid points and of the scales, (m,).
+        rows: which of the K unknowns to return, by default all.
         """
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]

@@ -595,7 +595,10 @@ class _CandidateFits:
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return the fit of a candidate; compute it if it does not exist yet. None if the fit fails."""
+        """Return the fit of a candidate; None if the fit fails.
+
+        If it does not exist yet, it is computed, starting from the fit of the sum of all terms.
+        """
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
             self._fit(c, self.fits.get(MotionCandidate(self.terms, c.restoring), plain))
@@ -622,9 +625,10 @@ class _CandidateFits:
             self.fits[c] = fit
 
     def corrected_solvers(self) -> dict[str, Solver]:
-        """Return, by restoring law, solvers of averaged motions with a correction by the full equation of motion.
+        """Return, by restoring law, solvers whose averaged motions have a correction (`AveragedSolver.with_defect`).
 
-        The correction is computed at the fit with the most damping terms. Laws for which it fails are left out.
+        The correction is the motion under the full equation minus the averaged motion, both at the fit with the most
+        damping terms. Laws for which it fails are left out.
         """
         most = {
             c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))

@@ -87,7 +87,10 @@ class Parameters(Scores):
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density, (...), at scores z, (..., d); −∞ where a score that must be ≥ 0 is negative."""
+        """Return the log prior density, (...), at scores z, (..., d); −∞ where a score that must be ≥ 0 is negative.
+
+        The common scale of the priors of coefficients is averaged over `SHARED_SIGMAS`.
+        """
         return log_prior_of(z, self.positive, self.shared)
 
     @cached_property
@@ -115,7 +118,7 @@ class Parameters(Scores):
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives by all k parameters, (n, k), to derivatives by the d scores at z, (n, d)."""
+        """Convert derivatives of n values by all k parameters, (n, k), to derivatives by the d scores at z, (n, d)."""
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
@@ -191,7 +194,7 @@ class StraightParameters(Parameters):
         return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives by all k parameters, (n, k), to derivatives by the d coordinates at z, (n, d)."""
+        """Convert derivatives of n values by all k parameters, (n, k), to those by the d coordinates at z, (n, d)."""
         columns = super().by_scores(tangents, z)
         columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
         return columns

@@ -232,8 +232,8 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 def predictable_nats(residual: np.ndarray) -> float:
     """Return by how many nats an autoregression explains residuals, (m,), better than white noise; at least 0.
 
-    It is the difference of the log evidences, approximated by least squares and Schwarz's criterion (G. Schwarz, Ann.
-    Stat. 6, 461 (1978)).
+    Its order is `AUTOREGRESSION_ORDER`. It is the difference of the log evidences, approximated by least squares and
+    Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
     rows = np.lib.stride_tricks.sliding_window_view(residual, AUTOREGRESSION_ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]

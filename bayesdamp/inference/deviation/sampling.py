@@ -52,8 +52,9 @@ T = TypeVar("T")
 class DrawSolver:
     """Solver of the motions of draws, with a loose tolerance and one correction that is added to each motion.
 
-    The correction is the difference that the tolerance of fits (`TOLERANCE`) makes for one of the motions. It is nearly
-    the same for all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
+    The correction is the motion with the tolerance of fits (`TOLERANCE`) minus that with `tolerance`, for the mean of
+    the proposal. It is nearly the same for all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425
+    (1978)).
 
     Attributes
     ----------
@@ -187,7 +188,7 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return the linear model of a candidate in straight coordinates (`StraightParameters`) about its mode.
+    """Return linear model and posterior of a candidate about its mode, in straight coordinates (`StraightParameters`).
 
     None if there are no such coordinates (see `straighten_at`), or if the motion escapes.
     """

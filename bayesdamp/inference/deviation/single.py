@@ -280,7 +280,7 @@ class Single:
         return whole, u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return median, 95 % interval and parts of the sd of each inferred parameter, by name.
+        """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.
 
         They are from draws of the linear posterior.
         """
@@ -314,10 +314,11 @@ class Single:
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
 
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
-        """Return median, 95 % interval and parts of the sd of the damping ratio at each amplitude (rad or m).
+        """Return median, 95 % interval and parts of the sd (`Quantity`) of the damping ratio at each amplitude.
 
-        They are from draws u, (n, K), and include the deviations. sensor: relative sd of the sensor's linearity and
-        clock, which is added.
+        Amplitudes are in rad or m. The numbers are from draws u, (n, K), and include the deviations. sensor: relative
+        sd of the sensor's linearity and clock, which is added. All numbers but the amplitude are nan where no orbit has
+        it.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)

@@ -231,8 +231,9 @@ def slice_proposal(
 ) -> SlicedProposal | None:
     """Build the proposal in slices of the damping parameter that the record determines least.
 
-    Return None if no damping term has a parameter of its own (with a prior that is not half-normal), if the record
-    determines it well (`ONE_SLICE_SD`), or if no motion stays in phase with the record.
+    It is the own parameter of a damping term, such as an exponent, whose score has the largest posterior sd; parameters
+    with half-normal priors are not considered. Return None if there is no such parameter, if the record determines it
+    well (`ONE_SLICE_SD`), or if no motion stays in phase with the record.
 
     Parameters
     ----------

@@ -166,8 +166,8 @@ class RunComparison:
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
         """Return the likelihood of a damping sum under a restoring law; None if it was not computed on this record.
 
-        A rival is evaluated under one law only. Under another law, its evidence is assumed to differ by as much from
-        that of the law's best sum.
+        A rival is evaluated under one law only. Under another law the same likelihood is used, times the evidence of
+        that law's best sum divided by the evidence of the first law's best sum.
         """
         run = self.runs.get((damping, restoring))
         if run is not None:
@@ -353,7 +353,10 @@ def priors_of(
 
 
 def _largest(run: RecordLikelihood) -> float:
-    """Return the maximum of a record's log likelihood over all parameters and grid points, in nats."""
+    """Return the maximum of a record's log likelihood over all parameters and grid points, in nats.
+
+    Coefficients may be negative at this maximum.
+    """
     x = run.likelihood
     scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))
     part = x.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])

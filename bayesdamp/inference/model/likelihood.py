@@ -98,7 +98,10 @@ class Likelihood:
         return replace(self, part=part)
 
     def within(self, tolerance: float) -> Likelihood:
-        """Return this likelihood with another `tolerance`, in the unit of the record; no effect with deviations."""
+        """Return this likelihood with motions solved to another tolerance, in the unit of the record.
+
+        This has no effect if the target has deviations (see `motions`).
+        """
         return replace(self, tolerance=tolerance)
 
     @cached_property
@@ -222,7 +225,10 @@ class Likelihood:
         return self._slope(self._shift_line(line, z), z)
 
     def _shift_line(self, line: Line, z: np.ndarray) -> Line:
-        """Return the linearised motion with its residual at scores z, (d,), and the other attributes unchanged."""
+        """Return a copy of `line` whose `residual` is the record minus the linearised motion at scores z, (d,).
+
+        Its `slopes` and `at` are those of `line`.
+        """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
         return Line(line.residual - away @ line.slopes, line.slopes, line.at)
@@ -301,7 +307,10 @@ class Likelihood:
         return derivatives
 
     def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the motion, (n,), and its derivatives by the inferred parameters on which it depends, (k, n)."""
+        """Return the motion, (n,), for parameters p by name, and its derivatives, (k, n).
+
+        The derivatives are by the inferred parameters on which the motion depends.
+        """
         motion, slopes = self.motions.with_slopes(p, self._moving_names)
         return motion[self.part.start :], slopes[:, self.part.start :]
 
