@@ -125,9 +125,10 @@ class FileRecord:
     findings
         Findings on what looks wrong.
     signal
-        The free decay in the record; None if there is none, or if it was not searched.
+        The part of the record that is used, as `clean` returns it: its free decay, or the whole oscillation if this is
+        not the free decay of one oscillator. None if there is none, or if it was not searched.
     refusal
-        Reason why there is no free decay; empty if there is one, or if it was not searched.
+        Reason why `signal` is None; empty if there is a signal, or if it was not searched.
     several
         Whether the file contains several records.
     """
@@ -174,7 +175,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
 
 
 def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
-    """Return the record with its free decay as `signal`, or with the reason why it has none as `refusal`."""
+    """Return the record with the `signal` that `clean` finds in it, or with the reason for none as `refusal`."""
     try:
         signal = clean(
             decimate(unwrap(record.raw, record.unit, record.quantity)),

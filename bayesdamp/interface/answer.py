@@ -166,6 +166,7 @@ def answer(
         Amplitude and frequency to which default priors are scaled; by default those of the record.
     sensor
         Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
+        It is not used if laws hold exactly.
     measured
         Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`.
     seed

@@ -80,12 +80,13 @@ class Comparison(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A table with a row for each damping sum and restoring law on each record, the most probable first.
+        """A table with a row for each damping sum and restoring law on each record.
 
-        The columns are record, damping, restoring, log_evidence (with deviations from the laws) and log_evidence_exact
-        (under exact laws), each in nats relative to the record's largest value; rms of the residual under exact laws,
-        in the unit of the file; outcome ("ok", or why the model was not compared); place; parameters. A value that was
-        not computed is NaN. Other forms of damping, which may be more probable, are in `verdict.rivals`.
+        The columns are record, damping, restoring, log_evidence (with deviations from the laws; NaN if laws hold
+        exactly) and log_evidence_exact (under exact laws), each in nats relative to the record's largest value; rms of
+        the residual under exact laws, in the unit of the file; outcome ("ok", or why the model was not compared);
+        place; parameters. Rows are sorted by record and falling log_evidence. Other forms of damping, which may be more
+        probable, are in `verdict.rivals`.
         """
         rows = [
             {
@@ -264,6 +265,7 @@ def compare(
         Priors by damping term or parameter.
     sensor
         Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
+        It is not used if laws hold exactly.
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file; by default three.
     sample

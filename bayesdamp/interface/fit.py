@@ -168,8 +168,9 @@ class Fit(Result, Storable):
     sd_noise, sd_law
         If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest.
     deviation, frequency_deviation
-        If laws may hold approximately: size of the relative deviation of the damping, and of the frequency, from its
-        law, as the mean over the record weighted by energy; median and 95 % interval. Otherwise None.
+        If laws may hold approximately: median and 95 % interval of the energy-weighted mean over the record of |g − ḡ|
+        and of |h − h̄|, where g is the log deviation of the damping, and h the relative deviation of the frequency,
+        from its law, with means ḡ and h̄. Otherwise None.
     law
         If laws may hold approximately: the fit with deviations, linearised about the best motion, from which samplers
         start instead of target and mode; otherwise None.

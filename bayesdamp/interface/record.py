@@ -84,6 +84,9 @@ class Record(Result):
     ) -> Signal:
         """Return the free decay of one run.
 
+        If the run is not the free decay of one oscillator (beats, growth), and `start` and `stop` are "auto", the
+        signal is the whole oscillation up to the end of the run.
+
         Parameters
         ----------
         run
@@ -111,7 +114,7 @@ class Record(Result):
         return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)
 
     def signals(self) -> tuple[Signal, ...]:
-        """Return the free decay of each run. Raises InputError as `signal` does."""
+        """Return the free decay of each run, as `signal` does with its defaults. Raises InputError if one has none."""
         return tuple(self.signal(run) for run in self.runs)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -232,6 +232,8 @@ def signal(
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
     """Find the free decay in a raw record, and return it as a signal.
 
+    If the record is not the free decay of one oscillator, the signal is that of `Record.signal`.
+
     Parameters
     ----------
     raw
@@ -249,7 +251,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     Raises
     ------
     InputError
-        If the record does not contain a free decay.
+        If the record does not contain two periods of an oscillation, or cannot be used for another reason.
     """
     raw = unwrap(raw, unit, quantity)
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)

@@ -229,7 +229,11 @@ class RecordChecks:
         return [r["value"] for r in rows if math.isfinite(r["value"])]
 
     def _convergence(self) -> Iterator[Check]:
-        """Yield a check of each sampler's convergence."""
+        """Yield a check of each sampler of `model`.
+
+        It is a failed one with the sampler's outcome if this is neither `ok` nor among `UNLISTED_OUTCOMES`; else it
+        gives the largest R̂ (if there are chains) and the smallest effective sample size.
+        """
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
             if status_of(outcome) not in UNLISTED_OUTCOMES:

@@ -129,7 +129,7 @@ class AnswerSection(Section):
         return run.info.get("kind") is None
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdict on each record."""
+        """Return the verdict on each record; without records, a sentence that says so."""
         if not run.signals:
             return paragraph(
                 "This folder does not contain any results yet. Run the study with bayesdamp study."
