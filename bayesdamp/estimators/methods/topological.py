@@ -130,7 +130,8 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
 
     They are the values of y at birth (a minimum), at death (a maximum), and the times of birth.
 
-    Components that are born within a tenth of a period of an end of the record or of a gap are incomplete and left out.
+    Components that are born within a tenth of a period of an end of the record or of a gap, or die so near a gap, are
+    incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)

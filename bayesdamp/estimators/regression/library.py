@@ -24,7 +24,7 @@ TABLE = 4001
 """Number of entries in the tables of forces, which cover twice the record's range of θ and θ̇."""
 STEP = 1e-3
 """Step of finite differences: a coefficient changes by this fraction of its scale, and displacement and velocity at the
-start by a tenth of this fraction of their ranges."""
+start by a tenth of this fraction of their amplitudes."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,11 @@ def residual_squares(
 def predict(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the recorded quantity (n, m) that models x (m, p) predict from the start states (m, 2)."""
+    """Return the recorded quantity (n, m) that models x (m, p) predict from the start states (m, 2).
+
+    Forces are interpolated in tables: damping terms as functions of θ̇ at θ = 0, all other terms as functions of θ at
+    θ̇ = 0. Beyond twice the range of the record they are constant.
+    """
     t, theta, omega = record.t, record.theta, record.omega
     middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)
     angles = middle + half * np.linspace(-1, 1, TABLE)
