@@ -450,7 +450,8 @@ def _applies(key: str, signal: dict[str, Any]) -> bool:
 def suffix(key: str, value: object, values: tuple[Any, ...]) -> str:
     """Return the suffix of a name, such as `-noise_sd-0p003` for simulate.noise_sd = 0.003.
 
-    A table or a list is named by its number among the values.
+    A decimal point becomes p, a leading minus m, and any other character that a name cannot have _. A table or a list
+    is named by its number among the values, from 1.
     """
     if isinstance(value, dict | list):
         text = str(values.index(value) + 1)

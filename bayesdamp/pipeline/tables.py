@@ -344,7 +344,10 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _parameter_rows(head: Row, row: JointEvidence) -> Iterator[Row]:
-    """Yield a row for each parameter with a summary; one row without a parameter if there is none."""
+    """Yield rows of specimens.csv: one for each parameter with a summary, or one without a parameter if there is none.
+
+    Each has the cells of `head`, and the outcome and log evidence of `row`.
+    """
     common = {**head, "outcome": row.outcome}
     if row.log_evidence is not None:
         common["log_evidence"] = row.log_evidence

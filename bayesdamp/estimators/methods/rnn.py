@@ -131,7 +131,7 @@ class Rnn(Estimator[RnnOptions]):
 
 
 class Stretches:
-    """Stretches of half a cycle of the record's phase φ.
+    """Parts of a record between equidistant values of its phase φ: stretches, usually of half a cycle.
 
     A stretch has several half cycles if there were more than `MOST_STRETCHES` otherwise, and a quarter cycle if there
     are fewer than `FEW` half cycles. In each, y = a cos φ + b sin φ is fitted by least squares about the record's

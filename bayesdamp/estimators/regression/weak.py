@@ -31,7 +31,7 @@ class Stretch:
     """A piece of the record on an even clock.
 
     h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): the state, at which functions of the
-    library are evaluated. velocity (n, n): the matrix from samples to omega; empty for a recorded velocity or
+    library are evaluated. velocity (n, n): the matrix from samples to omega; zero for a recorded velocity or
     acceleration. order: order of the recorded derivative of the displacement, 0 to 2.
     """
 
