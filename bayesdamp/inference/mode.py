@@ -391,7 +391,10 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode from its stored values; the errors of its motion, which are not stored, are nan."""
+    """Rebuild a mode from its stored values.
+
+    What is not stored is missing: `linear` is None, and the errors of the motion are nan.
+    """
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
@@ -399,8 +402,8 @@ def restore_mode(target: Target, stored: StoredMode) -> Mode:
 def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     """Return the log evidence by Laplace's approximation about scores z, (d,), at or near a mode, in nats.
 
-    The log likelihood is expanded to second order at z; the evidence is averaged over the values of the common prior
-    scale of coefficients.
+    The log likelihood is expanded to second order at z, and integrated with reflected scores ≥ 0; the evidence is
+    averaged over the values of the common prior scale of coefficients.
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)

@@ -66,7 +66,10 @@ POINTS = 3001
 
 @dataclass(frozen=True)
 class _At:
-    """The fit at one exponent: log evidence in nats, the least-squares fit, and u = (scores, g, h) at the mode."""
+    """The fit at one exponent: log evidence in nats, least-squares fit, and u = (scores, g, h) at the mode.
+
+    Under exact laws u contains only the scores.
+    """
 
     log_evidence: float
     fit: LeastSquaresFit

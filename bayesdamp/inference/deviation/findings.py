@@ -272,10 +272,11 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
 
 
 def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
-    """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m), with its relative deviation h.
+    """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m).
 
-    If `amplitude` is None, return the frequency of small oscillations, with h at the end of the record. Candidates
-    without an orbit of this amplitude are left out; None if all are.
+    The frequency of each draw contains the factor 1 + h, with the relative deviation h at this amplitude. If
+    `amplitude` is None, it is the frequency of small oscillations, with h at the end of the record. Candidates without
+    an orbit of this amplitude are left out; None if all are.
     """
     values = []
     # Draws are ordered by grid point: take every `step`-th. One step for all candidates preserves their probabilities.
@@ -389,9 +390,10 @@ def posterior_of(
     -------
     dict
         `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
-        would cause under exact laws, sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 % quantiles of the
-        energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as a fraction of the
-        first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see `TemperedDraws`.
+        would cause under exact laws, at most the sd; sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 %
+        quantiles of the energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as
+        a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see
+        `TemperedDraws`.
     ndarray, shape (n, p)
         The inferred parameters of each draw.
     """

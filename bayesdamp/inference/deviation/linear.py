@@ -61,7 +61,7 @@ class Grid:
     lengths : ndarray of int, shape (c,)
         Index of each grid point's pair of correlation lengths in `roots`.
     roots : ndarray, shape (p, 2n, 2n)
-        Cholesky factors of the covariance of (g, h) for sizes of 1, one for each pair of correlation lengths.
+        Matrices R where R Rᵀ is the covariance of (g, h) for sizes of 1, one for each pair of correlation lengths.
     """
 
     size_g: np.ndarray

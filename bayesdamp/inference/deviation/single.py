@@ -261,9 +261,9 @@ class Single:
     def complete(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
         """Add two parts of each parameter's sd to the summaries of a posterior; return it and its draws of u.
 
-        The draws have the shape (chain, draw, K). `sd_noise` is the part that noise alone would cause under exact laws;
-        `sd_law` = √(sd² − sd_noise²) is from deviations from the laws. Where the posterior has no draws of the
-        deviations g and h, they are drawn given the parameters.
+        The draws have the shape (chain, draw, K). `sd_noise` is the part that noise alone would cause under exact laws,
+        at most the sd; `sd_law` = √(sd² − sd_noise²) is from deviations from the laws. Where the posterior has no draws
+        of the deviations g and h, they are drawn given the parameters.
         """
         summaries = {}
         for n, summary in posterior.summaries.items():

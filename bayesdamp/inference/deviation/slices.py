@@ -127,16 +127,16 @@ class SlicedProposal:
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of w, (K,), in the most probable slice, under its most probable hyperparameters."""
+        """Posterior mean of w (see the class), (K,), in the most probable component of the most probable slice."""
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Split draws w, (n, K), by slice.
+        """Split draws w (see the class), (n, K), by slice.
 
-        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the sliced parameter's
-        score from the middle of the slice, (m,), and the other elements of these draws, (m, K − 1).
+        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the score a from the
+        middle of the slice, (m,), and the other elements of these draws, (m, K − 1).
         """
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
@@ -145,9 +145,10 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K); return also the index of each draw's mixture component within its slice, (count,).
+        """Draw w (see the class), (count, K); return also the index of each draw's component in its slice, (count,).
 
-        In all draws the score of the sliced parameter is at the middle of a slice. They are ordered by slice.
+        In all draws the score a is at the middle of a slice. They are ordered by slice. The components are those of the
+        slice's linear posterior.
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
@@ -161,7 +162,7 @@ class SlicedProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws w, (n, K), after a Crank–Nicolson step, with the score of the sliced parameter unchanged.
+        """Return draws w (see the class), (n, K), after a Crank–Nicolson step that leaves the score a unchanged.
 
         The step leaves this proposal unchanged as a distribution. u: the draws w before the step. combos: index of each
         draw's mixture component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores may
@@ -174,7 +175,7 @@ class SlicedProposal:
         return new
 
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return draws w, (n, K), in which the sliced parameter's score is drawn again, uniformly in its slice."""
+        """Return draws w (see the class), (n, K), in which the score a is drawn again, uniformly in its slice."""
         new = w.copy()
         for rows, part, *_ in self._split(w):
             new[rows, self.place] = part.middle + self.width * rng.uniform(-0.5, 0.5, rows.size)
@@ -185,11 +186,11 @@ class SlicedProposal:
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:
-        """Convert draws w to the candidate's scores and deviations u, both (n, K)."""
+        """Convert draws w (see the class) to the candidate's scores and deviations u, both (n, K)."""
         return self._scores(w)[0]
 
     def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Convert draws w to the candidate's scores and deviations u, both (n, K).
+        """Convert draws w (see the class) to the candidate's scores and deviations u, both (n, K).
 
         Return also the log determinant of the Jacobian ∂u/∂w, (n,).
         """

@@ -95,10 +95,10 @@ class Proposal(Protocol):
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws, (n, K), after a random step from the draws u with unchanged hyperparameters.
+        """Return draws, (n, K), after a random step from the draws u that leaves the proposal distribution unchanged.
 
-        combos: index of each draw's combination of hyperparameters, (n,). step: size of the step, up to 1, in posterior
-        standard deviations.
+        combos: index of each draw's combination of hyperparameters, (n,), which the step does not change. step: size of
+        the step, up to 1, in posterior standard deviations. Scores may become negative (see `inside`).
         """
         ...
 

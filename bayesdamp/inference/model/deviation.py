@@ -96,7 +96,10 @@ class Deviation(NoiseModel):
         return along, scaled - self.basis @ along, white, each
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of residuals r, (m,), in nats, with the deviations integrated out."""
+        """Return the log density of residuals r, (m,), in nats, with the deviations integrated out.
+
+        The normalisation of the white noise counts `samples` values instead of m.
+        """
         _, across, _, each = self._parts(r)
         constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
