@@ -37,7 +37,8 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be one.
 
     A search looks for other motions, such as a second oscillation or growth. The signal may be a free decay if none is
-    found, or if its size relative to the first oscillation is below `thresholds.OTHER_MOTION`. The limit is
+    found, or if its `size` is below `thresholds.OTHER_MOTION`: for example, the amplitude of a second oscillation
+    relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The limit is
     `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
 
     Parameters

@@ -142,7 +142,8 @@ class Posterior(Result, types.Posterior):
 
         If laws may hold approximately, posterior and prior also contain the deviations at the times at which they are
         inferred (coordinate `knot`), and their mean sizes. The groups along the record then contain the data that were
-        fitted; these are averages of neighbouring samples if the sampling is denser than the fit needs.
+        fitted, as in `Data`: samples, or averages of neighbouring samples if the sampling is denser than the fit needs,
+        or amplitudes, phases and midlines of blocks of cycles for a record of many cycles.
         """
         self._require_draws()
         import xarray as xr

@@ -214,7 +214,7 @@ def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str
     Parameters
     ----------
     draws
-        Draws of the exponent, (n,).
+        Draws of the exponent, or equally probable quantiles, (n,).
     interval
         Median of the exponent and the ends of its 95 % interval.
     title

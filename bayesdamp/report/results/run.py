@@ -61,7 +61,7 @@ class RecordAnswer:
     candidates
         The compared models, with their evidence.
     arrays
-        Arrays of the figure of the answer, by name.
+        Arrays of the answer, such as those of its figure, by name; see `interface.answer.Answer`.
     envelope
         Further values of the answer on an envelope; None for an oscillation.
     """
