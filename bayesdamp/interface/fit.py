@@ -240,6 +240,8 @@ class Fit(Result, Storable):
 
         Raises
         ------
+        InputError
+            If an amplitude is far outside the range of the record.
         Refusal
             If there is no fit, or if the fit assumes exact laws; use `sample(fit).derived` then.
         """

@@ -395,8 +395,8 @@ def check_signal(signal: object, model: object) -> Signal:
 def fit_approximate(signal: Signal, model: Model) -> Single:
     """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record.
 
-    A record of many cycles is first reduced to averages over cycles. If these are not accurate enough, a record of at
-    most `MOST_CYCLES` cycles is fitted again without averages.
+    A record of many cycles is first reduced to amplitudes and phases, averaged over cycles. If this is not accurate
+    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages.
     """
     case = Case.with_noise(signal, model)
     noises = noises_of(model.noise)

@@ -244,7 +244,8 @@ class Posterior(Result, types.Posterior):
         """Return a table with a row for each parameter and each derived quantity; empty without draws.
 
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
-        shortest 95 % interval, effective sample sizes, R-hat and unit.
+        shortest 95 % interval, effective sample sizes, R-hat and unit; if laws may hold approximately, also the parts
+        of the sd of each parameter, as in `Fit`.
         """
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names:

@@ -1,4 +1,4 @@
-"""Make a signal (the free decay of a record, in SI units) from arrays or from a record."""
+"""Make a signal (the free decay of a record, in base units) from arrays or from a record."""
 
 from __future__ import annotations
 
@@ -32,12 +32,14 @@ _EMPTY = np.empty(0)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signal(Result, types.Signal):
-    """The free decay of a record, in SI units. Two signals are equal only if they are the same object.
+    """The free decay of a record, or a simulated record, in base units (rad or m, or a sensor's own, and s).
+
+    Two signals are equal only if they are the same object.
 
     Attributes
     ----------
     t
-        Times in s, shape (n,), strictly increasing; t[0] = 0 at the first sample of the decay.
+        Times in s, shape (n,), strictly increasing; t[0] = 0 at the first sample of the signal.
     y
         The recorded quantity, shape (n,): in `unit` for a displacement, in `unit`/s for a velocity, in `unit`/s² for
         an acceleration.
