@@ -699,8 +699,8 @@ class _CandidateFits:
         near, solver = self.fits[best], self.solvers[best.restoring]
         m, peak = len(self.terms), self.reference.peak_velocity
 
-        def under(share: float) -> tuple[float, float, np.ndarray] | None:
-            """Fit with one width ε; return ε, the log likelihood in nats up to a constant, and the terms' parameters.
+        def under(share: float) -> tuple[float, float, LeastSquaresFit] | None:
+            """Fit with one width ε; return ε, the log likelihood (nats, up to a constant; white noise), and the fit.
 
             share: ε as a fraction of the peak velocity. None if the fit fails.
             """
@@ -715,7 +715,7 @@ class _CandidateFits:
                 if adapted is None:
                     return None
                 log = adapted.noise.fitted.log_evidence
-            return share * peak, log, fit.values[: solver.law_places.start]
+            return share * peak, log, fit
 
         shares = SHARES if any(near.values[i] > 0 for i in switching) else ()
         tried = [width for width in at_once(under, shares) if width is not None]
@@ -731,6 +731,10 @@ class _CandidateFits:
             tried.append(new)
         tried.sort(key=lambda width: -width[0])
         widths, logs = np.array([e for e, _, _ in tried]), np.array([log for _, log, _ in tried])
+        if adapting is None and self.data.averaged is None:
+            # Correlated residuals contain fewer independent values. The best width leaves the least of its own misfit.
+            fit = tried[int(np.argmax(logs))][2]
+            logs /= inflation(self.data.t, fit.residual, self.data.frequency, fit.z.size)
         # Quadrature over log ε: each width has a cell that ends half way to its neighbours.
         gaps = np.abs(np.diff(np.log(widths)))
         cells = 0.5 * (np.append(gaps, gaps[-1:]) + np.append(gaps[:1], gaps)) if gaps.size else np.ones(1)
@@ -739,9 +743,9 @@ class _CandidateFits:
         density = weights / cells
         first, usual = int(np.argmax(density)), int(np.argmin(np.abs(widths - self.epsilon)))
         clear = np.log(density[first] / max(density[usual], 1e-300)) > LEAD
-        each = zip(tried, weights.tolist(), strict=True)
         frictions = tuple(
-            Friction(e, w, tuple(p[:m].tolist()), tuple(p[m:].tolist())) for (e, _, p), w in each
+            Friction(e, w, *(tuple(v.tolist()) for v in np.split(fit.values[: solver.law_places.start], [m])))
+            for (e, _, fit), w in zip(tried, weights.tolist(), strict=True)
         )
         return frictions, float(widths[first]) if clear else self.epsilon
 
