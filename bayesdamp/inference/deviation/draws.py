@@ -204,12 +204,11 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
     """Return, by name, the sd of each inferred parameter (in its unit) that noise alone would cause under exact laws.
 
-    It is that of the first component of the linear posterior without deviations (the smallest of the probable values of
-    the coefficients' common prior scale), before the cut-off at zero, scaled to the variance of the noise in the
-    comparison.
+    It is the sd within components of the linear posterior without deviations, before the cut-off at zero, scaled to the
+    variance of the noise in the comparison.
     """
     parameters = result.fit.parameters
-    sds = np.linalg.norm(result.exact_posterior.factors[0], axis=1) * np.abs(parameters.rates(result.fit.z))
+    sds = result.exact_posterior.sds(np.diag(parameters.rates(result.fit.z)))
     sds *= np.sqrt(comparison.variance / result.exact_variance)
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
 
@@ -411,7 +410,7 @@ def draw_ratios(
         coefficients = parameters.free < mean.size
         gradient[coefficients] = mean[parameters.free[coefficients]] * rates[coefficients]
         scale = np.sqrt(comparison.variance / result.exact_variance)
-        noises.append(float(np.linalg.norm(gradient @ result.exact_posterior.factors[0])) * float(scale))
+        noises.append(float(result.exact_posterior.sds(gradient[None])[0] * scale))
         weights.append(len(d.coefficients))
     if not values:
         return np.empty(0), float("nan")

@@ -370,6 +370,13 @@ class LinearPosterior:
         """Return the posterior probability of each component, (m,)."""
         return np.exp(self.log_each - self.log_evidence)
 
+    def sds(self, combinations: np.ndarray) -> np.ndarray:
+        """Return the sd within components of linear combinations of u = (scores, g, h), (n,), before the cut-off at 0.
+
+        combinations: coefficients of u, (n, K). The variance is averaged over the components.
+        """
+        return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
+
     def draws(
         self, positive: np.ndarray, count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -428,6 +428,8 @@ def compare_candidates(
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
     results = at_once(evaluate, [c for c in followed if c not in refused])
+    if not any(results):
+        raise Refusal("the equation of motion cannot be fitted with any of the damping models")
     # The order must not depend on which thread was first.
     order = dict.fromkeys([*fullest, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return replace(

@@ -252,7 +252,7 @@ def slice_proposal(
     leading = np.flatnonzero(own & ~base.positive)
     if not leading.size:
         return None
-    sds = np.sqrt(posterior.weights @ np.sum(posterior.factors[:, :d] ** 2, axis=2))
+    sds = posterior.sds(np.eye(d, posterior.means.shape[1]))
     place = int(leading[np.argmax(sds[leading])])
     if sds[place] < ONE_SLICE_SD:
         return None

@@ -49,13 +49,16 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
     other = linear_posterior(model, grid, (1.1 * SD) ** 2, N)
     assert abs(other.log_evidence - float(logsumexp(truth))) > 0.1  # control: another noise
 
-    for i in (0, 5, len(grid.log_prior) - 1):
+    variance = np.zeros(3 + 2 * KNOTS)
+    for i, weight in enumerate(np.exp(truth - logsumexp(truth))):
         prior = np.eye(3 + 2 * KNOTS)
         prior[3:, 3:] = grid.factors[i] @ grid.factors[i].T
         gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + SD**2 * np.eye(N))
         assert found.means[i] == pytest.approx(gain @ y, abs=1e-8)
-        covariance = found.factors[i] @ found.factors[i].T
-        assert covariance == pytest.approx(prior - gain @ columns @ prior, abs=1e-8)
+        covariance = prior - gain @ columns @ prior
+        assert found.factors[i] @ found.factors[i].T == pytest.approx(covariance, abs=1e-8)
+        variance += weight * np.diag(covariance)
+    assert found.sds(np.eye(variance.size)) == pytest.approx(np.sqrt(variance), rel=1e-6)
 
 
 def test_scores_alone_have_the_marginal_posterior() -> None:
