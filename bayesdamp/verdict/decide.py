@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite, log
+from math import log
+
+import numpy as np
 
 from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.findings import Findings
@@ -92,12 +94,19 @@ def decide(
     )
     q = findings.frequency_at
     by_law = None if q is None else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
-    contradicted = law_free is not None and _contradict(ratios, law_free.ratios, thresholds.CONTRADICTS)
-    off = (
-        law_free is not None
-        and by_law is not None
-        and _contradict((by_law,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
-    )
+    contradicted = off = narrower = False
+    if law_free is not None:
+        points = sorted((*findings.curve, *findings.ratios), key=lambda r: r.amplitude)
+        known = [r.amplitude for r in points]
+        rows = np.array([(r.value, r.low, r.high) for r in points]).T
+        for own in law_free.ratios:
+            value, low, high = (float(np.interp(own.amplitude, known, row)) for row in rows)
+            law_there = Interval(value, low, high)
+            contradicted = contradicted or _contradicts(law_there, own, thresholds.CONTRADICTS)
+        own = law_free.frequency
+        if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
+            off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
+            narrower = own.high - own.low < by_law.high - by_law.low
     grade = grade_of(findings) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
     instead = law_free if grade is Grade.DEVIATES else None  # of a law
@@ -105,12 +114,8 @@ def decide(
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None
     frequency_at = by_law
-    if law_free is not None:
-        own = law_free.frequency
-        replaced = by_law is None or off or instead is not None
-        if by_law is not None and _have_same_amplitude(by_law, own):
-            replaced = replaced or own.high - own.low < by_law.high - by_law.low
-        frequency_at = own if replaced else by_law
+    if law_free is not None and (by_law is None or off or instead is not None or narrower):
+        frequency_at = law_free.frequency
     twins = possible_twins(findings, first)
     decided = (
         grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
@@ -214,30 +219,14 @@ def grade_of(findings: Findings) -> Grade:
     return Grade.EXACT if findings.deviation.high <= thresholds.EXACT else Grade.APPROXIMATE
 
 
-def _have_same_amplitude(first: DampingRatio | FrequencyAt, second: DampingRatio | FrequencyAt) -> bool:
-    """Return whether two values are at the same amplitude, within `SAME_AMPLITUDE`."""
-    return abs(log(first.amplitude / second.amplitude)) < thresholds.SAME_AMPLITUDE
+def _contradicts(law: Interval | FrequencyAt, own: DampingRatio | FrequencyAt, least: float) -> bool:
+    """Return whether a law contradicts a value that is measured without a law at the same amplitude, `own`.
 
-
-def _contradict(
-    by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
-) -> bool:
-    """Return whether a law contradicts a value that is measured without a law, at an amplitude that both have.
-
-    It does if, at one amplitude, the two values differ by more than the fraction `least` of the measured one, and if
-    the law's interval does not overlap the measured interval after this is widened by the factor `WIDER`.
+    It does if the two values differ by more than the fraction `least` of the measured one, and if the law's interval
+    does not overlap the measured interval after this is widened by the factor `WIDER`. A nan contradicts nothing.
     """
-    wider = thresholds.WIDER
-    return any(
-        isfinite(law.value)
-        and _have_same_amplitude(law, own)
-        and abs(law.value - own.value) > least * abs(own.value)
-        and (
-            law.low > own.value + wider * (own.high - own.value)
-            or law.high < own.value - wider * (own.value - own.low)
-        )
-        for law, own in zip(by_law, measured, strict=True)
-    )
+    low, high = (own.value + thresholds.WIDER * (end - own.value) for end in (own.low, own.high))
+    return abs(law.value - own.value) > least * abs(own.value) and (law.low > high or law.high < low)
 
 
 def interval_of(q: Quantity, unit: str = "") -> Interval:

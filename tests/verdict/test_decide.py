@@ -238,6 +238,19 @@ def test_a_law_that_agrees_with_the_measured_damping_stays() -> None:
         assert found.sentence == decided().sentence
 
 
+def test_a_law_is_compared_at_the_amplitude_that_was_measured() -> None:
+    """For drag, 4 % less damping at a 4 % smaller amplitude, and 2 % of error, contradict nothing."""
+    steep = tuple(Ratio(a, 0.1 * a, 0.0997 * a, 0.1003 * a, 1e-6, 1e-6) for a in (0.3, 0.27, 0.1, 0.03))
+    rows = [(a, 0.098 * a, 0.0977 * a, 0.0983 * a) for a in (0.288, 0.1, 0.03)]
+    own = tuple(DampingRatio(a, "rad", v, 1e-6, 0.0, low, high) for a, v, low, high in rows)
+    drag = findings(ratios=(steep[0], *steep[2:]), curve=steep)
+    assert not decided(drag, law_free=replace(measured(), ratios=own)).contradicted
+    moved = tuple(
+        replace(r, amplitude=r.amplitude / 0.96) for r in own
+    )  # the control: 6 % less at the same amplitude
+    assert decided(drag, law_free=replace(measured(), ratios=moved)).contradicted
+
+
 def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() -> None:
     by_law = findings(frequency_at=HERTZ)
     found = decided(by_law, law_free=measured(hertz=0.72))
