@@ -35,6 +35,7 @@ TEXTS = {
     "blank lines": (["time,phi", "", *rows(), "", ""], "time", "phi"),
     "more columns": (["n;t;v;x", *(f"7;{r};abc".replace(".", ",") for r in rows(";"))], 2, 3),
     "integers first": (["t,x", *rows(), "2,0"], "t", "x"),
+    "exponents": (["t;x", *(f"{t:.2E};{y:.4E}".replace(".", ",") for t, y in zip(T, Y))], "t", "x"),
 }
 
 
@@ -75,6 +76,7 @@ STAMPS = {
     "a zone before midnight": (["2024-05-03T23:30:00-01:00", "2024-05-04T00:30:01Z", "2024-05-04T00:30:02Z"], 1, 2),
     "days first": (["03.05.2024 10:00:00", "03.05.2024 10:00:01", "04.05.2024 10:00:00"], 1, 86400),
     "months first": (["1/31/2024 11:59:59 PM", "2/1/2024 12:00:00 AM", "2/1/2024 12:00:02.5 AM"], 1, 3.5),
+    "slashes without seconds": (["1/31/2024 23:59", "2/1/2024 00:00", "2/1/2024 00:02"], 60, 180),
     "midnight without a date": (["23:59:59.5", "00:00:00.5", "00:00:02.5"], 1, 3),
 }  # fmt: skip
 

@@ -467,15 +467,15 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
 def _split_unit(name: str) -> tuple[str, str]:
     """Split a fact's name: `Sample interval (ms)` and `Horizontal.sample_interval_ms` give `sampleinterval`, `ms`.
 
-    Return the part after the last dot or slash (of a name with brackets the whole), reduced to its letters in lower
-    case, and the unit at its end, in lower case; "" if there is no unit.
+    Return the part after the last dot or slash before the unit (not at its end, as in `freq. (Hz)`), reduced to its
+    letters in lower case, and the unit at the end, in lower case; "" if there is no unit.
     """
-    last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
-    at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)
+    at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", name)
+    last = re.split(r"[./](?=.*\w)", name[: at.start()] if at else name)[-1]
     unit = at[1].strip().lower() if at else ""
     if at is None and (behind := _UNDERSCORED.fullmatch(last)):
         last, unit = behind[1], behind[2].lower()
-    bare = re.sub(r"[^a-z]", "", (last[: at.start()] if at else last).lower())
+    bare = re.sub(r"[^a-z]", "", last.lower())
     ending = None if unit else re.fullmatch(r"(.+?)(?:in)?(khz|hz)", bare)
     return (ending[1], ending[2]) if ending else (bare, unit)
 

@@ -15,9 +15,10 @@ from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import block_means, coarse_period
 from bayesdamp.records.oscillation.turning import zigzag
 
-MOST_SAMPLES = 1500
-"""Most samples that are fitted. In longer records neighbouring samples are averaged, but at least `PER_CYCLE` samples
-remain in a period (conventional)."""
+LEAST_AVERAGED = 1500
+"""Smallest number of samples that averaging leaves: in records with at least twice as many, neighbouring samples are
+averaged before the fit, so that fewer than twice as many remain, or about `PER_CYCLE` samples in a period, whichever is
+more (conventional)."""
 PER_CYCLE = 12
 """Smallest number of samples in a period after averaging (conventional)."""
 MIN_SEPARATION = 0.6
@@ -253,13 +254,12 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in blocks to `MOST_SAMPLES` samples or more, and at least about `PER_CYCLE` samples a period.
+    """Average a record in the largest blocks that leave `LEAST_AVERAGED` samples, and `PER_CYCLE` samples a period.
 
     A record with less than twice as many samples is not averaged. Return the mean times and values, (m,) each.
     """
     cycles = float(t[-1] - t[0]) / period
-    block = int(max(t.size // max(MOST_SAMPLES, round(PER_CYCLE * cycles)), 1))
-    block = min(block, max(int(period * t.size / float(t[-1] - t[0]) / PER_CYCLE), 1))
+    block = max(int(t.size / max(LEAST_AVERAGED, PER_CYCLE * cycles)), 1)
     return block_means(t, block), block_means(y, block)
 
 

@@ -159,7 +159,7 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
     tuple[int | None, float] | None
         The day is counted from the year 1; it is None without a date, and for a date with slashes, whose order of day
         and month is ambiguous. If the cell has a day and a time zone, both are in UTC; without a day the zone is
-        ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a day nor seconds.
+        ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a date nor seconds.
     """
     date, rest = 0, cell  # 0 stands for no date
     if slashed := _SLASHED.match(cell):
@@ -184,7 +184,7 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
         if not 1 <= hours <= 12:
             return None
         hours = hours % 12 + 12 * (zone == "PM")
-    if minutes > 59 or seconds >= 61 or (hours > 24 if date else parts[3] is None):
+    if minutes > 59 or seconds >= 61 or (hours > 24 if date or slashed else parts[3] is None):
         return None
     total = 3600.0 * hours + 60.0 * minutes + seconds
     if not date:
@@ -349,7 +349,7 @@ def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | Non
 
 
 def _has_letters(cell: str) -> bool:
-    return bool(re.search(r"[^\W\d_]", cell)) and parse_number(cell, ".") is None
+    return bool(re.search(r"[^\W\d_]", cell)) and all(parse_number(cell, mark) is None for mark in ".,")
 
 
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:

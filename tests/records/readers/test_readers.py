@@ -93,6 +93,9 @@ def test_lists_of_samples_in_json(tmp_path: Path) -> None:
         times(record, None)
         assert record.unit == unit
         np.testing.assert_array_equal(record.y, Y)
+    (tmp_path / "d.json").write_text(json.dumps({"t": T.tolist(), "x": Y[1:].tolist()}), encoding="utf-8")
+    with pytest.raises(InputError, match="different numbers of values"):
+        read_record(tmp_path / "d.json")
 
 
 def test_a_uff_of_geometry_is_no_record(tmp_path: Path) -> None:
