@@ -15,7 +15,7 @@ from bayesdamp.formatting import Table, time_span
 from bayesdamp.records.envelope.record import read_envelope
 from bayesdamp.records.envelope.window import window_between
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.files.names import seconds_of_unit, unit_of_column
+from bayesdamp.records.files.names import SECONDS, seconds_of_unit, unit_of_column
 from bayesdamp.records.oscillation.features import holes
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.types import Refusal
@@ -63,7 +63,8 @@ def columns_table(contents: Contents) -> Table:
     for i, column in enumerate(contents.columns, start=1):
         unit, quantity = unit_of_column(column)
         shown = UNITS[unit].of(quantity or "angle") if unit in UNITS else unit
-        shown = "s" if not shown and seconds_of_unit(column) else shown
+        seconds = seconds_of_unit(column)
+        shown = shown or next((name for name, value in SECONDS.items() if value == seconds), "")
         y = column.values[np.isfinite(column.values)]
         ends = (f"{y.min():.6g}", f"{y.max():.6g}") if y.size else ("", "")
         rows.append((str(i), column.name or "-", shown or "-", str(y.size), *ends))

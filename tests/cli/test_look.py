@@ -63,9 +63,10 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
 
 
 def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> None:
-    write_table(tmp_path / "a.csv", "t,left,right", T, Y, np.cos(5 * T) * np.exp(-0.2 * T))
+    write_table(tmp_path / "a.csv", "millis,left,right", 1e3 * T, Y, np.cos(5 * T) * np.exp(-0.2 * T))
     assert main(["look", str(tmp_path / "a.csv")]) == 2
     out, error = capsys.readouterr()
+    assert re.search(r"millis\W+ms\W", out)
     assert "left" in out
     assert "'left', 'right' may each be the record; give the name" in error
     assert error.count("\n") == 1

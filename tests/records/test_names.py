@@ -15,8 +15,8 @@ TIMES = {
     1.0: "Time_Elapsed(s) | Zeit [s] | Time (s) Run #1 | seconds | TimeSec | time (sec.)",
     1e-3: "time (ms) | Zeit ms | time_ms | t(ms) | millis | t / ms | t/ms",
     1e-6: "TimeUS | elapsed_us | log.TimeUS | time_us | timestamp [µs]",
-    1e-9: "timestampNs", 1e-12: "time (ps)", 60.0: "t in min",
-    3600.0: "time (h) | t_h | Zeit [Std] | Time (hour(s)) | hours | log.t / hrs.",
+    1e-9: "timestampNs", 1e-12: "time (ps)", 60.0: "t in min | Time min",
+    3600.0: "time (h) | t_h | Zeit [Std] | Time (hour(s)) | hours | log.t / hrs. | Zeit h",
     86400.0: "t in d | Elapsed days | timestamp [d] | Zeit Tage",
     None: "x min | times | systems | atoms | time | t | ms | stamps | theta_s (ms) [s] | Height (h) | x / d | theta_d"
           " | displacement (d) | power (PS) | day | hour | operating hours | mean_std",

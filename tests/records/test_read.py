@@ -7,6 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.read import read_record
+from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import InputError
 
 T = np.arange(20) * 0.1
@@ -68,6 +69,23 @@ def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path):
         found = record.provenance.warnings
         assert len(found) == len(said)
         assert all(line.startswith(start) for line, start in zip(found, said))
+
+
+def test_a_head_shorter_than_the_rows_is_told_of(tmp_path):
+    """Decimal commas that also separate cells make more cells than names; a column without a name does not."""
+    split = [f"{1000 * t:.0f},{y:.4f}".replace(".", ",") for t, y in zip(T, Y)]
+    for head, lines, said in (
+        ("t (ms),x (mm)", split, ["its head names 2 columns and its rows have 3"]),
+        (
+            "t (ms),x,v",
+            [f"{i},{row},1.5" for i, row in enumerate(rows())],
+            ["its head names 3 columns and its rows have 4"],
+        ),
+        (",t,x", [f"{i},{row}" for i, row in enumerate(rows())], []),
+        ("t,x", [f"{row},," for row in rows()], []),
+    ):
+        found = parse_table([head, *lines]).warnings
+        assert [line.split(":")[0] for line in found] == said
 
 
 STAMPS = {

@@ -28,9 +28,12 @@ SECONDS = {
 }
 """Seconds in a unit of time, for each way of writing the unit."""
 _JOINED = re.compile(
-    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
+    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$"
+    r"|(?:time|elapsed|zeit) (min|h)$",
+    re.IGNORECASE,
 )
-"""Pattern of a column name of times that ends in its unit without a separator, as ArduPilot's `TimeUS`."""
+"""Pattern of a column name of times that ends in its unit without a separator, as ArduPilot's `TimeUS`, or after a
+blank in a unit that other names do not end in, as `Time min`."""
 TIMES = re.compile(
     r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
     re.IGNORECASE,
@@ -136,7 +139,7 @@ def seconds_in(name: str) -> float | None:
     """Return the seconds in the unit that the name of a column of times states; None if it states none or several."""
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
-        units = [joined[1].lower()]
+        units = [(joined[1] or joined[2]).lower()]
     seconds = set[float]()
     for unit in units:
         if unit in _ONLY_OF_TIMES and name.strip().lower() not in ("hours", "days", "stunden", "tage"):

@@ -506,6 +506,11 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         warnings += _uneven_warning(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # an empty column, from a separator at the end of each line
+    last = next((line for line, _ in reversed(head) if line.strip()), "").lstrip("#% ")
+    named = split_cells(last, layout.separator)
+    if layout.separator != BLANKS and 1 < len(named) < len(columns) and all(map(_has_letters, named)):
+        what = f"its head names {len(named)} columns and its rows have {len(columns)}"
+        warnings.append(f"{what}: check which column is which, and whether decimal commas separate cells.")
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
     notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:3])
