@@ -85,7 +85,7 @@ def comparison(
         return resolve_study(comparison_tables(records, **settings), Path("compare"), plugins)
     except StudyError as error:
         option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.key)
-        option = "damping" if option == "compare" else option
+        option = {"compare": "damping", "specimen": "repeats"}.get(option, option)
         raise InputError(error.what, f"--{option}" if option else "") from None
 
 

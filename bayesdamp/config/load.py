@@ -44,6 +44,7 @@ from bayesdamp.config.study import (
     PluginsTable,
     PosteriorTable,
     PublishedResult,
+    Recording,
     RecoveryTable,
     SignalSpec,
     Study,
@@ -355,7 +356,7 @@ def _check_across_tables(study: Study) -> None:
     """Check settings that depend on several tables. Raises StudyError.
 
     Estimators run only under compared models. `models.prune` and `posterior.best` need Laplace's evidence. Records of a
-    specimen must have the same base unit and the same candidates, and cannot be combined with a sweep.
+    specimen must be different, have the same base unit and the same candidates, and cannot be combined with a sweep.
     """
     for spec in study.signals:
         for model in spec.estimate or ():
@@ -366,8 +367,16 @@ def _check_across_tables(study: Study) -> None:
         if study.tables.get("sweep"):
             what = "cannot be combined with a [[sweep]]; remove one of the two"
             raise StudyError(f"signal[{first.name}].specimen", what)
-        for spec in others:
-            key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
+        read = [
+            s.source.model_copy(update={"file": ""}) if isinstance(s.source, Recording) else s
+            for s in (first, *others)
+        ]
+        for i, spec in enumerate(others, 1):
+            key = f"signal[{spec.name}].specimen"
+            if read[i] in read[:i]:
+                same = (first, *others)[read.index(read[i])].name
+                raise StudyError(key, f"signals {same} and {spec.name} are the same record; give it once")
+            repeat = f"signals {first.name} and {spec.name} are of one specimen, {name!r}"
             if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
                 units = f"{spec.source.unit} and {first.source.unit}"
                 right = "repeats must all be angles, all lengths or all in one unit"

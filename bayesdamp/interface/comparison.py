@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from bayesdamp import types
 from bayesdamp.formatting import Table, data_frame
@@ -306,6 +309,9 @@ def compare(
     one_kind = len(every) in (len(motions), len(envelopes))
     if not every or (len(every) > 1 and not repeats) or not one_kind:
         raise InputError("compare: give one signal, or several of one specimen with repeats=True")
+    recorded = [s.y for s in motions] or [r.level for r in envelopes]
+    if any(np.array_equal(a, b) for a, b in combinations(recorded, 2)):
+        raise InputError("compare: two of the signals are the same record; give each record once")
     if envelopes:
         given_options = {
             "noise": noise != "auto",
@@ -344,7 +350,9 @@ def compare(
             for s, unit in zip(motions, units, strict=True)
         )
         good = [a.of_specimen() for a in answers if a.arrays]
-        together = specimen(name, good, given, sensor, seed) if good and len(every) > 1 else None
+        scale = UNITS[units[0]].displacement.factor
+        wanted = None if amplitudes is None else [float(a) * scale for a in amplitudes]
+        together = specimen(name, good, given, sensor, seed, wanted) if good and len(every) > 1 else None
     verdict, own = together or answers[0].verdict, [unit_named(unit) for unit in units]
     if len({unit.displacement.name for unit in own}) == 1:
         verdict = in_unit(verdict, own[0])

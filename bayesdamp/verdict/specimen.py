@@ -108,6 +108,7 @@ def specimen(
     priors: Mapping[str, Prior] | None = None,
     sensor: float = SENSOR,
     seed: int = 0,
+    amplitudes: Sequence[float] | None = None,
 ) -> Verdict:
     """Return the verdict on a specimen: one damping for all records, times a factor for each with an inferred spread.
 
@@ -123,6 +124,8 @@ def specimen(
         Relative error of the sensor's linearity; all records have the same error, so it does not average out.
     seed
         Seed of the draws.
+    amplitudes
+        Amplitudes, in rad or m, at which to give the damping ratio; by default those that `choose_amplitudes` returns.
 
     Raises
     ------
@@ -134,10 +137,30 @@ def specimen(
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
     damping, restoring, others = specimen_probabilities(comparison)
     own = [r.verdict for r in records]
-    ratios, following = _ratios(records, comparison, sensor, seed)
+    ranges = [(float(r.curve["amplitude"].min()), float(r.curve["amplitude"].max())) for r in records]
+    amplitudes = choose_amplitudes(ranges) if amplitudes is None else amplitudes
+    reaching = [[i for i, (low, high) in enumerate(ranges) if low <= a <= high] for a in amplitudes]
+    ratios, following = _ratios(
+        records, comparison, dict(zip(amplitudes, reaching, strict=True)), sensor, seed
+    )
+    partial = ""
+    if min(map(len, reaching)) < len(records):
+        partial = (
+            f"Not all of the {len(records)} records reach these amplitudes. From the first amplitude to the last, the "
+            f"number of records that do is {', '.join(str(len(r)) for r in reaching)}. The damping ratio is a mean "
+            f"over these{'' if all(reaching) else '; where there are none, it is extrapolated from all'}."
+        )
     known = [v.frequency for v in own if v.frequency is not None]
     frequency = known[0] if known else None
-    if known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
+    differ = ""
+    if known and max(i.low for i in known) > thresholds.FREQUENCIES_DIFFER * min(i.high for i in known):
+        frequency, each = None, sorted(i.value for i in known)
+        differ = (
+            f"The natural frequencies of the records differ, from {each[0]:.3g} to {each[-1]:.3g} {known[0].unit}, so "
+            "these are hardly repeats of one specimen. The damping ratio is a mean over the records, and may be "
+            "that of none of them. Unless you changed the specimen on purpose, compare the records separately."
+        )
+    elif known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
         p = pool_records(
             np.array([i.value for i in known]), np.array([(i.high - i.low) / (2 * NORMAL_95) for i in known])
         )
@@ -151,10 +174,11 @@ def specimen(
         next_record=following,
         spread=spread_of(comparison) if len(records) > 1 else None,
     )
-    r = following[len(following) // 2]
+    rising = sorted(following, key=lambda r: r.amplitude)
+    place, r = ("middle", rising[len(rising) // 2]) if len(rising) % 2 else ("smallest", rising[0])
     ratio = with_interval(r.value, r.low, r.high, " %", 100)
-    more = f"One more record would have a damping ratio of {ratio} at the middle amplitude, with 95 % probability."
-    texts = (*spread_remark(verdict), more, *verdict.remarks)
+    more = f"One more record would have a damping ratio of {ratio} at the {place} amplitude, with 95 % probability."
+    texts = (*filter(None, (differ, partial)), *spread_remark(verdict), more, *verdict.remarks)
     return replace(verdict, remarks=texts, sentence=sentence(verdict))
 
 
@@ -165,9 +189,9 @@ def common_verdict(
 
     One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
     in `decide`; a twin is possible if it is possible in each record. The grade is that of the worst record; the
-    deviation, the unnamed fraction and the unexplained residual are each the largest of all records. The energy
-    fractions and the noise are medians over the records, the ends of the energy intervals the least and the largest
-    ones.
+    deviation and the unnamed fraction are each those with the largest upper limit of all records, and the unexplained
+    residual is the largest one. The energy fractions and the noise are medians over the records, the ends of the energy
+    intervals the least and the largest ones.
 
     Parameters
     ----------
@@ -258,33 +282,49 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
     )
 
 
-def _ratios(
-    records: Sequence[RecordAnswer], comparison: SpecimenComparison, sensor: float, seed: int
-) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the specimen's damping ratios at three falling amplitudes, and those of one more record.
+def choose_amplitudes(ranges: Sequence[tuple[float, float]]) -> list[float]:
+    """Return up to three falling amplitudes at which to give the damping ratio of a specimen.
 
-    The amplitudes are at 0.1, 0.5 and 0.9 of the logarithm of the range that all records share, from its upper end, or
-    of the range of the first record if they share none. The damping ratio by the law is drawn from the joint posterior;
-    the deviation from the law is pooled over the records. The relative error `sensor` of the sensor is added only if
-    laws may hold approximately.
+    They are at 0.1, 0.5 and 0.9 of the logarithm of the range that all records share, from its upper end. If they share
+    none, the geometric middles of the records' own ranges are used: the largest, the median and the smallest of these.
+
+    Parameters
+    ----------
+    ranges
+        The least and the largest amplitude of each record.
+    """
+    low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
+    if low < high:
+        return (high * np.exp(-np.log(high / low) * np.array([0.1, 0.5, 0.9]))).tolist()
+    middles = sorted({float(np.sqrt(low * high)) for low, high in ranges}, reverse=True)
+    return [middles[i] for i in sorted({0, len(middles) // 2, len(middles) - 1})]
+
+
+def _ratios(
+    records: Sequence[RecordAnswer],
+    comparison: SpecimenComparison,
+    reaching: Mapping[float, Sequence[int]],
+    sensor: float,
+    seed: int,
+) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
+    """Return the specimen's damping ratios at the amplitudes in `reaching`, and those of one more record.
+
+    The damping ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the
+    records. Both are those of the records that reach the amplitude, whose numbers are the values of `reaching`; of all
+    records if none does. The relative error `sensor` of the sensor is added only if laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")
-    high = min(float(r.curve["amplitude"].max()) for r in records)
-    low = max(float(r.curve["amplitude"].min()) for r in records)
-    if not low < high:
-        a = records[0].curve["amplitude"]
-        high, low = float(a.max()), float(a.min())
-    amplitudes = high * np.exp(-np.log(high / low) * np.array([0.1, 0.5, 0.9]))
     specimen_rows, following_rows = [], []
-    for row, amplitude in enumerate(amplitudes):
+    for row, (amplitude, numbers) in enumerate(reaching.items()):
+        used = numbers or range(len(records))
         rng = np.random.default_rng([seed, row])
-        law, spreads = comparison.ratios(float(amplitude), RATIO_DRAWS, seed)
+        law, spreads = comparison.ratios(amplitude, used, RATIO_DRAWS, seed)
         own = law.copy()
         scatter = np.zeros(RATIO_DRAWS)
         if approximate:
             over = []
-            for curve in (r.curve for r in records):
+            for curve in (records[i].curve for i in used):
                 order = np.argsort(curve["amplitude"])
                 x = np.log(curve["amplitude"][order])
                 over.append([np.interp(np.log(amplitude), x, curve[n][order]) for n in ("over", "over_sd")])
@@ -297,10 +337,10 @@ def _ratios(
         for draws, rows in ((own, specimen_rows), (more, following_rows)):
             value, low, high = (float(q) for q in np.quantile(draws, (0.5, 0.025, 0.975)))
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
-            rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
+            rows.append(DampingRatio(amplitude, unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
 
 
 def _largest(intervals: Sequence[Interval | None]) -> Interval | None:
-    """Return the interval with the largest value; None if there is none."""
-    return max((i for i in intervals if i is not None), key=lambda i: i.value, default=None)
+    """Return the interval with the largest upper limit; None if there is none."""
+    return max((i for i in intervals if i is not None), key=lambda i: (i.high, i.value), default=None)

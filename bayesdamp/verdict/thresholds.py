@@ -53,6 +53,9 @@ interval of the natural frequency, from which the natural frequency is given onl
 UNDETERMINED = 0.05
 """The natural frequency is omitted, as not determined, if its 95 % interval is wider than this fraction of it
 (conventional)."""
+FREQUENCIES_DIFFER = 1.05
+"""Records of one specimen have different natural frequencies if the 95 % intervals of two of them are further apart
+than this factor (conventional)."""
 MIDLINE = 0.002
 """Drift of the midline, as a fraction of the first amplitude, from which there is a remark (usual linearity of
 sensors)."""

@@ -16,7 +16,7 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.physics.damping import TERMS
-from tests.interface.problems import not_refused
+from tests.interface.problems import TIMES, TRUTH, not_refused, record
 from validation.truth.records import case
 
 mpl.use("Agg")
@@ -101,9 +101,13 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
 
 
 def test_records_of_one_specimen_share_a_damping() -> None:
-    how = {"damping": ["viscous", "coulomb"], "restoring": LAW}
-    both = bd.compare([MADE.signal, MADE.signal], repeats=True, name="rig", **how)  # type: ignore[arg-type]
+    """At the amplitudes that the user names, in the unit of the files; the truth is ζ/√k."""
+    signals = [bd.signal(TIMES, np.degrees(record(seed).y), unit="deg", cleaned=False) for seed in (3, 4)]
+    how: dict[str, Any] = {"damping": ["viscous", "coulomb"], "restoring": ["linear"]}
+    both = bd.compare(signals, repeats=True, name="rig", amplitudes=[13.0, 11.0], **how)
     assert both.verdict.damping == "viscous"
+    assert [r.amplitude for r in both.verdict.damping_ratio] == pytest.approx([13.0, 11.0])
+    assert all(r.low < TRUTH["zeta"] / TRUTH["stiffness"] ** 0.5 < r.high for r in both.verdict.damping_ratio)
     assert both.verdict.record == "rig"
     assert len(both.records) == 2
 
@@ -120,7 +124,12 @@ WRONG: list[tuple[dict, str]] = [
 
 def test_a_wrong_name_is_one_line() -> None:
     wrong = ((partial(bd.compare, MADE.signal, **how), said) for how, said in WRONG)
-    assert not_refused([*wrong, (lambda: bd.compare([MADE.signal] * 2), "repeats")]) == []
+    twice = [MADE.signal] * 2
+    several = (
+        (partial(bd.compare, twice), "repeats"),
+        (partial(bd.compare, twice, repeats=True), "same record"),
+    )
+    assert not_refused([*wrong, *several]) == []
 
 
 def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:

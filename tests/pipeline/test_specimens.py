@@ -79,6 +79,8 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, refused):
     assert not comparison(asked[:1]).specimens
     with pytest.raises(InputError, match="two or more of one specimen"):
         comparison(asked[:1], repeats=True)
+    with pytest.raises(InputError, match=r"--repeats: .* are the same record"):
+        comparison([asked[0], {**asked[0], "file": str(tmp_path / "." / "a.csv")}], repeats=True)
     assert refused("compare", str(paths[0]), "--repeats").startswith("--repeats: there is one record")
 
 

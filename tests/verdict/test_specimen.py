@@ -21,7 +21,7 @@ from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, 
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import RecordAnswer, pool_records, specimen
+from bayesdamp.verdict.specimen import RecordAnswer, common_verdict, pool_records, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 
@@ -181,6 +181,23 @@ def test_ratios_are_given_at_amplitudes_that_all_records_have() -> None:
     assert middle == pytest.approx(np.sqrt(0.8 * AMPLITUDE.max() * AMPLITUDE.min()))
 
 
+def test_without_a_common_amplitude_each_ratio_is_that_of_the_records_that_reach_it() -> None:
+    """Dry friction of one size, whose damping ratio is k/A, in records with amplitudes of 0.1 to 0.4 and of 1 to 4."""
+    each = []
+    for name, amplitude in (("a", AMPLITUDE), ("b", 10 * AMPLITUDE)):
+        friction = answered(name, 0.01, {C: 0.0}, sd=1e-5)
+        run = friction.comparison.runs[C]
+        run = replace(run, per_unit=run.per_unit / amplitude[::-1, None])
+        comparison = replace(friction.comparison, runs={C: run}, amplitudes=amplitude[::-1])
+        each.append(RecordAnswer(friction.verdict, comparison, {"amplitude": amplitude}))
+    found = specimen("rig", each)
+    assert [r.amplitude for r in found.damping_ratio] == pytest.approx([2.0, 0.2])
+    assert [r.value * r.amplitude for r in found.damping_ratio] == pytest.approx([0.01, 0.01], rel=2e-3)
+    assert found.remarks[0].startswith("Not all of the 2 records reach these amplitudes.")
+    (beyond,) = specimen("rig", each[:1], amplitudes=[0.5]).damping_ratio
+    assert beyond.value == pytest.approx(0.02, rel=2e-3)
+
+
 def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
     """As for one record; a single record that excludes the twin decides for all."""
     structural = ("structural", "linear")
@@ -209,6 +226,11 @@ def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
     assert (frequency.value, frequency.low, frequency.high) == pytest.approx(ends, rel=1e-9)
     assert expected.low < frequency.low < frequency.high < expected.high
     assert frequency.unit == "Hz"
+    other = specimen(
+        "rig", [one, replace(two, verdict=replace(two.verdict, frequency=Interval(4.0, 3.9, 4.1, "Hz")))]
+    )
+    assert other.frequency is None
+    assert other.remarks[0].startswith("The natural frequencies of the records differ, from 2 to 4 Hz")
     given = Interval(2.0, 2.0, 2.0, "Hz")
     stated = [replace(a, verdict=replace(a.verdict, frequency=given)) for a in (one, two)]
     assert specimen("rig", stated).frequency == given
@@ -226,6 +248,12 @@ def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
     assert not found.decided
     assert found.deviation == Interval(0.04, 0.0, 0.1)
     assert found.unnamed == Interval(0.3, 0.2, 0.4)
+    worst = Interval(0.0, 0.0, 0.2)
+    undetected = [
+        replace(r.verdict, deviation=d)
+        for r, d in zip(records, (Interval(0.0, 0.0, 0.1), worst), strict=True)
+    ]
+    assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == worst
     own = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]
     assert [(s.term, s.share, s.low, s.high) for s in found.energy] == own
 

@@ -49,14 +49,15 @@ class RatioLikelihood(RecordLikelihood):
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
         """Return the log damping ratio at an amplitude (rad or m), (n,), for draws of the parameters, (n, k).
 
-        It is interpolated between the `amplitudes` of the record's damping curve, (a,). Outside their range it is that
-        at the nearest one.
+        It is interpolated between the `amplitudes` of the record's damping curve, (a,), and extrapolated outside their
+        range, linearly in the logarithms.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
-        at = np.interp(np.log(amplitude), np.log(amplitudes[order]), np.arange(order.size))
-        low = min(int(at), max(order.size - 2, 0))
-        high, share = min(low + 1, order.size - 1), at - low
+        logs = np.log(amplitudes[order])
+        low = int(np.clip(np.searchsorted(logs, np.log(amplitude)) - 1, 0, max(order.size - 2, 0)))
+        high = min(low + 1, order.size - 1)
+        share = (np.log(amplitude) - logs[low]) / (logs[high] - logs[low]) if high > low else 0.0
         ends = []
         for row in order[[low, high]]:
             ratio = (draws @ self.per_unit[row]) * np.exp((draws - self.mode) @ self.growth[row])
@@ -249,10 +250,13 @@ class SpecimenComparison:
             for record, run in zip(self.records, self.runs[model], strict=True)
         ]
 
-    def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    def ratios(
+        self, amplitude: float, reaching: Sequence[int], count: int, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), (count,), over models in `repeats`.
 
-        The ratio is the geometric mean over the records. Return also the spread between records of each draw, (count,).
+        The ratio is the geometric mean over the records numbered in `reaching`, which are those that reach the
+        amplitude. Return also the spread between records of each draw, (count,).
         """
         rng = np.random.default_rng(seed)
         models = [m for m in self.probability if m in self.repeats]
@@ -265,8 +269,8 @@ class SpecimenComparison:
                 rows = rng.choice(len(repeats.draws), number)
                 # The geometric mean over the records, each with its own parameters of the restoring law.
                 logs = [
-                    run.log_ratio(amplitude, record.amplitudes, repeats.draws[rows])
-                    for record, run in zip(self.records, self.runs[model], strict=True)
+                    self.runs[model][i].log_ratio(amplitude, self.records[i].amplitudes, repeats.draws[rows])
+                    for i in reaching
                 ]
                 values.append(np.exp(np.mean(logs, axis=0)))
                 spreads.append(repeats.spreads[rows])
