@@ -186,7 +186,7 @@ class ModelsTable(StudySection):
     prune: float | None = Field(
         None,
         gt=0,
-        description="a positive number: models whose log evidence is more nats below the best are left out",
+        description="a positive number: models at least this many nats of log evidence below the best are left out",
     )
 
 

@@ -69,7 +69,7 @@ class CandidateSelection:
     def outcomes_after_laplace(self) -> dict[str, str]:
         """Return the outcome of each candidate after Laplace's evidence.
 
-        Those whose log evidence is more than the study's limit `prune` below the largest are left out, as are those
+        Those whose log evidence is at least the study's limit `prune` below the largest are left out, as are those
         that were pruned before. Candidates without a finite evidence are kept.
         """
         logs = {name: self._log_evidence(name, "laplace") for name in self.names}
@@ -78,25 +78,22 @@ class CandidateSelection:
         for name in self.names:
             earlier = self._outcome(name, "laplace")
             outcomes[name] = earlier if status_of(earlier) is Status.PRUNED else ""
-            is_far = self.limit is not None and math.isfinite(logs[name]) and best - logs[name] > self.limit
+            is_far = self.limit is not None and math.isfinite(logs[name]) and best - logs[name] >= self.limit
             if is_far and not outcomes[name]:
-                limit = f"log Bayes factor to the best below −{self.limit:g} by Laplace's approximation"
+                limit = f"log Bayes factor to the best at most −{self.limit:g} by Laplace's approximation"
                 outcomes[name] = Status.PRUNED.because(limit)
         return outcomes
 
     def choose_for_sampling(self) -> tuple[str, ...]:
         """Return the candidates whose posterior is sampled.
 
-        The study sets the number of best candidates (`posterior.best`); without a number these are all candidates, in
-        the study's order. Otherwise they are the best candidates that were not pruned, in the order of falling log
-        evidence. Candidates whose evidence by a method other than Laplace's is unreliable are added if they are less
-        than `FAR_BEHIND` behind the best, because bridge sampling and nested sampling, which check the evidence, start
-        from draws.
+        These are the candidates with the largest log evidence among those that were not pruned, the best first. The
+        study sets their number (`posterior.best`); without a number these are all. Candidates whose evidence by a
+        method other than Laplace's is unreliable are added if they are less than `FAR_BEHIND` behind the best, because
+        bridge sampling and nested sampling, which check the evidence, start from draws.
         """
-        count = self.study.posterior.best
-        if count is None:
-            return self.names
         log_evidences = self._log_evidences()
+        count = self.study.posterior.best or len(log_evidences)
         order, top = tuple(log_evidences), max(log_evidences.values(), default=math.nan)
         methods = [method for method in self.study.evidence.methods if method != "laplace"]
         trusted = (Status.OK, Status.NOT_SAMPLED, Status.PRUNED)

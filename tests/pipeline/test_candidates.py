@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from functools import partial
 
 import pytest
 
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import tables
+from bayesdamp.pipeline.jobs import CandidateSelection
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
+from bayesdamp.store.contents import EvidenceContent
 from bayesdamp.types import Evidence
 from tests.interface.problems import not_refused
-from tests.studies import ESTIMATED, study_text, write_study
+from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 
 TWO_LAWS = study_text(
     ESTIMATED,
@@ -90,3 +94,26 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
     assert math.isnan(shares["importance", "coulomb", "linear"])
     assert shares["importance", "coulomb", "duffing"] == 0.0
     assert math.isnan(shares["bridge", "viscous", "linear"])
+
+
+def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
+    """A record of viscous damping: drag alone is hopeless. A candidate just at the limit is pruned too."""
+    text = study_text(
+        ESTIMATED,
+        'models = { compare = ["viscous", "quadratic", "viscous+quadratic"], prune = 50.0 }',
+        WEIGHED.replace("[]", '["laplace"]'),
+        simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003",
+    )
+    study, out = write_study(tmp_path, text), tmp_path / "out"
+    assert run_study(study, out, workers=1) == 0
+    store = Store(out)
+    sampled = {n for n in store.names() if n.startswith("posterior/")}
+    assert sampled == {f"posterior/rig/0/{m}/laplace" for m in ("viscous", "viscous+quadratic")}
+    one, two = (
+        EvidenceContent.of(store.read(f"evidence/rig/0/{m}/laplace")).evidence.log_evidence
+        for m in ("viscous", "viscous+quadratic")
+    )
+    at_limit = replace(study, models=replace(study.models, prune=one - two))
+    outcomes = CandidateSelection(at_limit, study.signals[0], 0, store).outcomes_after_laplace()
+    assert outcomes["viscous"] == ""
+    assert status_of(outcomes["viscous+quadratic"]) is Status.PRUNED
