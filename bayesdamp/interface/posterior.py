@@ -24,6 +24,7 @@ from bayesdamp.interface.fit import Fit, tabulate_ratios
 from bayesdamp.interface.result import QUIET, GivenAxes, Result, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.plugins import nearest
+from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store.contents import NO_DRAWS
 from bayesdamp.types import OK, InputError, Refusal
@@ -143,7 +144,8 @@ class Posterior(Result, types.Posterior):
         If laws may hold approximately, posterior and prior also contain the deviations at the times at which they are
         inferred (coordinate `knot`), and their mean sizes. The groups along the record then contain the data that were
         fitted, as in `Data`: samples, or averages of neighbouring samples if the sampling is denser than the fit needs,
-        or amplitudes, phases and midlines of blocks of cycles for a record of many cycles.
+        or amplitudes, phases and midlines of blocks of cycles for a record of many cycles, scaled so that all
+        have the same noise, in the unit of the record.
         """
         self._require_draws()
         import xarray as xr
@@ -230,15 +232,14 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_prior(self) -> Array:
-        """Sum of the log marginal prior densities of the parameters in natural units at each draw, (chain, draw).
+        """Log of the joint prior density of the parameters in natural units at each draw, (chain, draw).
 
-        This is the log of their joint prior, except for several damping coefficients with `SharedHalfNormal` priors,
-        whose common scale makes them dependent. Deviations are not included, because they have no density: their prior
-        is a mixture with a point mass at 0. Raises Refusal without draws.
+        Deviations are not included, because they have no density: their prior is a mixture with a point mass at 0.
+        Raises Refusal without draws.
         """
         self._require_draws()
-        priors = self.fit.priors
-        return np.sum([priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0)
+        scales = self.fit.engine[0].scales
+        return joint_log_density([self.fit.priors[n] for n in self.names], self.draws, scales)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
         """Return a table with a row for each parameter and each derived quantity; empty without draws.
@@ -389,7 +390,7 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
         likelihoods = law.log_likelihoods(motions)
         noise = np.sqrt(law.comparison.variance) * rng.standard_normal((chains, numbers.size, n))
         replications = motions + noise.reshape(motions.shape)
-        definition = "log density of each sample; they sum to the log likelihood"
+        definition = "log density of each value that was fitted; they sum to the log likelihood"
     coords = {"chain": np.arange(chains), "draw": numbers}
 
     def group(values: np.ndarray, unit: str, text: str) -> Group:

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.stats import halfnorm
 
 import bayesdamp as bd
+from bayesdamp.priors import SHARED_SCALES, SharedHalfNormal
 from tests.interface.problems import fit, posterior, record
 
 GROUPS = {
@@ -33,6 +35,22 @@ def test_pointwise_terms_sum_to_the_log_likelihood() -> None:
     assert fit().density.log_likelihood(one) == pytest.approx(post.log_likelihood[0, 0], abs=1e-3)
     lp = post.data["sample_stats"]["lp"].values
     assert lp[0, 0] == pytest.approx(fit().density.log_posterior(one), abs=1e-3)
+
+
+def test_the_prior_of_two_terms_has_one_scale() -> None:
+    """By hand: half-normal densities of both coefficients, averaged over the scales that they share."""
+    post = bd.sample(bd.fit(record(), bd.Model("viscous+quadratic", "linear")), "laplace", draws=10)
+    priors = post.fit.priors
+    terms = [n for n, p in priors.items() if isinstance(p, SharedHalfNormal)]
+    draws = {n: post.draws[..., i] for i, n in enumerate(post.names)}
+    shared = np.prod(
+        [halfnorm.pdf(draws[n][..., None], scale=SHARED_SCALES * priors[n].per_ratio) for n in terms], axis=0
+    )
+    others = sum(priors[n].log_density(x) for n, x in draws.items() if n not in terms)
+    assert len(terms) == 2
+    expected = np.log(shared.mean(axis=-1)) + others
+    assert post.log_prior == pytest.approx(expected)
+    assert post.data["sample_stats"]["lp"].values == pytest.approx(expected + post.log_likelihood)
 
 
 def test_replications_have_the_noise() -> None:
