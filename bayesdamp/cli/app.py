@@ -85,10 +85,10 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the name of the command to run, the command with its options, and the arguments after its name.
 
-        An unknown name is an error of the command line.
+        An unknown name is an error of the command line; while a shell completes one, name and command are None.
         """
         name, _, rest = super().resolve_command(ctx, args)
-        return name, command(name or ""), rest
+        return name, command(name) if name else None, rest
 
 
 @lru_cache(maxsize=len(COMMANDS))

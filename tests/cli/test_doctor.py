@@ -69,10 +69,14 @@ def test_completion_scripts(capsys: pytest.CaptureFixture[str], tmp_path: Path) 
     assert capsys.readouterr().err == "completion tcsh: unknown shell; valid are bash, zsh, fish\n"
 
 
-def test_a_shell_that_asks_is_answered() -> None:
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [("compare --qu", {"--quantity", "--quick", "--quiet"}), ("comparr --qu", set())],
+)
+def test_a_shell_that_asks_is_answered(words: str, answer: set[str]) -> None:
     code = "import sys; sys.argv[0] = 'bayesdamp'; from bayesdamp.cli import main; sys.exit(main())"
-    asked = {"COMP_WORDS": "bayesdamp compare --qu", "COMP_CWORD": "2", VARIABLE: "complete_bash"}
+    asked = {"COMP_WORDS": f"bayesdamp {words}", "COMP_CWORD": "2", VARIABLE: "complete_bash"}
     done = subprocess.run(
         [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True
     )
-    assert set(done.stdout.split()) == {"--quantity", "--quick", "--quiet"}
+    assert (set(done.stdout.split()), done.stderr) == (answer, "")
