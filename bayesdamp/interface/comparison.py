@@ -88,8 +88,8 @@ class Comparison(Result):
         The columns are record, damping, restoring, log_evidence (with deviations from the laws; NaN if laws hold
         exactly) and log_evidence_exact (under exact laws), each in nats relative to the record's largest value; rms of
         the residual under exact laws, in the unit of the file; outcome ("ok", or why the model was not compared);
-        place; parameters. Rows are sorted by record and falling log_evidence. Other forms of damping, which may be more
-        probable, are in `verdict.rivals`.
+        place; parameters. Rows are sorted by record and falling log_evidence; those without it come last, by falling
+        log_evidence_exact. Other forms of damping, which may be more probable, are in `verdict.rivals`.
         """
         rows = [
             {
@@ -105,7 +105,8 @@ class Comparison(Result):
             if name in frame:
                 frame[name] = frame[name].astype(float)
                 frame[name] -= frame.groupby("record")[name].transform("max")
-        return frame.sort_values(["record", "log_evidence"], ascending=[True, False], ignore_index=True)
+        order = ["record", "log_evidence", "log_evidence_exact"]
+        return frame.sort_values(order, ascending=[True, False, False], ignore_index=True)
 
     @property
     def curve(self) -> pd.DataFrame:
@@ -320,6 +321,7 @@ def compare(
             "restoring": bool(restoring),
             "known": bool(known),
             "priors": bool(priors),
+            "sensor": sensor != SENSOR,
         }
         for option, is_given in given_options.items():
             if is_given:

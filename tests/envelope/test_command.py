@@ -69,6 +69,8 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, refused):
         (["--frequency", "-3"], "must be positive, in Hz"),
         (["--repeats"], "there is one record"),
         (["--noise", "white"], "--noise: does not apply to envelope"),
+        (["--sensor", "0.1"], "--sensor: does not apply to envelope"),
+        (["--sensor", "0.1", "--deviation", "none"], "--sensor: does not apply with --deviation none"),
         (["--exact"], "--exact: does not apply to envelope"),
     ):
         assert what in refused("compare", str(file), *more, "--out", str(out))

@@ -76,5 +76,6 @@ def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
 
 def test_an_option_of_motions_is_refused() -> None:
     t = np.linspace(0.0, 60.0, 300)
-    with pytest.raises(bd.InputError, match="does not apply to envelopes"):
-        bd.compare(make_record("r", t, -40.0 - 0.8 * t, "dBm"), known={"stiffness": 1.0})
+    for option in ({"known": {"stiffness": 1.0}}, {"sensor": 0.1}):
+        with pytest.raises(bd.InputError, match="does not apply to envelopes"):
+            bd.compare(make_record("r", t, -40.0 - 0.8 * t, "dBm"), **option)  # type: ignore[arg-type]

@@ -82,6 +82,9 @@ def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
     outcomes = result.table.set_index("damping")["outcome"]
     assert outcomes["quadratic"] == BEHIND
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
+    sums = "quadratic", "viscous+quadratic", "viscous"
+    exact = quick(bd.signal(t, y), *sums, restoring=["linear"], deviation="none").table
+    assert list(exact["damping"]) == ["viscous", "viscous+quadratic", "quadratic"]
 
 
 def test_a_remark_says_where_cycles_cannot_be_counted() -> None:

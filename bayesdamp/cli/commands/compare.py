@@ -25,6 +25,8 @@ from bayesdamp.types import InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 
+SENSOR = 0.002
+"""Default of --sensor, as in Python."""
 MOST_EARLY_LINES = 5
 """Largest number of records in one command for which lines are printed before anything is fitted (`early_lines`)."""
 MOST_ENVELOPES_HERE = 6
@@ -110,9 +112,9 @@ def compare(
         o.option(
             COMPARED,
             "Relative linearity error of the sensor (standard deviation), added in quadrature to the uncertainty of "
-            "every damping ratio; 0.002 is 0.2 %.",
+            "every damping ratio; 0.002 is 0.2 %. Not for envelopes, nor with --deviation none.",
         ),
-    ] = 0.002,
+    ] = SENSOR,
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
 ) -> int:
@@ -122,6 +124,8 @@ def compare(
         check_folder(out, "")
     if quick and exact:
         raise InputError("--quick leaves out what --exact adds; give only one of them")
+    if deviation == "none" and sensor != SENSOR:
+        raise InputError("--sensor: does not apply with --deviation none; remove it")
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
     use_modules(plugins)  # they may contain readers
@@ -130,6 +134,7 @@ def compare(
     if envelopes:
         given = {"restoring": restoring, "exact": exact, "runs": runs, "channel": channel}
         given |= {"time-unit": time_unit, "deviation": deviation != "auto", "noise": noise != "auto"}
+        given |= {"sensor": sensor != SENSOR}
         for name, value in given.items():
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
