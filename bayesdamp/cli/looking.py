@@ -166,7 +166,6 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
             continue
         bottom, top = int(values.min()), int(values.max())
         if last is not None:  # extend the range so that it touches the column before it
-            bottom, top = min(bottom, max(last, bottom)), max(top, min(last, top))
             bottom = min(bottom, last + 1) if last < bottom else bottom
             top = max(top, last - 1) if last > top else top
         canvas[high - 1 - top : high - bottom, x] = True

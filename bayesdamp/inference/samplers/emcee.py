@@ -97,7 +97,7 @@ class Emcee(Sampler):
         summaries = {n: summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = verdict(summaries)
         if outcome == OK and not resolved:
-            short = "fewer than 50 autocorrelation times or 1,000 effective draws"
+            short = "fewer than 50 autocorrelation times or 1,100 effective draws"
             outcome = f"not resolved after {draws.shape[1]} steps: {short}"
         acceptance = np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
         return Posterior(

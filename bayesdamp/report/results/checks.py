@@ -183,30 +183,23 @@ class RecordChecks:
             "coefficient": lambda name: words.symbol(name).text,
             "unit": lambda name: words.unit(units.get(name, "")),
         }
+        caption = f"Coefficients of {words.model(self.model)} damping."
+        if samplers or self.answer_coefficients:
+            caption += " In brackets: 95 % intervals."
+        if samplers:
+            caption += " Columns with the name of a sampler: median of its posterior draws."
         if self.answer_coefficients:
             columns["answer (95 %)"] = answered
         for sampler, rows in samplers.items():
             columns[f"{words.method(sampler)} (95 %)"] = lambda name, rows=rows: drawn(name, rows)
         if any(fits.values()):
+            caption += " Trajectory fits: range of the values from all methods, and in brackets the number of methods."
             columns["trajectory fits"] = lambda name: (
                 f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
             )
         if self.run.is_simulated(self.signal):
             columns["truth"] = lambda name: fmt.as_entered(truth(self.run, self.signal, name))
-        return Table.of(
-            self.coefficient_names, columns, (0, 1), self._caption(bool(samplers), any(fits.values()))
-        )
-
-    def _caption(self, sampled: bool, fitted: bool) -> str:
-        """Return the caption of the table of coefficients: what the columns contain."""
-        caption = f"Coefficients of {words.model(self.model or '')} damping."
-        if sampled or self.answer_coefficients:
-            caption += " In brackets: 95 % intervals."
-        if sampled:
-            caption += " Columns with the name of a sampler: median of its posterior draws."
-        if fitted:
-            caption += " Trajectory fits: range of the values from all methods, and in brackets the number of methods."
-        return caption
+        return Table.of(self.coefficient_names, columns, (0, 1), caption)
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
         """Return the rows of a table that belong to `model` on this record."""
