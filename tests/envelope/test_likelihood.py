@@ -41,6 +41,19 @@ def test_more_records_of_one_damping_say_more():
     assert apart < np.log(0.01 * probability[further] / probability[truth])
 
 
+def test_rates_at_an_amplitude_are_those_of_the_closed_form():
+    """Viscous and cubic damping over 60 dB, dA/dt = -A/10 - 2A³/5 (Bernoulli's equation). In the middle of the fall the
+    cubic term has 1/1000 of its rate at the start."""
+    t = np.arange(0.0, 60.0, 0.05)
+    a = np.sqrt(0.1 / (0.5 * np.exp(0.2 * t) - 0.4))
+    a *= np.exp(0.02 * np.random.default_rng(1).normal(size=t.size))
+    likelihoods = analyse(make_record("r", t, a, "rad", 1.0), sums=[("viscous", "cubic")]).likelihoods
+    _, slope, information = likelihoods["viscous+cubic"].in_scores(np.log(0.1), 1.0)
+    rates, sd = np.linalg.solve(information[0], slope[0]), np.sqrt(np.diag(np.linalg.inv(information[0])))
+    assert np.all(np.abs(rates - [0.1, 0.4 * 0.1**2]) < 5 * sd)
+    assert np.all(sd < [0.001, 0.0004])
+
+
 def test_a_stored_answer_gives_the_same_specimen():
     """From what a cell holds as from the answers themselves."""
     records = [record(seed) for seed in (5, 6)]

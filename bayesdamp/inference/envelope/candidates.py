@@ -136,8 +136,8 @@ class EnvelopeCandidate:
     law
         The decay law of the sum.
     x0, rates, fit
-        The fit: ln(A/A_ref) at the start; rates in 1/s at the reference amplitude, (d,); fitted ln(A/A_ref) at the
-        blocks, (n,).
+        The fit: ln(A/A_ref) at the start; rates c_i in 1/s of the law's terms (see `DecayLaw`), (d,); fitted
+        ln(A/A_ref) at the blocks, (n,).
     about
         Normal posteriors of the model linearised about the fit, one for each combination of hyperparameters.
     posterior
@@ -172,8 +172,8 @@ class EnvelopeCandidate:
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw rates in 1/s, (count, d), and the deviation g at the knots, (count, KNOTS), from the posterior.
 
-        Rates are those of the terms at the reference amplitude. g is the relative deviation of the decay rate from the
-        law. exact: whether to draw from the posterior under the exact law, where g = 0.
+        Rates are the c_i of the law (see `DecayLaw`). g is the relative deviation of the decay rate from the law.
+        exact: whether to draw from the posterior under the exact law, where g = 0.
         """
         u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]

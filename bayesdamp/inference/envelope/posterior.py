@@ -53,8 +53,7 @@ class RateDraws:
     candidate
         Index of the candidate from which the draw is, (n,).
     rates
-        For each term by name: its rates in 1/s at the reference amplitude, only of the draws whose sum contains the
-        term.
+        For each term by name: its rates c_i in 1/s (see `DecayLaw`), only of the draws whose sum contains the term.
     """
 
     at: np.ndarray
@@ -137,20 +136,21 @@ class RateLikelihood:
     """The likelihood of the d rates x of a sum of damping terms, for each of c sizes and lengths of the deviation.
 
     For each of them it is the Gaussian exp(log + xᵀ slope − xᵀ information x / 2). The start, the floor, the noise and
-    the deviation from the law are integrated out. It contains neither the prior of x nor that of size and length.
+    the deviation from the law are integrated out. It contains neither the prior of x nor that of size and length. x is
+    the vector of the rates c_i of the `DecayLaw`, whose term i has the rate c_i s_i at an amplitude with the shape s_i.
 
     Attributes
     ----------
     log
         Constant in nats, (c,); sizes and lengths are in the order of `grid_of`.
     slope, information
-        Coefficients for rates in 1/s at the reference amplitude: in s, (c, d), and in s², (c, d, d).
+        Coefficients for rates in 1/s: in s, (c, d), and in s², (c, d, d).
     reference
         ln of the reference amplitude in the record's unit (relative to 1 if the unit is dB).
     log_amplitudes
         ln of n amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
-        ln of the rate of each term at these amplitudes, relative to its rate at the reference amplitude, (d, n).
+        ln of the shape s_i of each term at these amplitudes, (d, n).
     unit
         Unit of the readings.
     omega
@@ -221,8 +221,7 @@ def likelihood_of(
     log, slope, information = merge_noises(of_scores, grid_of(KNOTS, phases=False).log_prior.size, scale)
     slope, information = slope / candidate.unit, information / candidate.unit**2
     x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSS_POINTS)
-    shapes = candidate.law.shapes(np.append(x, 0.0))
-    losses = np.log(np.maximum(shapes[:, :-1] / shapes[:, -1:], 1e-300))
+    losses = np.log(np.maximum(candidate.law.shapes(x), 1e-300))
     return RateLikelihood(
         log, slope, information, reference, x + reference, losses, unit, blocks.frequency, blocks.duration
     )
