@@ -21,7 +21,7 @@ SHAPES = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ�
 STEPS = 100
 """Number of Runge–Kutta steps in a period, for predictions."""
 TABLE = 4001
-"""Number of entries in the tables of forces, which cover twice the record's range of θ and θ̇."""
+"""Number of entries in the tables of functions of θ, which cover twice the record's range."""
 STEP = 1e-3
 """Step of finite differences: a coefficient changes by this fraction of its scale, and displacement and velocity at the
 start by a tenth of this fraction of their amplitudes."""
@@ -179,30 +179,28 @@ def predict(
 ) -> np.ndarray:
     """Return the recorded quantity (n, m) that models x (m, p) predict from the start states (m, 2).
 
-    Forces are interpolated in tables: damping terms as functions of θ̇ at θ = 0, all other terms as functions of θ at
-    θ̇ = 0. Beyond twice the range of the record they are constant.
+    Forces that are not damping are interpolated in tables, as functions of θ at θ̇ = 0. Beyond twice the range of the
+    record all forces are constant.
     """
     t, theta, omega = record.t, record.theta, record.omega
     middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)
     angles = middle + half * np.linspace(-1, 1, TABLE)
     fastest = 2 * float(np.abs(omega).max())
-    speeds, rest = fastest * np.linspace(-1, 1, TABLE), np.zeros(TABLE)
     damping = np.array([candidate.damping is not None for candidate in library])
-    values = np.column_stack(
-        [c.function(rest, speeds) if c.damping else c.function(angles, rest) for c in library]
-    )
-    restoring = record.known(angles)[:, None] + values[:, ~damping] @ x[:, ~damping].T
-    resisting = values[:, damping] @ x[:, damping].T
+    values = np.column_stack([c.function(angles, np.zeros(TABLE)) for c in library if not c.damping])
+    table = record.known(angles)[:, None] + values @ x[:, ~damping].T
+    resisting = [c.function for c in library if c.damping]
     every = np.arange(x.shape[0])
 
-    def interpolate(table: np.ndarray, fraction: np.ndarray) -> np.ndarray:
-        position = np.clip((fraction + 1) * ((TABLE - 1) / 2), 0, TABLE - 1.001)
+    def slope(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        position = np.clip(((q - middle) / half + 1) * ((TABLE - 1) / 2), 0, TABLE - 1.001)
         i = position.astype(int)
         part = position - i
-        return table[i, every] * (1 - part) + table[i + 1, every] * part
-
-    def slope(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return -interpolate(restoring, (q - middle) / half) - interpolate(resisting, v / fastest)
+        force = table[i, every] * (1 - part) + table[i + 1, every] * part
+        q, v = np.clip(q, angles[0], angles[-1]), np.clip(v, -fastest, fastest)
+        for function, coefficients in zip(resisting, x[:, damping].T):
+            force += coefficients * function(q, v)
+        return -force
 
     count = max(int(np.ceil((t[-1] - t[0]) / record.period * STEPS)), 8)
     h = (t[-1] - t[0]) / count
