@@ -265,7 +265,7 @@ def _fit_windows(
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
         difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients.
     count : int
-        Number of differences of which this is the largest.
+        Number of differences of which this is the largest. A difference whose standard deviation is nan does not count.
     forecast : Forecast or None
         None if the fit of the first half is left out, or if `forecast` returns None.
     """
@@ -274,7 +274,7 @@ def _fit_windows(
     whole, _ = _fit_window(
         mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
     )
-    windows, largest, count, later = [whole], 0.0, 0, None
+    windows, shifts, later = [whole], [], None
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = mode.likelihood.on(slice(first, first + half))
         top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
@@ -290,8 +290,9 @@ def _fit_windows(
             shift = abs(w.values[name] - whole.values[name])
             # A window is part of the whole record, so the variance of the shift is the difference (Hausman 1978).
             variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
-            largest, count = max(largest, shift / variance**0.5), count + 1
-    return tuple(windows), largest, count, later
+            shifts.append(shift / variance**0.5)
+    finite = np.array(shifts)[~np.isnan(shifts)]
+    return tuple(windows), float(finite.max(initial=0.0)), finite.size, later
 
 
 def _fit_window(

@@ -108,11 +108,11 @@ class Oscillator:
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
         """Return the force of each term per unit of its coefficient, as one array for each term.
 
-        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. If epsilon is missing in p, it is 1
-        rad/s.
+        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. If epsilon is missing in p, it is 0,
+        as in `Trajectories`.
         """
         p = self.with_equilibrium(p)
-        epsilon = p.get("epsilon", 1.0)
+        epsilon = p.get("epsilon", 0.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
     def with_equilibrium(self, p: Parameters) -> Parameters:
@@ -152,12 +152,12 @@ class Oscillator:
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, SEARCH_POINTS)
         if ends is None:
-            raise _no_rest(self.restoring, near)
+            raise _no_rest(self.restoring, near, reach)
         return frequency_over(force, *ends)
 
 
-def _no_rest(restoring: str, near: float) -> ValueError:
-    return ValueError(f"{restoring} has no stable equilibrium within {SEARCH_REACH:g} rad of {near:.3g}")
+def _no_rest(restoring: str, near: float, reach: float) -> ValueError:
+    return ValueError(f"{restoring} has no stable equilibrium within {reach:g} rad of {near:.3g}")
 
 
 @lru_cache(maxsize=4096)
@@ -166,7 +166,7 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
     law = LAWS.get(restoring)
     rest = rest_near(lambda x: law.force(x, p), near, SEARCH_REACH, SEARCH_POINTS)
     if rest is None:
-        raise _no_rest(restoring, near)
+        raise _no_rest(restoring, near, SEARCH_REACH)
     return rest
 
 

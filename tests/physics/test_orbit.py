@@ -33,6 +33,13 @@ def test_gravity_pendulum_against_elliptic_integrals(amplitude):
     assert float(found.energy_lost) == pytest.approx(2 * 0.05 * action + 0.1 * drag, rel=1e-8)
 
 
+def test_friction_without_a_width_is_dry():
+    """It takes 4 μA in a cycle."""
+    assert float(of(("coulomb",), "linear", rest_angle=0.0, mu_c=0.03).energy_lost) == pytest.approx(
+        4 * 0.03 * A
+    )
+
+
 def test_asymmetric_law_against_a_trajectory():
     """Turning points of k(θ − θ_s) − γ cos θ are not equally far from rest: half their distance is the amplitude."""
     p = {"stiffness": 40.0, "gravity": -30.0, "spring_angle": 0.5, "theta0": 1.6, "omega0": 0.0}

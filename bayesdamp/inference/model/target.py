@@ -29,7 +29,7 @@ from bayesdamp.priors import (
     shared_precision,
 )
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Reference, Signal, System
+from bayesdamp.types import InputError, Reference, Signal, System
 
 NEAR_ZERO_SCORE = 1e-12
 """Score that replaces 0 where derivatives of parameters with half-normal priors are computed, because these do not
@@ -285,7 +285,7 @@ def build_target(
     ------
     ValueError
         If a constant of the noise model or a reference in a damping force has no value.
-    KeyError
+    InputError
         If an inferred parameter has neither a prior in `system` or `term_priors` nor a default one.
     Refusal
         If the noise model does not apply to the record.
@@ -317,7 +317,7 @@ def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prio
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
-    """Return the default prior of the parameter `name`. Raises KeyError if it has none.
+    """Return the default prior of the parameter `name`. Raises InputError if it has none.
 
     With the amplitude A and the frequency ω of `reference`, displacements (θ₀ and equilibrium angles) are normal about
     the record's midline with sd 2A, and gravity is normal about 0 with sd ω²/2.
@@ -337,4 +337,8 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
         "epsilon": LogUniform(low=EPSILON_RANGE[0] * a * w, high=EPSILON_RANGE[1] * a * w),
         **NOISES.get(noise).priors(features),
     }
+    if name not in priors:
+        raise InputError(
+            f"parameter {name!r} of the restoring law {osc.restoring} has no default prior; give a prior or its value"
+        )
     return priors[name]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import count
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
+from bayesdamp.inference import checks
 from bayesdamp.inference.checks import check_fit, laplace_draws
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import FitCheck, Seed, Signal
+from bayesdamp.types import FitCheck, Refusal, Seed, Signal
 
 TIMES = np.linspace(0.0, 8.0, 240)
 NOISE = 0.004
@@ -81,6 +84,21 @@ def test_wrong_damping_is_seen():
     assert result.verdict.startswith("does not fit")
     assert result.window_spread > 4
     assert arrays["fit"] == pytest.approx(target.signal.y - arrays["residual"])
+
+
+def test_a_half_without_a_covariance_is_not_counted(monkeypatch):
+    """Only two of the three halves have shifts, so Bonferroni's factor is 2."""
+    factor, calls = checks.covariance_factor, count()
+
+    def last_half_refused(information):
+        if next(calls) == 3:  # after the whole record, the first and the middle half
+            raise Refusal("")
+        return factor(information)
+
+    monkeypatch.setattr(checks, "covariance_factor", last_half_refused)
+    result = fit("viscous", "viscous", 0)[1]
+    assert np.isnan(result.windows[-1].sd["zeta"])
+    assert result.window_p == pytest.approx(4 * norm.sf(result.window_spread), rel=1e-9)
 
 
 def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():

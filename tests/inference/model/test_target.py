@@ -26,7 +26,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     Uniform,
 )
-from bayesdamp.types import Reference, Refusal, Seed, Signal, System
+from bayesdamp.types import InputError, Reference, Refusal, Seed, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES
 
@@ -143,6 +143,8 @@ def test_default_priors_are_as_wide_as_is_said():
         result = default_prior(name, osc, "student_t", REFERENCE, FEATURES)
         assert type(result) is type(STATED[name])
         assert result.model_dump() == pytest.approx(STATED[name].model_dump()), name
+    with pytest.raises(InputError, match="'softness' of the restoring law duffing has no default prior"):
+        default_prior("softness", osc, "gaussian", REFERENCE, FEATURES)
 
 
 def test_build_target():
