@@ -24,7 +24,7 @@ points for more (conventional)."""
 SURE_SDS = 7.0
 """If every coordinate's mean is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
-PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
+PRIMES = np.array([n for n in range(2, 300) if all(n % m for m in range(2, n))], float)
 """Primes whose square roots generate the lattice of `_log_probability_by_lattice`, one for each coordinate."""
 T_DEGREES = 7.0
 """Degrees of freedom of the Student t distribution in `ReflectedT` (conventional)."""
@@ -37,7 +37,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
     It is 0 if k = 0, or if all means are at least `SURE_SDS` standard deviations above zero. For k > `MAX_NESTED` (up
-    to 16) a lattice is used (`_log_probability_by_lattice`). Otherwise the coordinate that is least likely to be
+    to 62) a lattice is used (`_log_probability_by_lattice`). Otherwise the coordinate that is least likely to be
     positive is integrated first: over quantiles of its truncated distribution, at Gauss–Legendre nodes. The probability
     of the others, given this coordinate, is computed recursively (G. J. Gibson, C. A. Glasbey and D. A. Elston, in
     Advances in Numerical Methods and Applications, World Scientific 1994, 120).

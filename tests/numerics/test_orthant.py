@@ -33,6 +33,12 @@ def test_probability_is_scipys(k: int) -> None:
     assert np.max(np.abs(wrong - truth)) > 0.1
 
 
+def test_many_coordinates() -> None:
+    """20 with correlations of one half: the chance that the first of 21 equal independent variables is the least."""
+    covariance = 0.5 * (np.eye(20) + np.ones((20, 20)))
+    assert np.exp(log_probability(np.zeros((1, 20)), covariance[None])) == pytest.approx(1 / 21, rel=0.1)
+
+
 def by_quadrature(mean: np.ndarray, r: float) -> float:
     """Log of P(both ≥ 0), unit variances and correlation r, over the second in units of its density at its mode."""
     s = np.sqrt(1 - r * r)
