@@ -81,6 +81,8 @@ MOST_POINTS = 12
 ESTIMATES_PER_WINDOW = 1.5
 """Number of statistically independent estimates of the amplitude that overlapping windows give within the length of one
 window (for windows that are raised cosines)."""
+MOST_HARMONIC = 0.05
+"""Limit of the third harmonic, relative to the first, that corrects amplitudes (conventional)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 
@@ -159,10 +161,12 @@ def sinusoids(signal: Signal) -> Sinusoids:
             )
         local = np.interp(middles, turns[1:-1], local)
     # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
-    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, periods, crossings)
-    pace = np.interp(middles, times, np.gradient(phases, times))
+    constant = np.zeros(middles.size)
+    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, constant, periods, crossings)
+    pace = np.interp(middles, times, np.gradient(phases, times, edge_order=2))
     pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
-    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, periods, crossings)
+    change = np.gradient(pace, middles, edge_order=2)
+    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, change, periods, crossings)
     widths = 2 * np.pi * periods / used
     noise = float(np.hypot(measured.roughness, ROUNDING_SD * signal.step)) / np.sqrt(block)
     errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
@@ -180,12 +184,13 @@ def _fit_windows(
     y: np.ndarray,
     middles: np.ndarray,
     pace: np.ndarray,
+    change: np.ndarray,
     periods: float,
     crossings: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
-    crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
+    change: time derivative of `pace`, in rad/s², (m,), because a constant frequency would lose amplitude. crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
     noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies, (k,) each, of the windows
     with enough samples. Raises Refusal if there are too few.
     """
@@ -197,7 +202,7 @@ def _fit_windows(
     for n, same in group_by_size(sizes, FEWEST_SAMPLES):
         rows, wide = begins[same, None] + np.arange(n), width[same, None]
         u, values = t[rows] - middles[same, None], y[rows]
-        angle, place = pace[same, None] * u, u / wide
+        angle, place = (pace[same, None] + 0.5 * change[same, None] * u) * u, u / wide
         wave = [np.cos(angle), np.sin(angle)]
         columns = np.stack([*wave, np.ones_like(u), place, place * wave[0], place * wave[1]], axis=2)
         weight = np.cos(np.pi * u / wide) ** 2
@@ -352,6 +357,10 @@ def law_free(signal: Signal) -> LawFree:
         line = _fit_line(windows, sizes)
         phases = windows.phases - order * np.arctan2(rate, pace)
         backbone = _fit_backbone(replace(windows, phases=phases), np.exp(line(x)))
+    # A cubic spring moves along x = a (cos φ + ε cos 3φ): the windows have a, but an amplitude is a (1 + ε).
+    sizes = sizes + np.log1p(backbone.third_harmonic(np.exp(line(x))))
+    line = _fit_line(windows, sizes)
+    backbone = _fit_backbone(replace(windows, phases=phases), np.exp(line(x)))
     averages, width = sizes, 2 * windows.widths / (windows.times[-1] - windows.times[0])
     share = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * share) ** 2
@@ -443,12 +452,22 @@ class Backbone:
         ratio, variance = _mix_curves(weights, [c[1] for c in curves], sds)
         return weights @ np.array([c[0] for c in curves]), ratio, np.sqrt(variance)
 
+    def third_harmonic(self, amplitude: np.ndarray) -> np.ndarray:
+        """Return the amplitude ε of the third harmonic divided by that of the first, at amplitudes (k,), (k,).
+
+        For a cubic spring it is (1 − (ω₀/ω)²)/24 in the first order of its nonlinearity (A. H. Nayfeh and D. T. Mook,
+        Nonlinear Oscillations, 1979, 2.3), with the frequency ω₀ of small oscillations.
+        """
+        natural, pace = self.at(np.zeros(1))[0], self.at(amplitude)[0]
+        return np.clip((1 - (natural / pace) ** 2) / 24, -MOST_HARMONIC, MOST_HARMONIC)
+
 
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return two rows (2, k) at relative amplitudes a (k,): frequency ω, and damping ratio divided by the rate −ȧ/a.
 
-    The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²/2, and dE/dJ = ω gives
-    the energy E(a) = ∫ ω dJ. c: coefficients of ω in powers of a².
+    The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²(1 − 2ε)/2, where
+    ε = (1 − (ω₀/ω)²)/24 is the third harmonic of a cubic spring, and dE/dJ = ω gives the energy E(a) = ∫ ω dJ. c:
+    coefficients of ω in powers of a².
     """
     powers = np.arange(c.size)
 
@@ -458,11 +477,14 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
     def slope(b: np.ndarray) -> np.ndarray:
         return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
 
+    def action_slope(b: np.ndarray) -> np.ndarray:
+        """Return dJ/da, where J = (11 ω + ω₀²/ω) a²/24."""
+        w, share = pace(b), (c[0] / pace(b)) ** 2
+        return b * w * (11 + share) / 12 + b**2 * slope(b) * (11 - share) / 24
+
     inside = 0.5 * a[:, None] * (_X + 1)
-    w = pace(inside)
-    energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * slope(inside))) @ _W)
-    omega = pace(a)
-    return np.stack([omega, omega * a**2 * (2 + a * slope(a) / omega) / (4 * np.maximum(energy, 1e-300))])
+    energy = 0.5 * a * ((pace(inside) * action_slope(inside)) @ _W)
+    return np.stack([pace(a), a * action_slope(a) / (2 * np.maximum(energy, 1e-300))])
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
