@@ -659,7 +659,8 @@ class _CandidateFits:
         """Return a copy with all fits repeated with the width `epsilon` of dry friction; self if it has this width."""
         if epsilon == self.epsilon:
             return self
-        return self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
+        fits = self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
+        return fits if self.data.averaged is None else fits.refitted(solvers=fits.corrected_solvers())
 
     def modes(self) -> dict[str, tuple[Linearisation, float]]:
         """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
@@ -707,6 +708,8 @@ class _CandidateFits:
             share: ε as a fraction of the peak velocity. None if the fit fails.
             """
             own = replace(solver, epsilon=share * peak)
+            if isinstance(own, AveragedSolver):  # its correction depends on ε
+                own = own.with_defect(near.values, near.active) or own
             fit = refit(own, self.data, near)
             if fit is None:
                 return None

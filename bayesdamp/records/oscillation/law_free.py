@@ -190,7 +190,8 @@ def _fit_windows(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
-    change: time derivative of `pace`, in rad/s², (m,), because a constant frequency would lose amplitude. crossings: times in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
+    change: time derivative of `pace`, in rad/s², (m,); a constant frequency would lose amplitude. crossings: times
+    in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
     noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies, (k,) each, of the windows
     with enough samples. Raises Refusal if there are too few.
     """
