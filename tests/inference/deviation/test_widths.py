@@ -80,7 +80,7 @@ def test_under_a_wrong_width_they_do_not_hold() -> None:
 
 
 def friction(t: np.ndarray, omega: float, zeta: float, mu: float, first: float) -> np.ndarray:
-    """Return a decay of closed form at times t, with viscous damping and sharp Coulomb friction, from rest at `first`."""
+    """Return a decay of closed form at times t, with viscous damping and sharp friction, from rest at `first`."""
     damped, offset = np.sqrt(omega**2 - zeta**2), mu / omega**2
     half = np.floor(t * damped / np.pi)
     falls, sizes = np.exp(-zeta * np.pi / damped), [first - offset]
