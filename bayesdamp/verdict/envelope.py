@@ -314,7 +314,7 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
         )
     if v.window is not None and not math.isfinite(v.window.floor_db):
         texts.append(
-            "There is no noise floor after the decay, so the noise power is inferred from the decay alone."
+            "No noise floor was found after the decay, so the noise power is inferred from the decay alone."
         )
     if v.power_law > thresholds.POWER_LAW and not v.decided and decay.readings >= thresholds.FEW_READINGS:
         texts.append(

@@ -89,6 +89,24 @@ def test_a_table_of_half_lives():
     assert any("frequency is not known" in line for line in result.remarks)
 
 
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_short_table_is_cut_at_its_release_and_its_floor(friction):
+    """Closed forms: four readings before the release, 16 of the decay, ten of noise at -32 dB. Control: the decay."""
+    t = np.arange(30.0) - 4.0
+    x = 1 - np.maximum(t, 0.0) / 17 if friction else np.exp(-0.2 * np.maximum(t, 0.0))
+    noise = 10 ** (-35 / 20) * np.random.default_rng(1).standard_normal((2, t.size))
+    readings = np.abs(np.maximum(x, 0.0) + noise[0] + 1j * noise[1])
+    result = verdict(make_record("x", t, readings, "V"))
+    assert 0.0 <= result.window.start <= 1.0
+    assert 9.0 <= result.window.stop <= 16.0
+    assert result.window.floor_db == pytest.approx(-32.0, abs=3.0)
+    middle = result.decay_rate[1]
+    true = 1 / (17 * middle.amplitude) if friction else 0.2
+    assert middle.low <= true <= middle.high
+    alone = verdict(make_record("x", t[4:20], readings[4:20], "V"))
+    assert (alone.window.start, alone.window.stop) == (0.0, 15.0)
+
+
 def test_repeats_are_pooled():
     answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
     common = specimen("x", answers)

@@ -19,6 +19,7 @@ from bayesdamp.records.envelope.window import (
     ABOVE_FLOOR,
     LEAST_DROP,
     NEPER,
+    SPARSE_READINGS,
     EnvelopeWindow,
     average_in_blocks,
     find_window,
@@ -34,13 +35,13 @@ LEAST_SHORTENING = 0.05
 """If the scatter of the readings shows a noise floor, the decay ends where it comes close to the floor, but only if
 this shortens it by at least this fraction of its readings."""
 FEW_READINGS = 40
-"""With fewer readings than this, the window of the decay is not changed."""
-LEAST_BLOCKS_HELD = 30
+"""With fewer readings than this, the window of the decay is only changed because of a constant level at the start."""
+LEAST_BLOCKS_HELD = 12
 """A constant level at the start (the oscillation is still driven) is searched only if there are at least this many
 blocks."""
 FIRST_END, END_STEP = 2, 3
 """Blocks that are tried as the end of a constant level: from block `FIRST_END` to the middle of the record, in steps of
-`END_STEP`."""
+`END_STEP`; every block in a record of fewer than `SPARSE_READINGS` blocks."""
 HELD_MISFIT = 0.75
 """A constant level at the start is accepted only if the sum of squared residuals of a fit with it is less than this
 fraction of the sum without it (conventional)."""
@@ -173,7 +174,7 @@ def free_decay(
     for _ in range(MOST_WINDOW_CHANGES):
         b, _ = _blocks(record, chosen)
         size = chosen.stop - chosen.start
-        held_level = held_blocks(b) if window is None and size >= FEW_READINGS else 0
+        held_level = held_blocks(b) if window is None else 0
         if held_level == 0:
             break
         chosen = replace(chosen, start=chosen.start + held_level * size // b.t.size)
@@ -248,7 +249,7 @@ def held_blocks(b: Blocks) -> int:
         rates = np.maximum(fit.values[:-1], 1e-3 * b.mean_rate)  # a start for the next fit
         return fit.squares
 
-    tried = range(FIRST_END, n // 2, END_STEP)
+    tried = range(FIRST_END, n // 2, END_STEP if n >= SPARSE_READINGS else 1)
     misfits = [misfit(end) for end in tried]
     best = int(np.argmin(misfits))
     better = misfits[best] < HELD_MISFIT * misfit(0) and misfits[

@@ -65,8 +65,11 @@ straightest descent would remain after it."""
 SURE_DROP = 8.0
 """A fall of the level by more than this, in dB, is certainly a decay, and not a fluctuation or a drift."""
 SPARSE_READINGS = 60
-"""A record with fewer readings is taken for a table of a decay: the decay begins at the highest reading and ends with
-the record, and neither a release nor a noise floor is searched."""
+"""A record with fewer readings is taken for a table of a decay: the decay begins at the highest reading. Readings at
+the end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
+FALLING_SDS = 3.0
+"""Readings of a table fall if the slope of a straight line through them is negative by more than this many standard
+errors (conventional)."""
 MISFIT_WEIGHT = 20.0
 """The straightest descent is the part of the record with the largest fall in dB minus this factor times the rms misfit
 of a straight line in dB."""
@@ -368,8 +371,8 @@ class EnvelopeWindow:
     """The free decay in a record.
 
     start, stop: index of its first sample, and of the sample after its last one. why: two clauses, on how the start and
-    the stop were chosen. floor: noise floor after the decay, in powers 10^(dB/10); None if the record does not reach it
-    or is a sparse table (`SPARSE_READINGS`).
+    the stop were chosen. floor: noise floor after the decay, in powers 10^(dB/10); None if the record does not reach
+    it.
     """
 
     start: int
@@ -383,11 +386,13 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
 
     First the straightest descent is searched. Then it is followed back to its start, before which the readings do not
     continue it, and on to the noise floor; a power law may move the start back (`power_law_start`). With fewer than
-    `SPARSE_READINGS` readings, the decay goes from the highest one to the last. Raises Refusal if the level falls by
-    less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS` readings.
+    `SPARSE_READINGS` readings, the decay goes from the highest one to the noise floor. Raises Refusal if the level
+    falls by less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS` readings.
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
+    levels = Levels(t, y, *average_in_blocks(t, y, MOST_BLOCKS))
+    yb = levels.yb
     if t.size < SPARSE_READINGS:
         # A table of few readings is a decay from its highest reading on.
         top = int(np.argmax(y))
@@ -395,11 +400,9 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
             raise Refusal(
                 f"only {t.size - top} readings from the highest one on; at least {LEAST_POINTS} are needed"
             )
-        _refuse_small(float(y[top] - y[-1]))
+        end, floor = _follow_on(levels, top)
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
-        return EnvelopeWindow(top, t.size, None, (begins, "ends with the record"))
-    levels = Levels(t, y, *average_in_blocks(t, y, MOST_BLOCKS))
-    yb = levels.yb
+        return _window_of(levels, top, end, floor, begins, "ends with the record")
     first, last = _straightest(levels)
     core = fall_in_db(yb, first, last + 1)
     top = int(np.argmax(yb))
@@ -422,19 +425,33 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     earlier = power_law_start(levels, begin, end)
     if earlier != begin:
         behind, lower = _follow_on(levels, earlier)
-        # Unless the decay continues in what would be the floor.
-        if min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
+        # Unless the decay continues in what would be the floor, and not only for its last steep part.
+        short = end - behind < LEAST_LENGTHENING * (behind - earlier)
+        if short or min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = earlier, earlier > 0, behind, lower
-    start, stop = int(levels.edges[begin]), int(levels.edges[end])
     begins = "starts with the record"
     if broken:
-        begins = f"starts at {t[start]:.4g} s, where the reading before it does not continue the decay"
-    ends = "ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s"
-    if floor is not None:
-        ends = f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
+        at = t[int(levels.edges[begin])]
+        begins = f"starts at {at:.4g} s, where the reading before it does not continue the decay"
+    return _window_of(levels, begin, end, floor, begins, "ends with the record, above any floor")
+
+
+def _window_of(
+    levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str, ends: str
+) -> EnvelopeWindow:
+    """Return the window of the blocks `begin` to `end` − 1 of `levels`.
+
+    begins, ends: the clauses on its start, and on its end if this is the end of the record. Raises Refusal if it has
+    too few readings or its level falls too little.
+    """
+    start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
         raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
-    _refuse_small(fall_in_db(yb, begin, end))
+    _refuse_small(fall_in_db(levels.yb, begin, end))
+    if floor is not None:
+        ends = f"ends at {levels.t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
+    elif stop < levels.t.size:
+        ends = f"ends at {levels.t[stop - 1]:.4g} s"
     return EnvelopeWindow(start, stop, floor, (begins, ends))
 
 
@@ -561,6 +578,13 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     x, floor, floor_at, stop, scale = fit.x, fit.floor, fit.floor_at, fit.stop, fit.scale
     behind = slice(int(edges[floor_at]), stop)
     measured = NoiseFloor(floor)
+    if t.size < SPARSE_READINGS:  # the last readings of a table may be part of the decay
+        late = stop - behind.start
+        if late <= 4:
+            return count, None
+        slope, rms = _lines(t, y, np.array([behind.start]), np.array([stop]))
+        if -slope[0] * float(t[behind].std()) * np.sqrt(late - 2.0) > FALLING_SDS * rms[0]:
+            return count, None
     if stop - behind.start > 4:
         power = 10.0 ** ((y[behind] - scale) / 10.0)
         floor = max(floor, float(power.mean()))

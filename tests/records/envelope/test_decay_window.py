@@ -88,3 +88,14 @@ def test_a_decay_that_is_nowhere_straight_is_found_whole(force):
     held = level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
     found = find_window(t, np.concatenate([held, level]))
     assert abs(found.start - held.size) <= 12
+
+
+def test_friction_with_noise_at_its_end_is_found_whole():
+    """A falls evenly to zero, then noise: only the last tenth falls steeply and straight in dB."""
+    t = np.linspace(0.0, 1.4, 114)
+    for seed in range(40):
+        noise = np.random.default_rng(seed).standard_normal((2, t.size)) * 10 ** (-39 / 20)
+        size = np.abs(np.maximum(1 - t, 0.0) + noise[0] + 1j * noise[1])
+        window = find_window(t, 20 * np.log10(size))
+        assert t[window.start] < 0.1, seed
+        assert 0.7 < t[window.stop - 1] < 1.0, seed
