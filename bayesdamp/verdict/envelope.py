@@ -57,7 +57,7 @@ from bayesdamp.verdict.specimen import (
     spread_remark,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import by_ten, named, sentence, with_interval
+from bayesdamp.verdict.words import at_middle, by_ten, named, sentence, with_interval
 
 FALL_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of the decay's fall in dB at which rates are given (conventional)."""
@@ -409,11 +409,53 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
     return SpecimenComparison((), logs, share, repeats, {}, Reference(1.0, 1.0))
 
 
+def at_common_amplitudes(
+    records: Sequence[Sequence[AtAmplitude]],
+) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Interpolate a number of several records at three amplitudes in the range that all of them have in common.
+
+    Parameters
+    ----------
+    records
+        The number at three amplitudes of each of n records, the largest amplitude first.
+
+    Returns
+    -------
+    list of tuple
+        For each amplitude, the largest first: the amplitude, ln of the records' numbers and its standard deviation,
+        (n,) each. Empty if the records have no amplitudes in common.
+    """
+    level = records[0][0].unit.startswith("dB")
+    curves = []
+    for rows in records:
+        a = np.array([r.amplitude for r in rows[::-1]])
+        values = np.array([r.value for r in rows[::-1]])
+        sd = np.array([np.hypot(r.sd_noise, r.sd_law) for r in rows[::-1]]) / values
+        curves.append((a if level else np.log(a), np.log(values), sd))
+    low, high = max(a[0] for a, _, _ in curves), min(a[-1] for a, _, _ in curves)
+    results = []
+    for at in (high, 0.5 * (low + high), low) if low < high else ():
+        # The parabola through the three values: a power law is a straight line, and sums of terms hardly bend it.
+        x = np.array([np.polyfit(a - at, y, 2)[-1] for a, y, _ in curves])
+        sd = np.array([np.interp(at, a, sd) for a, _, sd in curves])
+        results.append((float(at if level else np.exp(at)), x, sd))
+    return results
+
+
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two of them have a decay.
 
     ln Q is pooled over the records (see `pool_records`), or ln of the decay rate if the frequency of a record is
-    unknown. name: name of the specimen.
+    unknown. If the damping is not viscous with a probability of at least `thresholds.DECIDED`, Q depends on the
+    amplitude: it is then pooled at three amplitudes that all records have in common, and `quality_factor` or `rate` is
+    that at the middle one. Without common amplitudes, the mean Q of the records are pooled, and a remark says so.
+
+    Parameters
+    ----------
+    name
+        Name of the specimen.
+    answers
+        Answers on its envelopes.
 
     Raises
     ------
@@ -425,33 +467,53 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     values = [e for v in own if (e := v.quality_factor if quality else v.rate) is not None]
     if len(values) < 2:
         return None
+    joint = joint_damping(answers)
+    damping = specimen_probabilities(joint)[0] if joint else {"": float("nan")}
+    varies = not damping.get("viscous", 0.0) >= thresholds.DECIDED
+    rates = at_common_amplitudes([v.decay_rate for v in own]) if varies else []
+    qualities = at_common_amplitudes([v.quality_factor_at for v in own]) if varies and quality else []
+    unit, at = values[0].unit, own[0].decay_rate[0].unit if rates else ""
+
+    def pooled(x: np.ndarray, sd: np.ndarray, unit: str) -> MeasuredNumber:
+        """Return the mean of a number over the records from its logarithms and their standard deviations."""
+        p = pool_records(x, sd)
+        value, alone = float(np.exp(p.mean)), min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
+        low, high = np.exp([p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd]).tolist()
+        between = value * float((p.sd**2 - alone**2) ** 0.5)
+        return MeasuredNumber(value, value * alone, between, low, high, unit)
+
+    def table(rows: Sequence[tuple[float, np.ndarray, np.ndarray]]) -> tuple[AtAmplitude, ...]:
+        return tuple(AtAmplitude(a, at, *astuple(pooled(x, sd, ""))[:-1]) for a, x, sd in rows)
+
     x = np.log([e.value for e in values])
     sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in values])
-    p = pool_records(x, sd)
-    joint = joint_damping(answers)
-    value, unit = float(np.exp(p.mean)), values[0].unit
-    alone = min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
-    low, high, next_low, next_high = np.exp(
-        [p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd, p.low, p.high]
-    ).tolist()
-    between = value * float((p.sd**2 - alone**2) ** 0.5)
-    common = MeasuredNumber(value, value * alone, between, low, high, unit)
-    damping = specimen_probabilities(joint)[0] if joint else {"": float("nan")}
+    if rates:
+        _, x, sd = (qualities or rates)[1]
+    p, common = pool_records(x, sd), pooled(x, sd, unit)
+    next_low, next_high = np.exp([p.low, p.high]).tolist()
     verdict = replace(
         common_verdict(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
         spread=spread_of(joint) if joint else Interval(p.spread, p.spread_low, p.spread_high),
         rate=None if quality else common,
         quality_factor=common if quality else None,
-        next_value=Interval(value, next_low, next_high, unit),
+        decay_rate=table(rates),
+        quality_factor_at=table(qualities),
+        next_value=Interval(common.value, next_low, next_high, unit),
         standardised=float(np.sum(((x - np.average(x, weights=sd**-2.0)) / sd) ** 2)) / (x.size - 1),
     )
-    what = "Q" if quality else "decay rate"
-    more = by_ten(with_interval(value, next_low, next_high, f" {unit}" if unit else ""))
+    what, where = "Q" if quality else "decay rate", at_middle(verdict)
+    more = by_ten(with_interval(common.value, next_low, next_high, f" {unit}" if unit else ""))
     texts = (
         *spread_remark(verdict),
-        f"One more record would have {what} = {more} with 95 % probability.",
-        f"The differences between the records' values, divided by their standard deviations, have a mean square of "
-        f"{verdict.standardised:.1f}; 1 is expected if the records agree.",
+        f"One more record would have {what} = {more}{where} with 95 % probability.",
+        f"The differences between the records' values{where}, divided by their standard deviations, have a mean square "
+        f"of {verdict.standardised:.1f}; 1 is expected if the records agree.",
         *(verdict.remarks if joint else ()),
     )
+    if varies and not rates:
+        texts = (
+            f"The records have no amplitude in common, so the common {what} is an average of the records' means over "
+            "their own falls, which differ if the damping depends on the amplitude.",
+            *texts,
+        )
     return replace(verdict, remarks=texts, sentence=sentence(verdict))

@@ -160,7 +160,9 @@ class Verdict(CheckedMethods):
         For an envelope: the mean rate of decay by the law over the first half of the fall in dB, and its Q if the
         frequency is known.
     decay_rate, quality_factor_at
-        For an envelope: rate and Q at the amplitudes of damping_ratio, the largest first.
+        For an envelope: rate and Q at the amplitudes of damping_ratio, the largest first. For several envelopes whose
+        damping is not viscous: at three amplitudes that all have in common; rate and quality_factor are those at the
+        middle one.
     probability_exact, power_law
         For an envelope: the probability that the law holds exactly, and the log Bayes factor of one power of the
         amplitude against the sums.

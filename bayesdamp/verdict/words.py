@@ -101,6 +101,14 @@ def _percentages(i: Interval) -> str:
     return f"{percentage(i.value)} % ({percentage(i.low)} to {percentage(i.high)})"
 
 
+def at_middle(v: Verdict) -> str:
+    """Return the amplitude of the Q or decay rate of several envelopes, such as " at 0.3 V"; "" if it has none."""
+    if v.records == 1 or not v.decay_rate:
+        return ""
+    middle = v.decay_rate[len(v.decay_rate) // 2]
+    return f" at {by_ten(compact(middle.amplitude, 3))} {middle.unit}"
+
+
 def _size(v: Verdict) -> str:
     """Return the size of the damping in words: Q or the decay rate of an envelope.
 
@@ -108,9 +116,11 @@ def _size(v: Verdict) -> str:
     none, the text says that the size is not determined.
     """
     if v.quality_factor is not None:
-        return f"Q = {by_ten(with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high))}"
+        size = with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high)
+        return f"Q = {by_ten(size)}{at_middle(v)}"
     if v.rate is not None:
-        return f"decay rate {by_ten(with_interval(v.rate.value, v.rate.low, v.rate.high, ' ' + v.rate.unit))}"
+        size = with_interval(v.rate.value, v.rate.low, v.rate.high, f" {v.rate.unit}")
+        return f"decay rate {by_ten(size)}{at_middle(v)}"
     ratios = [
         f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {compact(r.amplitude, 2)} {r.unit}"
         for r in v.damping_ratio

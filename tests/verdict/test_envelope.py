@@ -127,6 +127,28 @@ def test_repeats_are_pooled():
     assert sized.sentence.startswith("3 records: Q = ")
 
 
+@pytest.mark.parametrize("frequency", [50.0, None])
+def test_repeats_that_are_not_viscous_are_pooled_at_amplitudes_that_they_share(frequency):
+    """One drag, dA/dt = -0.5 A², recorded over falls of 10, 16 and 24 dB: its rate at A is 0.5 A."""
+    answers = []
+    for seed, fall in ((1, 10.0), (2, 16.0), (3, 24.0)):
+        t = np.linspace(0.0, (10 ** (fall / 20) - 1) / 0.5, 200)
+        noise = 0.01 * np.random.default_rng(seed).standard_normal(t.size)
+        answers.append(analyse(make_record("x", t, np.exp(noise) / (1 + 0.5 * t), "V", frequency)))
+    common = specimen("x", answers)
+    assert common.damping == "quadratic"
+    assert len(common.decay_rate) == 3
+    for row in common.decay_rate:
+        assert row.low <= 0.5 * row.amplitude <= row.high
+    for row in common.quality_factor_at:
+        assert row.low <= np.pi * 50 / (0.5 * row.amplitude) <= row.high
+    middle = common.decay_rate[1]
+    true = np.pi * 50 / (0.5 * middle.amplitude) if frequency else 0.5 * middle.amplitude
+    assert common.next_value.low <= true <= common.next_value.high
+    assert common.standardised < 5  # 3,400 for the means over each record's own fall
+    assert f" at {middle.amplitude:.3g} V" in common.sentence
+
+
 def test_what_is_no_envelope_is_refused():
     t = np.linspace(0.0, 10.0, 200)
     with pytest.raises(InputError, match="have both signs"):

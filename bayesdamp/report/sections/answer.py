@@ -322,6 +322,8 @@ class OverviewSection(Section):
             more = Markup("").join(map(paragraph, (*energy_sentences(v), *v.remarks)))
             block = Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>')
             parts.append(block.format(title, v.sentence, more))
+            if v.decay_rate:
+                parts.append(decay_table(v.decay_rate, v.quality_factor_at))
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
         if curves:
             names = short_names(list(curves))
