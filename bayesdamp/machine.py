@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent import futures  # loads its pools where they are used
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -52,6 +53,26 @@ def kill_as_interrupt() -> Iterator[None]:
     finally:
         for end in defaults:
             signal.signal(end, signal.SIG_DFL)
+
+
+def interruptible(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a function that Numba compiled, so that a signal during a call raises KeyboardInterrupt.
+
+    Numba converts results with Python code, in which the signal's handler runs, and replaces the KeyboardInterrupt by a
+    SystemError, which does not stop a run.
+    """
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except SystemError as error:
+            cause: BaseException = error
+            while cause.__cause__ is not None:
+                cause = cause.__cause__
+            raise cause from None
+
+    return call
 
 
 T = TypeVar("T")

@@ -376,7 +376,7 @@ def _check_across_tables(study: Study) -> None:
             if read[i] in read[:i]:
                 same = (first, *others)[read.index(read[i])].name
                 raise StudyError(key, f"signals {same} and {spec.name} are the same record; give it once")
-            repeat = f"signals {first.name} and {spec.name} are of one specimen, {name!r}"
+            repeat = f"signals {spec.name} and {first.name} are of one specimen, {name!r}"
             if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
                 units = f"{spec.source.unit} and {first.source.unit}"
                 right = "repeats must all be angles, all lengths or all in one unit"

@@ -355,15 +355,14 @@ def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, f
         [slopes_at_times(nodes, slopes, starts, grid, order) for order in (0, 1)], axis=1
     ).T
     wronskian = by_angle[0] * by_velocity[1] - by_angle[1] * by_velocity[0]
+    wronskian[wronskian == 0.0] = np.nan  # friction has ended the motion
     unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
     order = QUANTITIES.index(signal.quantity)
     first, second = slopes_at_times(nodes, slopes, starts, times, order).T
     effects = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
-        # The Wronskian is zero where friction has ended the motion.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            integrand = np.stack([by_angle[0], by_velocity[0]]) * force / wronskian
+        integrand = np.stack([by_angle[0], by_velocity[0]]) * force / wronskian
         steps = np.cumsum(0.5 * (integrand[:, 1:] + integrand[:, :-1]) * np.diff(grid), axis=1)
         summed = np.concatenate([np.zeros((2, 1)), steps], axis=1)
         along_angle, along_velocity = (np.interp(times, grid, s) for s in summed)

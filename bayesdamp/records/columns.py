@@ -463,7 +463,8 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
     if len(content.columns) == 1:
         what = "has one column of values and no times: export the times too, or give the rate in Hz"
         raise InputError(what, arguments=["rate"])
-    what = "has no column that looks like times: name the time column or give the rate in Hz"
+    what = "has no column named like a time, and the first does not always increase"
+    what = f"{what}: name the time column or give the rate in Hz"
     raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
 
 

@@ -285,16 +285,21 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def deviation_limit(deviation: Interval) -> str:
+    """Return the upper end of a relative deviation from the law in per cent, at least 0.1, without the sign %."""
+    return percentage(max(deviation.high, 0.001))
+
+
 def _law_quality(v: Verdict) -> str:
     """Return the clause on how well the law holds, beginning with a semicolon; "" without a deviation."""
     if v.deviation is None:
         return ""
-    d = v.deviation
+    d, limit = v.deviation, deviation_limit(v.deviation)
     if v.grade is Grade.EXACT:
-        return f"; the law holds within {percentage(max(d.high, 0.001))} %"
+        return f"; the law holds within {limit} %"
     if d.value < UNDETECTED_DEVIATION:
-        return f"; no deviation from the law is detected (95 %: below {percentage(d.high)} %)"
-    within = f"; the law holds within {percentage(d.value)} % (95 %: below {percentage(d.high)} %)"
+        return f"; no deviation from the law is detected (95 %: below {limit} %)"
+    within = f"; the law holds within {percentage(d.value)} % (95 %: below {limit} %)"
     o = v.over_law
     if o is None:
         return within

@@ -64,10 +64,12 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
 
 
 def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, refused):
-    file, out = written(tmp_path / "r.txt"), tmp_path / "out"
+    file, out, bad = written(tmp_path / "r.txt"), tmp_path / "out", tmp_path / "bad.txt"
+    bad.write_text(file.read_text() + "9999, nan\n")
     for more, what in (
         (["--frequency", "-3"], "must be positive, in Hz"),
         (["--repeats"], "there is one record"),
+        ([str(bad), "--repeats"], "there is one usable record; bad.txt: line "),
         (["--noise", "white"], "--noise: does not apply to envelope"),
         (["--sensor", "0.1"], "--sensor: does not apply to envelope"),
         (["--sensor", "0.1", "--deviation", "none"], "--sensor: does not apply with --deviation none"),

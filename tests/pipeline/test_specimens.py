@@ -81,6 +81,11 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, refused):
         comparison(asked[:1], repeats=True)
     with pytest.raises(InputError, match=r"--repeats: .* are the same record"):
         comparison([asked[0], {**asked[0], "file": str(tmp_path / "." / "a.csv")}], repeats=True)
+    in_units = [{**record, "unit": unit} for record, unit in zip(asked, ("mm", "deg"), strict=True)]
+    with pytest.raises(
+        InputError, match=r"^--repeats: signals b and a are of one specimen, .* in deg and mm; "
+    ):
+        comparison(in_units, repeats=True)
     assert refused("compare", str(paths[0]), "--repeats").startswith("--repeats: there is one record")
 
 

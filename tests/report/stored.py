@@ -190,12 +190,12 @@ def of_fit(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, St
 
 
 def of_overview(v: Any, unit: float) -> dict[str, Stored]:
-    r, deviation = v["damping_ratio"][len(v["damping_ratio"]) // 2], v["deviation"] or {"value": math.nan}
+    r, deviation = v["damping_ratio"][len(v["damping_ratio"]) // 2], v["deviation"] or {"high": math.nan}
     return {
         "probability": {"": v["probability"]},
         "frequency / Hz": {"": v["frequency"]["value"]},
         "damping ratio (95 %), amplitude": sized(r, 100) | {"amplitude": unit * r["amplitude"]},
-        "deviation from the law / %": {"": 100 * deviation["value"]},
+        "deviation from the law below / %": {"": 100 * max(deviation["high"], 0.001)},
         "unexplained / %": {"": v["unexplained_pct"]},
     }
 

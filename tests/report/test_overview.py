@@ -28,7 +28,7 @@ def verdict(record: str, size: float) -> Verdict:
     ratio = DampingRatio(0.2, "rad", size, 1e-4, 1e-4, 0.9 * size, 1.1 * size)
     return Verdict(
         record, Grade.EXACT, True, "viscous", 0.98, frequency=Interval(1.2, 1.19, 1.21, "Hz"), damping_ratio=(ratio,),
-        sentence=f"{record} is viscous.",
+        sentence=f"{record} is viscous.", deviation=Interval(0.001, 0.0, 0.0058),
     )  # fmt: skip
 
 
@@ -60,6 +60,7 @@ def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Pa
         assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
     assert "7.02 deg" in section, "in the unit that the record came in"
+    assert section.count(">0.58<") == len(SIZES), "the limit within which, by the sentence, the law holds"
 
 
 def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:

@@ -151,6 +151,8 @@ def compare(
         chosen = r.select_records(records, reading)
         failed = chosen.failed
         signals = r.study_signals(chosen.records, reading)
+    if repeats and failed and len(signals) == 1:
+        raise InputError(f"--repeats: there is one usable record; {failed[0]}")
     # A single record is computed by the threads of this process; more processes would not make it faster.
     alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
     study = comparison(

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from bayesdamp.machine import interruptible
+
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function by Numba's `njit`, and cache the machine code on disk if a folder is writable.
@@ -70,6 +72,7 @@ def end_of_step(times, node, t, first):
     return end
 
 
+@interruptible
 @compiled
 def at_times(times, states, t, order):
     """Return the order-th time derivative (0 to 2) of the solution at increasing times t, (n,).
@@ -116,6 +119,7 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
     )  # fmt: skip
 
 
+@interruptible
 @compiled
 def slopes_at_times(times, slopes, columns, t, order):
     """Return the order-th time derivative (0 to 2) of tangents at increasing times t, (n,): shape (n, columns.size).

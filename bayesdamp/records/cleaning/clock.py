@@ -133,8 +133,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
         if is_auto and digit > step and largest_misfit <= digit:
             raise InputError(
-                f"the time stamps are written to {digit:.3g} s, more than the step between samples ({step:.3g} s); "
-                'give the rate, or use the clock "uniform", which estimates it',
+                f"{share} of the times repeat: they are written to {digit:.3g} s, and the mean step between rows is "
+                f'{step:.3g} s; remove repeated rows, give the rate, or use the clock "uniform", which estimates it',
                 name,
                 arguments=["clock", "rate"],
             )

@@ -27,6 +27,7 @@ from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import DampingRatio, number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit
+from bayesdamp.verdict.words import deviation_limit
 
 if TYPE_CHECKING:
     from bayesdamp.report.drawing import Drawings
@@ -599,8 +600,8 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
         )
         columns["power of the velocity (95 %)"] = lambda a: number(a.verdict.exponent)
     if not brief:
-        columns["deviation from the law / %"] = lambda a: (
-            fmt.number(100 * a.verdict.deviation.value, 2) if a.verdict.deviation else fmt.NONE
+        columns["deviation from the law below / %"] = lambda a: (
+            deviation_limit(a.verdict.deviation) if a.verdict.deviation else fmt.NONE
         )
         columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)
     return Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")

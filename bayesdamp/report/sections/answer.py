@@ -111,7 +111,8 @@ always has one."""
 TABLE_CAPTION = (
     "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
     "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
-    "Deviation from the law: relative deviation of the damping from its law, averaged over the record (median). "
+    "Deviation from the law: upper limit (95 %) of the relative deviation of the damping from its law, averaged over "
+    "the record. "
     "Unexplained: the root mean square of the residual that neither the law nor the noise accounts for, in % of the "
     "first amplitude."
 )

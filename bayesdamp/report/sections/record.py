@@ -149,8 +149,9 @@ class NoiseSection(SignalSection):
         "If correlated noise is the most probable, the answer uses Gaussian noise with the variance of the residual "
         "near the oscillation frequency. The sign of dry friction changes gradually, within a range of velocities of "
         "width ε. This affects a precise record at small amplitudes and at each turning point. If ε was not given, "
-        "several values are compared once for each record, with all damping terms. All damping models use 2 % of the "
-        "peak velocity, or the most probable value if it is clearly more probable. Estimators use 2 %."
+        "several values are compared once for each record, with all damping terms. The damping models are compared and "
+        "sampled with 2 % of the peak velocity, or with the most probable value if it is clearly more probable. The "
+        "damping ratios of the answer are averaged over all these values. Estimators use 2 %."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -179,7 +180,7 @@ class NoiseSection(SignalSection):
         }
         for i, term in enumerate(content.terms):
             of_width[words.model(term)] = lambda width, i=i: fmt.number(width.coefficients[i], 4)
-        of_width[""] = lambda width: USED if width.epsilon == content.epsilon else ""
+        of_width[""] = lambda width: "used for the models" if width.epsilon == content.epsilon else ""
         tables: list[Table] = []
         if len(noises) > 1:
             best = {content.noise: "best"}

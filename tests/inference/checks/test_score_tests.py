@@ -20,6 +20,7 @@ from bayesdamp.inference.residual_tests import (
     StrongestForm,
     find_missing_form,
     orthonormal,
+    responses_to_forms,
 )
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
@@ -102,6 +103,29 @@ def test_the_verdict_names_the_form() -> None:
         check, _ = check_fit(target, mode, 2 * np.pi / np.sqrt(K), 0)
         assert check.verdict.startswith(verdict)
         assert (check.form_p < 0.005) == bool(size)
+
+
+def test_responses_are_finite_until_friction_ends_the_motion() -> None:
+    """Exact friction in closed form, which stops after four half cycles; the arithmetic gives no warning."""
+    friction, omega = 0.5, np.sqrt(K)
+    half = np.minimum(np.floor(TIMES * omega / np.pi), 4)
+    turning = 0.21 - 2 * half * friction / K
+    cycle = np.where(half < 4, np.cos(omega * TIMES - np.pi * half), 1.0)
+    y = (-1.0) ** half * ((turning - friction / K) * cycle + friction / K)
+    priors = {
+        "mu_c": HalfNormal(scale=1.0),
+        "theta0": Normal(mean=0.0, sd=1.0),
+        "omega0": Normal(mean=0.0, sd=3.0),
+    }
+    known = {"stiffness": K, "rest_angle": 0.0, "noise_sd": NOISE, "epsilon": 0.0}
+    target = Target(Signal(TIMES, y), Oscillator(("coulomb",), "linear"), "gaussian", priors, known)
+    truth = {"mu_c": friction, "theta0": 0.21, "omega0": 0.0}
+    likelihood = find_mode(target, {Seed("truth"): truth}, noise_level=NOISE).likelihood
+    motion = likelihood.motions.motion(known | truth)
+    assert np.abs(motion.y - y).max() < 1e-6
+    finite = np.isfinite(responses_to_forms(likelihood, motion, known | truth))
+    assert finite[:, half < 4].all()
+    assert not finite.all(axis=1).any()
 
 
 @pytest.mark.parametrize(("form", "share"), [(0, 0.0), (0, 0.1), (3, 0.1)])

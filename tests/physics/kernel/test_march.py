@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import time
 from itertools import pairwise
+from threading import Timer
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bayesdamp.machine import kill_as_interrupt
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
@@ -54,6 +59,18 @@ def independent(law: str) -> np.ndarray:
         kept = run.y.T[: inside.size]
         found += [[*y, slope(t, y)[1]] for t, y in zip(inside, kept)]
     return np.array(found)
+
+
+def test_a_signal_during_an_integration_interrupts_it() -> None:
+    """In the middle of 20,000 cycles; Numba would report a SystemError, which does not stop a run."""
+    t = np.linspace(0.0, 3e4, 10)
+    solver = Solver(("viscous",), "linear", t, "angle", 0.3, 5.0, 0.0, t[[0, -1]])
+    with kill_as_interrupt():
+        Timer(0.2, os.kill, (os.getpid(), signal.SIGTERM)).start()
+        with pytest.raises(KeyboardInterrupt):
+            time.sleep(
+                solved(solver, np.array([1e-4, 25.0, 0.0, 0.3, 0.0])).times.size
+            )  # if it ends too early
 
 
 def solved(made: Solver, p: np.ndarray, *args: object, **kwargs: object) -> Motion:
