@@ -426,7 +426,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     if earlier != begin:
         behind, lower = _follow_on(levels, earlier)
         # Unless the decay continues in what would be the floor, and not only for its last steep part.
-        short = end - behind < LEAST_LENGTHENING * (behind - earlier)
+        short = end - max(begin, behind) < LEAST_LENGTHENING * (behind - earlier)
         if short or min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = earlier, earlier > 0, behind, lower
     begins = "starts with the record"
