@@ -46,7 +46,7 @@ COMMANDS = {
         "bayesdamp calibrate studies/calibration.toml --records 100",
     ),
     "check": (
-        "Read a study and its records, list its tasks and report errors; nothing is run.",
+        "Read a study and its records; show what it asks for, or the first error. Nothing is run.",
         "bayesdamp check rig.toml",
     ),
     "simulate": (

@@ -291,7 +291,8 @@ def resolve_signal(
     key
         Key of the table, for messages.
     laws
-        The restoring laws that the study compares, if it names any.
+        The restoring laws that the study compares, if it names any; they are used for the record unless the table has
+        its own `restoring`.
 
     Returns
     -------

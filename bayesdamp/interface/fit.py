@@ -90,7 +90,7 @@ class Prediction(Result):
         return data_frame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the motion with its 95 % band, and return the axes."""
+        """Plot the motion with its 95 % band (without the noise), and return the axes."""
         ax = get_axes(ax)[0]
         order = np.argsort(self.t)
         t, value, half = self.t[order], self.value[order], NORMAL_95 * self.sd[order]

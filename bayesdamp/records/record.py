@@ -13,6 +13,8 @@ from bayesdamp.records.columns import OscillationMeasure, measure_oscillation
 from bayesdamp.types import Provenance
 from bayesdamp.units import UNITS
 
+GUESSED = "counts"
+"""Unit of a record whose unit is not known, and whose values are too large for an angle in rad."""
 HALF_TURN, FULL_TURN = math.pi, 360.0
 """Values without a stated unit are not taken for radians if their amplitude is above the first (a pendulum would go
 over the top), and not for degrees if it is above the second (conventional)."""
@@ -118,7 +120,7 @@ def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tup
     resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
         return resolved, what
-    return ("deg" if _ANGLE.search(raw.channel) and half_swing(raw) <= FULL_TURN else "counts"), what
+    return ("deg" if _ANGLE.search(raw.channel) and half_swing(raw) <= FULL_TURN else GUESSED), what
 
 
 def half_swing(raw: RawRecord) -> float:
@@ -147,15 +149,15 @@ def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     """Return the record with its wrapped angle unwrapped, and a note; a record without jumps by a turn is unchanged.
 
     An encoder's angle jumps at the end of its scale, for example between 360 and 0 degrees. unit, quantity: those in
-    which the record is read; only an "angle" in a unit of UNITS is unwrapped. If `unit` is not one of angles, turns of
-    360 and of 2π are tried, but only if the file states no unit.
+    which the record is read; only an "angle" in a unit of angles is unwrapped, or one without any unit (`GUESSED`), for
+    which turns of 360 and of 2π are tried.
     """
     if quantity != "angle" or unit not in UNITS:
         return raw
     if UNITS[unit].base == "rad":
         turns = [2 * math.pi / UNITS[unit].factor]
     else:
-        turns = [] if raw.unit else [360.0, 2 * math.pi]
+        turns = [360.0, 2 * math.pi] if unit == GUESSED and not raw.unit else []
     for turn in turns:
         if many := count_jumps(raw.y, turn):
             note = (

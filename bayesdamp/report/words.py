@@ -17,7 +17,10 @@ _WORDS = {
     "damping_ratio": ("small-amplitude damping ratio", "damping ratio in the limit of small amplitudes"),
     "equivalent_ratio": ("equivalent damping ratio", "equivalent viscous damping ratio"),
     "log_decrement": ("logarithmic decrement", "logarithmic decrement"),
-    "half_life": ("half-life", "time in which the amplitude falls to half"),
+    "half_life": (
+        "half-life",
+        "time in which the amplitude falls from the reference amplitude to half of it",
+    ),
     "energy_fraction": ("specific damping capacity", "fraction of the energy that is lost in a cycle"),
     "energy_lost": ("energy lost in a cycle", "energy lost in a cycle"),
     "viscous_coefficient": ("viscous coefficient", "inertia times 2ζ"),

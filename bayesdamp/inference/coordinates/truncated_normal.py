@@ -153,6 +153,8 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     white = np.stack(rows) @ factor
     white = 0.5 * (white + white.T)
     if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:
-        raise Refusal("the posterior has no width at its mode: the Hessian there is not positive definite")
+        raise Refusal(
+            "the posterior has no normal approximation: its Hessian at the mode is not positive definite"
+        )
     covariance = factor @ np.linalg.inv(white) @ factor.T
     return TruncatedNormal(at + covariance @ slope(at), covariance, reflected)

@@ -465,7 +465,8 @@ class _Triangles:
     """Cholesky factors of the posterior's information matrix (inverse covariance) at c grid points.
 
     In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K).
-    half: L⁻¹ b, (c, K). left: least value over w of |residual|² / noise variance + |w|², (c,).
+    half: L⁻¹ b, (c, K). left: least value over w of |root u − target|² / noise variance +
+    |w|², (c,), without `LinearModel.rest`.
     """
 
     lower: np.ndarray

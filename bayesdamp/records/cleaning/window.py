@@ -156,7 +156,7 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | 
             first, motion = 0, whole
     if motion is None or motion.size < SECOND_SIZE:
         return None
-    note = "It is not the free decay of one oscillator, so all that oscillates is used."
+    note = f"It is not the free decay of one oscillator, so it is used from {t[first]:.4g} s to its end."
     return DecayWindow(first, t.size - 1, (note,))
 
 

@@ -262,7 +262,7 @@ def draw_motions(
         label = f"{mode.frequency:.4g} Hz, {100 * mode.damping_ratio:.3g} %"
         each.plot(at, size, color=ink, ls=dash, label=label)
     if damped:
-        each.set_title("Amplitude, frequency and damping ratio of each")
+        each.set_title("Amplitude, frequency and damping ratio of each oscillation")
         each.legend(loc="best", labelcolor=INK)
     each.set_yscale("log")
     low, high = each.get_ylim()

@@ -146,9 +146,10 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             f"Posterior of the parameters of {words.model(model)} damping and of quantities derived from them, from "
             f"the record {signal}: mean, standard deviation (sd) and 95 % interval, with the diagnostics of the "
             "sampler. They are reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The "
-            "equivalent damping ratio, the decrement and the damping capacity are at the reference amplitude, which "
-            "is that of the record unless the study states another one. The logarithmic decrement is the decrease of "
-            "ln A in a cycle, where A is the amplitude; if it is small, it is 2π times the damping ratio."
+            "equivalent damping ratio, the decrement, the damping capacity and the energy lost in a cycle are at the "
+            "reference amplitude, from which the half-life starts; it is that of the record unless the study states "
+            "another one. The logarithmic decrement is the decrease of ln A in a cycle, where A "
+            "is the amplitude; if it is small, it is 2π times the damping ratio."
         )
         if any(math.isnan(r["rhat"]) for r in sampled):
             caption += (
