@@ -25,7 +25,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from bayesdamp.machine import cache_folder, interruptible
+from bayesdamp.machine import cache_folder
 from bayesdamp.physics.damping import EXACT, TERMS, TINY, DampingTerm
 from bayesdamp.physics.kernel.differentiate import NoSlopeError, derivative_source, difference_source
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
@@ -90,7 +90,7 @@ def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: obje
     registered under the same name.
     """
     module = _module(source_of(terms, laws))
-    return Kernel(terms, laws, interruptible(module.march), module.sums)
+    return Kernel(terms, laws, module.march, module.sums)
 
 
 def most_parameters(laws: tuple[str, ...]) -> int:

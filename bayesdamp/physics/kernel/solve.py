@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from bayesdamp.machine import interruptible
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
 from bayesdamp.physics.restoring import LAWS
@@ -345,7 +346,7 @@ class Solver:
         q[layout.given] = p[len(self.terms) : law_places.start]
         law, parameters = np.zeros(layout.most + 1), p[law_places]
         law[: parameters.size], law[-1] = parameters, layout.law
-        times, states, slopes = self.kernel.march(
+        times, states, slopes = interruptible(self.kernel.march)(
             coefficients, q, switched, law, *self._widths(self.epsilon), p[law_places.stop :].copy(),
             knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
