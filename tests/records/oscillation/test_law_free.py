@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipk
 from scipy.stats import chi2
 
@@ -28,6 +28,27 @@ def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(2.0 * found.amplitude) ** 2))
     assert found.frequency == pytest.approx(exact, rel=3e-3)
     assert np.ptp(exact) > 0.03 * exact[0]  # a constant would not pass
+
+
+def test_drag_on_a_softening_spring() -> None:
+    """The ratio is ∮F dx / 4πE, by quadrature along the undamped orbit: within 0.9 % at the first amplitude.
+
+    With the action of a sinusoid, amplitudes of the first harmonic and a constant frequency in each window it was 2 %.
+    """
+    omega, drag, soft, noise = 2 * np.pi, 0.3, 0.3, np.random.default_rng(1)
+    t = np.arange(480) / 30
+    motion = solve_ivp(
+        lambda _, s: [s[1], -drag * s[1] * abs(s[1]) - omega**2 * s[0] * (1 - soft * s[0] ** 2)], (0, 16),
+        [1.0, 0.0], method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12, max_step=0.02,
+    ).y[0]  # fmt: skip
+    found = amplitude_curves(Signal(t, motion + 1e-4 * noise.standard_normal(t.size)))
+    a = found.amplitude[0]
+
+    def energy(x: float) -> float:
+        return omega**2 * (x**2 / 2 - soft * x**4 / 4)
+
+    work = 2 * drag * quad(lambda x: 2 * (energy(a) - energy(x)), -a, a)[0]
+    assert found.ratio[0] == pytest.approx(work / (4 * np.pi * energy(a)), rel=0.009)
 
 
 def two_modes(number: int) -> tuple[Signal, float]:
