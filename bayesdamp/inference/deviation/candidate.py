@@ -341,6 +341,7 @@ def linearise_at_mode(
     fit: LeastSquaresFit,
     variance: float | None,
     start: Linearisation | None = None,
+    grid: Grid | None = None,
     near: bool = False,
 ) -> tuple[Linearisation, float] | None:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
@@ -361,6 +362,8 @@ def linearise_at_mode(
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
         The linearisation at which the steps start; by default that at the fit without deviations.
+    grid : Grid, optional
+        Hyperparameters of the deviations; by default the coarse grid of `Linearisation.grid`.
     near : bool
         Whether to end already before a step that would change the motion by less than `SETTLED`, so that `start` itself
         may be returned. Otherwise at least one step is tried.
@@ -373,7 +376,7 @@ def linearise_at_mode(
     at = start or linearise(solver, data, fit)
     if at is None:
         return None
-    d, grid, first = fit.z.size, at.grid(coarse=True), 0
+    d, grid, first = fit.z.size, grid or at.grid(coarse=True), 0
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
         new = None

@@ -25,7 +25,6 @@ from bayesdamp.inference.deviation.draws import orbit_of, turning_amplitudes, un
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import NO_DEVIATIONS, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
-from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 
@@ -117,10 +116,8 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 
         Without `near`, start at the fit in which the exponent is free.
         """
-        priors = {n: prior for n, prior in parameters.priors.items() if n != "exponent"}
-        fixed = Parameters(parameters.names, priors, {**parameters.known, "exponent": p})
-        solver = power_solver(comparison, p)
-        z = np.delete(top.z, place) if near is None else near.u[: len(priors)]
+        fixed, solver = parameters.with_fixed("exponent", p), power_solver(comparison, p)
+        z = np.delete(top.z, place) if near is None else near.u[: fixed.free.size]
         start = replace(top, parameters=fixed, z=z)
         if not comparison.approximate:
             best = refit(solver, data, start)

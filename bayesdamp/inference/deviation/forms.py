@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
 from bayesdamp.inference.deviation.linear import condense, linear_posterior
-from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.model_comparison import REACH, CandidateResult, ModelComparison
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
 from bayesdamp.physics.kernel import Solver
@@ -61,7 +61,8 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
     A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the restoring law
-    of the best candidate. Without results the comparison itself is returned.
+    of the best candidate. Those whose evidence is expected to be more than `REACH` nats below that of the best
+    candidate are left out. Without results the comparison itself is returned.
     """
     if not comparison.results:
         return comparison
@@ -78,7 +79,7 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     for form, like in REPLACED.items():
         if form in plain.terms or like not in plain.terms:
             continue
-        rest = [t for t in paper if t != like]
+        rest, solver = [t for t in paper if t != like], replace(plain, terms=(*paper, form))
         if TERMS.get(form).inferred:
             # It replaces its term in the probable sums, and has at first the same force.
             new, old = TERMS.get(form).parameter, TERMS.get(like).parameter
@@ -88,8 +89,19 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
                 (*(t for t in rest if t in s), form): {**at, new: at[old], old: 0.0} for s, at in each.items()
             }
         else:
-            sums = {(*c, form): values for n in range(len(rest) + 1) for c in combinations(rest, n)}
-        rivals += _evaluate_rivals(comparison, replace(plain, terms=(*paper, form)), sums)
+            # The sum of all terms predicts the evidence of the others, and their fits start from it.
+            largest = _evaluate_rivals(comparison, solver, {(*rest, form): values})
+            rivals += largest
+            sums = {(*c, form): values for n in range(len(rest)) for c in combinations(rest, n)}
+            if largest and largest[0].linearisation is not None:
+                fit, at = largest[0].fit, largest[0].linearisation
+                expected = {
+                    s: comparison.expected_evidence(MotionCandidate(s, best.candidate.restoring), at)
+                    for s in sums
+                }
+                least, near = best.log_evidence - REACH, fit.parameters.named(fit.z)
+                sums = {s: near for s, log in expected.items() if log >= least}
+        rivals += _evaluate_rivals(comparison, solver, sums)
     exponents = exponent_starts(comparison) if ALONE not in plain.terms else []
     if exponents:
         solver, starts = power_solver(comparison, exponents[0]), [{"exponent": p} for p in exponents]

@@ -16,14 +16,13 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     initial_values,
     linearise,
-    mode_of,
+    linearise_at_mode,
     parameters_of,
 )
 from bayesdamp.inference.deviation.draws import at_fraction, orbit_at, turning_amplitudes
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import Grid, linear_posterior, wide_grid
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
-from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
@@ -33,14 +32,9 @@ CURVE_POINTS = 40
 """Number of amplitudes in the damping curve."""
 CURVE_DRAWS = 1000
 """Number of draws from which the intervals of the curve are computed."""
-MOST_STEPS, SETTLED_CHANGE = 25, 0.1
-"""Largest number of Gauss–Newton steps to the mode. They end earlier if a step changes the motion by less than the
-second value: norm of the change over all samples, in standard deviations of the noise."""
 LARGEST_G = 50.0
 """`free_curve` returns None if |g| (the log factor of the damping) is larger than this in any draw: then the linear
 model about the mode has failed, because prior sds of g are at most 3."""
-ALLOWED_GROWTH = 1.02
-"""A Gauss–Newton step is halved if it multiplies the sum of squared residuals by more than this."""
 
 
 @dataclass(frozen=True)
@@ -129,26 +123,11 @@ def _mode(
     log = np.interp(solver.knots, times, np.log(np.maximum(np.array([r.value for r in guess]), 1e-12)))
     start = {**initial_values(c, data, fixed), **{n: fitted[n] for n in parameters.free_names if n in fitted}}
     # Fix the coefficient: it has the effect of a constant g, and the product of both would not be linear.
-    priors = {n: prior for n, prior in parameters.priors.items() if n != "zeta"}
-    zeta = float(np.exp(log.mean())) * data.frequency
-    parameters = Parameters(parameters.names, priors, {**parameters.known, "zeta": zeta})
+    parameters = parameters.with_fixed("zeta", float(np.exp(log.mean())) * data.frequency)
     z = parameters.scores({n: start[n] for n in parameters.free_names})
     empty = np.zeros((data.y.size, 0))
     motion = Motion(data.y, empty, np.zeros(0), np.zeros((0, 3)))
     fit = LeastSquaresFit(parameters, np.ones(1, bool), z, data.y, empty, motion)
-    at = linearise(solver, data, fit, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)]))
-    for _ in range(MOST_STEPS):
-        if at is None:
-            return None
-        mode, share, new = mode_of(at.model, grid, comparison.variance), 1.0, None
-        while share > 0.02 and new is None:
-            new = linearise(solver, data, fit, at.u + share * (mode - at.u))
-            if new is not None and new.squares > at.squares * ALLOWED_GROWTH:
-                new = None
-            share *= 0.5
-        if new is None:
-            break
-        moved, at = new.distance(at.u, comparison.variance), new
-        if moved < SETTLED_CHANGE:
-            break
-    return at
+    first = linearise(solver, data, fit, np.concatenate([z, log - log.mean(), np.zeros(solver.knots.size)]))
+    mode = first and linearise_at_mode(solver, data, fit, comparison.variance, first, grid)
+    return mode and mode[0]
