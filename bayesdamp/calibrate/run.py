@@ -14,7 +14,6 @@ from pathlib import Path
 from types import ModuleType
 
 from rich.console import Console
-from rich.progress import TimeRemainingColumn
 
 from bayesdamp.calibrate import ranks, recovery, tables
 from bayesdamp.config import Study
@@ -206,7 +205,7 @@ def compute_series(
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
-    with progress_bar(console, TimeRemainingColumn()) as progress, open_pool(workers, None) as pool:
+    with progress_bar(console) as progress, open_pool(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
         compute = partial(_compute_task, study, store.folder.resolve())
         while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:

@@ -11,7 +11,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from bayesdamp.estimators import parse_options
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import PluginModule
+from bayesdamp.priors import Prior
 from bayesdamp.serial import split
 from bayesdamp.types import InputError, System, candidate_name, candidate_parts
 from bayesdamp.units import UNITS
@@ -41,8 +44,11 @@ MOST_CHAINS = 1000
 MOST_COLUMNS = 100_000
 """Largest number, counted from 1, by which a study may select a column of a file (conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
+RunName = Annotated[int, Field(ge=0, le=MOST_COLUMNS**2)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
-_A_COUNT = "a whole number from 1 to 1,000,000"
+Samples = Annotated[int, Field(ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")]
+Count = Annotated[int, Field(ge=1, le=MOST_RECORDS, description="a whole number from 1 to 1,000,000")]
+Positive = Annotated[float, Field(gt=0, description="a positive number")]
 
 
 class StudySection(BaseModel):
@@ -84,11 +90,9 @@ class FileTable(StudySection):
     clock: Literal["auto", "as_logged", "uniform"] = Field(
         "auto", description='"auto", "as_logged" or "uniform" (rebuilt from stamps that come in bursts)'
     )
-    run: (
-        Annotated[int, Field(ge=0, le=MOST_COLUMNS * MOST_COLUMNS)]
-        | Annotated[str, Field(min_length=1)]
-        | None
-    ) = Field(None, description="the number of one of the file's runs, or its label in quotes")
+    run: RunName | None = Field(
+        None, description="the number of one of the file's runs, or its label in quotes"
+    )
     channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
     time_unit: Literal["s", "ms", "us", "ns", "ps", "min", "h", "d"] | None = Field(
         None, description='the unit of the times: "s", "ms", "us", "ns", "ps", "min", "h" or "d"'
@@ -132,8 +136,8 @@ class SimulateTable(StudySection):
     duration: float = Field(
         ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
     )
-    samples: int = Field(ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
-    repeats: int = Field(1, ge=1, le=MOST_RECORDS, description=_A_COUNT)
+    samples: Samples
+    repeats: Count = 1
     noise: str = Field("gaussian", description="a noise model's name in quotes")
     outliers: float = Field(0.0, ge=0, description="a number of samples, or a fraction of them below 1")
     gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
@@ -210,8 +214,8 @@ class PosteriorTable(StudySection):
         description="the sensor's relative linearity error (sd), a number from 0 to below 0.5",
     )
     chains: int = Field(4, ge=2, le=MOST_CHAINS, description="a whole number from 2 to 1000")
-    warmup: int = Field(500, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
-    draws: int = Field(1000, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
+    warmup: Samples = 500
+    draws: Samples = 1000
 
 
 class EvidenceTable(StudySection):
@@ -230,7 +234,7 @@ class CalibrationTable(StudySection):
     of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of ranks.
     """
 
-    records: int = Field(500, ge=1, le=MOST_RECORDS, description=_A_COUNT)
+    records: Count = 500
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
     draws: int = Field(255, ge=15, le=MOST_SAMPLES, description="a whole number from 15 to 10,000,000")
     bins: int = Field(16, ge=2, le=MOST_SAMPLES, description="a whole number that divides draws + 1")
@@ -253,17 +257,15 @@ class RecoveryTable(StudySection):
     the fraction least_loss of their amplitude are not counted.
     """
 
-    records: int = Field(1000, ge=1, le=MOST_RECORDS, description=_A_COUNT)
+    records: Count = 1000
     noise: Levels = Field((0.003, 0.01, 0.03, 0.1), description="a list of positive numbers")
-    noise_sigma: float = Field(0.3, gt=0, description="a positive number")
+    noise_sigma: Positive = 0.3
     cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
-    samples: int = Field(600, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")
+    samples: Samples = 600
     single: int = Field(0, ge=0, le=MOST_RECORDS, description="a whole number from 0 to 1,000,000")
-    single_noise: float = Field(0.01, gt=0, description="a positive number")
-    single_cycles: float = Field(10.0, gt=0, description="a positive number")
-    single_samples: int = Field(
-        1000, ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000"
-    )
+    single_noise: Positive = 0.01
+    single_cycles: Positive = 10.0
+    single_samples: Samples = 1000
     least_loss: float = Field(0.3, ge=0, lt=1, description="a fraction from 0 to below 1")
 
 
@@ -347,6 +349,19 @@ class SignalSpec:
         """The number of simulated records; 1 for a record that is read."""
         return self.source.repeats if isinstance(self.source, Simulation) else 1
 
+    def candidate(self, damping: str, restoring: str) -> str:
+        """Return the name of a candidate: its damping sum, and its law if several are compared (`candidate_name`)."""
+        return candidate_name(damping, restoring if len(self.restoring) > 1 else "")
+
+    def parts(self, candidate: str) -> tuple[str, str]:
+        """Return damping sum and restoring law of a candidate; without a law in its name, the signal's first one."""
+        damping, law = candidate_parts(candidate)
+        return damping, law or self.restoring[0]
+
+    def unit_of(self, parameter: str, restoring: str) -> str:
+        """Return the unit of a parameter under a restoring law, for the base unit of the record."""
+        return parameter_unit(parameter, restoring, UNITS[self.source.unit].base, self.source.quantity)
+
 
 @dataclass(frozen=True)
 class Estimators:
@@ -418,18 +433,37 @@ class Study:
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
         """Return the names of a signal's candidates: each damping sum under each restoring law.
 
-        With a single law, the name of a candidate is its damping sum; with several laws see `candidate_name`. An
-        envelope has no candidates, because its damping sums are compared only in its answer.
+        An envelope has no candidates, because its damping sums are compared only in its answer.
         """
-        if spec.is_envelope:
-            return ()
-        laws = spec.restoring if len(spec.restoring) > 1 else ("",)
-        return tuple(candidate_name(m, law) for m in self.dampings(spec) for law in laws)
+        return tuple(spec.candidate(m, law) for m in self.dampings(spec) for law in spec.restoring)
 
     def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
         """Return the candidates under which estimators run."""
         wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
+
+    @property
+    def has_answers(self) -> bool:
+        """Whether the study compares damping models, that is, names samplers or evidence methods."""
+        return bool(self.posterior.samplers or self.evidence.methods)
+
+    def deviation_of(self, spec: SignalSpec) -> str:
+        """Return "law" if the answer on a signal allows deviations from the laws, else "none".
+
+        With the setting "auto" (the default), it allows them only for a measured record.
+        """
+        auto = "law" if isinstance(spec.source, Recording) else "none"
+        return auto if self.posterior.deviation == "auto" else self.posterior.deviation
+
+    @property
+    def likelihood(self) -> str:
+        """ "law" if samplers and evidence methods allow deviations from the laws, else "none", also with "auto"."""
+        return "law" if self.posterior.deviation == "law" else "none"
+
+    @property
+    def priors(self) -> dict[str, Prior]:
+        """The priors that the study states for damping terms, by parameter."""
+        return {TERMS.get(t).parameter if t in TERMS.names() else t: p for t, p in self.models.prior.items()}
 
     @property
     def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:

@@ -9,12 +9,13 @@ from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.envelope.sums import Sums, distinguishable_sums, further_terms
 from bayesdamp.interface.envelopes import answer_envelope
 from bayesdamp.physics.damping import TERMS, parse_model
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product, task_key
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.record import EnvelopeRecord, read_envelope, scale_of
 from bayesdamp.records.envelope.window import EnvelopeWindow, window_between
 from bayesdamp.serial import split
-from bayesdamp.store import Store, sha256
+from bayesdamp.store import sha256
 from bayesdamp.types import InputError, Refusal
 
 CACHED_ENVELOPES = 2000
@@ -70,13 +71,13 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
         scale_of(record, sums, 0.0)
 
 
-def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
+def envelope_key(record: StudyRecord) -> str:
     """Return the key of the task `answer/SIGNAL/0` of an envelope.
 
     It depends on the content of the file, the settings of signal and study, and the source of damping terms and
     readers.
     """
-    source = spec.source
+    study, spec, source = record.study, record.spec, record.spec.source
     assert isinstance(source, Recording)
 
     def compute() -> str:
@@ -86,7 +87,7 @@ def envelope_key(study: Study, spec: SignalSpec, store: Store) -> str:
         parts = (spec.name, settings, sha256(source.path), sums, study.seed, bool(spec.specimen))
         return task_key("envelope", *parts, sources)
 
-    return store.key(f"answer/{spec.name}/0", (study, spec), compute)
+    return record.store.key(f"answer/{record.name}", (study, spec), compute)
 
 
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:

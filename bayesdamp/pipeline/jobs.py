@@ -12,26 +12,18 @@ from pathlib import Path
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence._method import REFEREE
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.answering import (
-    ANSWER,
-    SAMPLED_ANSWER,
-    answer_key,
-    asks_for_answers,
-    compute_answer,
-    likelihood_of,
-    shortlist,
-)
+from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, compute_answer, shortlist
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import compute_average, has_average
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
-from bayesdamp.pipeline.records import compute_signal, signal_key
+from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest_of, task_key
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import EvidenceContent
 from bayesdamp.store.results import TaskName
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, Evidence
 
 FAR_BEHIND = 5.0
 """A candidate is far behind if its log evidence is at least this many nats below the largest: its Bayes factor against
@@ -47,7 +39,7 @@ class CandidateSelection:
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
-        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.study, self.record = study, StudyRecord(study, spec, repeat, store)
         self.names, self.limit = study.compare(spec), study.models.prune
 
     def outcomes_after_answer(self) -> dict[str, str]:
@@ -57,14 +49,9 @@ class CandidateSelection:
         """
         short = None
         if self.limit is not None:
-            law = likelihood_of(self.study) == "law"
-            short = shortlist(self.store, self.spec.name, self.repeat, self.limit, law)
-        outcomes = {}
-        for name in self.names:
-            damping, law = candidate_parts(name)
-            is_out = short is not None and (damping, law or self.spec.restoring[0]) not in short
-            outcomes[name] = FAR_IN_ANSWER if is_out else ""
-        return outcomes
+            short = shortlist(self.record, self.limit)
+        is_in = {name: short is None or self.record.spec.parts(name) in short for name in self.names}
+        return {name: "" if is_in[name] else FAR_IN_ANSWER for name in self.names}
 
     def outcomes_after_laplace(self) -> dict[str, str]:
         """Return the outcome of each candidate after Laplace's evidence.
@@ -72,14 +59,17 @@ class CandidateSelection:
         Those whose log evidence is at least the study's limit `prune` below the largest are left out, as are those
         that were pruned before. Candidates without a finite evidence are kept.
         """
-        logs = {name: self._log_evidence(name, "laplace") for name in self.names}
-        best = max((value for value in logs.values() if math.isfinite(value)), default=math.nan)
+        laplace = {name: self._evidence(name, "laplace") for name in self.names}
+        best = max(
+            (e.log_evidence for e in laplace.values() if math.isfinite(e.log_evidence)), default=math.nan
+        )
         outcomes = {}
-        for name in self.names:
-            earlier = self._outcome(name, "laplace")
-            outcomes[name] = earlier if status_of(earlier) is Status.PRUNED else ""
-            is_far = self.limit is not None and math.isfinite(logs[name]) and best - logs[name] >= self.limit
-            if is_far and not outcomes[name]:
+        for name, evidence in laplace.items():
+            behind = best - evidence.log_evidence if math.isfinite(evidence.log_evidence) else 0.0
+            outcomes[name] = ""
+            if status_of(evidence.outcome) is Status.PRUNED:
+                outcomes[name] = evidence.outcome
+            elif self.limit is not None and behind >= self.limit:
                 limit = f"log Bayes factor to the best at most −{self.limit:g} by Laplace's approximation"
                 outcomes[name] = Status.PRUNED.because(limit)
         return outcomes
@@ -101,7 +91,7 @@ class CandidateSelection:
             n
             for n in order[count:]
             if top - log_evidences[n] < FAR_BEHIND
-            and any(status_of(self._outcome(n, method)) not in trusted for method in methods)
+            and any(status_of(self._evidence(n, method).outcome) not in trusted for method in methods)
         )
         return (*order[:count], *doubtful)
 
@@ -124,23 +114,17 @@ class CandidateSelection:
         log_evidences = {}
         for name, why in self.outcomes_after_laplace().items():
             if not why:
-                values = (self._log_evidence(name, method) for method in order)
+                values = (self._evidence(name, method).log_evidence for method in order)
                 log_evidences[name] = next((v for v in values if math.isfinite(v)), -math.inf)
         return dict(sorted(log_evidences.items(), key=lambda item: -item[1]))
 
-    def _find(self, name: str, method: str) -> TaskResult | None:
-        """Return the stored evidence of a candidate by a method; None if there is none."""
-        return self.store.find(f"evidence/{self.spec.name}/{self.repeat}/{name}/{method}")
-
-    def _outcome(self, name: str, method: str) -> str:
-        """Return the outcome of a candidate's evidence by a method; OK if it is not stored."""
-        result = self._find(name, method)
-        return OK if result is None else result.outcome
-
-    def _log_evidence(self, name: str, method: str) -> float:
-        """Return a candidate's log evidence by a method; nan if there is none."""
-        content = EvidenceContent.maybe(self._find(name, method))
-        return content.evidence.log_evidence if content and content.evidence else math.nan
+    def _evidence(self, name: str, method: str) -> Evidence:
+        """Return the stored evidence of a candidate by a method; without a number if there is none."""
+        result = self.record.store.find(f"evidence/{self.record.name}/{name}/{method}", arrays=False)
+        content = EvidenceContent.maybe(result)
+        if content is not None and content.evidence is not None:
+            return content.evidence
+        return Evidence(name, method, outcome=OK if result is None else result.outcome)
 
 
 class Depth(StrEnum):
@@ -200,7 +184,7 @@ def jobs_of(study: Study) -> list[Job]:
     # Repeat by repeat over all signals: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    task_groups = ("read", *((ANSWER, SAMPLED_ANSWER) if asks_for_answers(study) else ()))
+    task_groups = ("read", *((ANSWER, SAMPLED_ANSWER) if study.has_answers else ()))
     # An envelope is read by its answer task.
     jobs = [
         Job(s.name, r, task_group=task_group)
@@ -219,19 +203,16 @@ def jobs_of(study: Study) -> list[Job]:
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return the tasks of a job: by name, the key of the task and the function that computes it."""
     if job.task_group == "population":
-        keys = {n: Specimen(study, n, specs, store).key for n, specs in study.specimens.items()}
-        return {
-            "population/specimens": (task_key("population", keys), partial(compute_population, study, store))
-        }
+        key = task_key("population", {n: Specimen(study, n, store).key for n in study.specimens})
+        return {"population/specimens": (key, partial(compute_population, study, store))}
     if job.task_group == "specimen":
-        specimen = Specimen(study, job.signal, study.specimens[job.signal], store)
+        specimen = Specimen(study, job.signal, store)
         return {f"joint/{job.signal}": (specimen.key, partial(compute_joint, specimen))}
     spec = next(s for s in study.signals if s.name == job.signal)
-    record = f"{spec.name}/{job.repeat}"
+    record = StudyRecord(study, spec, job.repeat, store)
     if job.task_group == "average":
         keys = [task_keys(StudyCandidate(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
-        name = f"averaged/{record}"
-        return {name: (task_key("averaged", keys), partial(compute_average, study, spec, store, name))}
+        return {f"averaged/{record.name}": (task_key("averaged", keys), partial(compute_average, record))}
     if job.model is not None:
         candidate = StudyCandidate(study, spec, job.repeat, job.model, store)
         return {
@@ -242,17 +223,11 @@ def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]
     if spec.is_envelope:
         from bayesdamp.pipeline.envelopes import compute_envelope, envelope_key  # imports slowly
 
-        key, make = envelope_key(study, spec, store), partial(compute_envelope, study, spec)
-        return {f"{ANSWER}/{record}": (key, make)}
+        return {f"{ANSWER}/{record.name}": (envelope_key(record), partial(compute_envelope, study, spec))}
     if job.task_group == "read":
-        key, make = (
-            signal_key(study, spec, job.repeat, store),
-            partial(compute_signal, study, spec, job.repeat),
-        )
-        return {f"signal/{record}": (key, make)}
+        return {f"signal/{record.name}": (record.key, partial(compute_signal, record))}
     kind = SAMPLED_ANSWER if job.task_group == SAMPLED_ANSWER else ANSWER
-    key = answer_key(study, spec, job.repeat, store, kind)
-    return {f"{kind}/{record}": (key, partial(compute_answer, study, spec, job.repeat, store, kind))}
+    return {f"{kind}/{record.name}": (answer_key(record, kind), partial(compute_answer, record, kind))}
 
 
 def _task_group_of(name: str) -> str:
@@ -274,26 +249,22 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
         yield [job for job in jobs if job.task_group == task_group and is_within(job, depth)]
     if depth is not Depth.WHOLE:
         return
-    if study.models.prune is not None or study.posterior.best is not None:
-        yield from _pruned_stages(study, store)
-    else:
-        yield [job for job in jobs if job.model is not None]
+    yield from _candidate_stages(study, store)
     yield [job for job in jobs if job.task_group in ("average", "specimen")]
     yield [job for job in jobs if job.task_group == "population"]
 
 
-def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
-    """Iterate over the stages (lists of jobs) of candidates, in a study that leaves out those with small evidence.
+def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
+    """Iterate over the stages (lists of jobs) of candidates.
 
     Each stage has only the candidates that remain after the stages before. For a candidate that is pruned, the reason
     is stored as the result of its evidence tasks; for one that is not sampled, it replaces the results of an earlier
     run.
     """
-    selections = [
-        CandidateSelection(study, s, r, store)
-        for s, r in study.records
-        if not s.is_envelope and store.read(f"signal/{s.name}/{r}").outcome == OK
-    ]
+    selections = [CandidateSelection(study, spec, repeat, store) for spec, repeat in study.records]
+
+    def job_of(selection: CandidateSelection, name: str, task_group: str) -> Job:
+        return Job(selection.record.spec.name, selection.record.repeat, name, task_group)
 
     def leave_out(job: Job, why: str, only: Callable[[str], bool]) -> None:
         """Store the reason `why` as the result of those tasks of a job whose names satisfy `only`."""
@@ -308,7 +279,7 @@ def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
         stage = []
         for selection in selections:
             for name, why in outcomes_of(selection).items():
-                job = Job(selection.spec.name, selection.repeat, name, task_group=task_group)
+                job = job_of(selection, name, task_group)
                 if why:
                     leave_out(job, why, lambda task: TaskName.of(task).kind == "evidence")
                 else:
@@ -321,11 +292,8 @@ def _pruned_stages(study: Study, store: Store) -> Iterator[list[Job]]:
     ):
         for selection in selections:
             chosen = choose(selection)
-            stage += [
-                Job(selection.spec.name, selection.repeat, name, task_group=task_group) for name in chosen
-            ]
+            stage += [job_of(selection, name, task_group) for name in chosen]
             stored = set(store.names())
             for name in set(selection.names) - set(chosen):
-                job = Job(selection.spec.name, selection.repeat, name, task_group=task_group)
-                leave_out(job, NOT_SAMPLED, stored.__contains__)
+                leave_out(job_of(selection, name, task_group), NOT_SAMPLED, stored.__contains__)
     yield stage

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bayesdamp.types import candidate_parts
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress as Bar, ProgressColumn
+    from rich.progress import Progress as Bar
 
     from bayesdamp.config import Study
     from bayesdamp.pipeline.jobs import Job
 
 READING = "reading"
 ACTIVITIES = {
-    None: "estimating, fitting, sampling",
     "fit": "estimating and fitting",
     "evidence": "computing the evidence of",
     "sample": "sampling",
@@ -40,7 +38,7 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
         return f"measuring the damping of {records} with {sums}{under}"
     if job.model is not None:
         models = _with_count(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
-        return f"{ACTIVITIES[job.task_group]} {models} on {records}"
+        return f"{ACTIVITIES[str(job.task_group)]} {models} on {records}"
     return {
         "sampled": f"checking the answer on {records} by sampling",
         "average": "averaging over damping models",
@@ -71,35 +69,25 @@ class Progress:
         self._bar.update(self._task, advance=1)
 
 
-def progress_bar(console: Console, *columns: ProgressColumn) -> Bar:
-    """Return a progress bar for one or several activities.
-
-    Parameters
-    ----------
-    console
-        Console that shows the bar; nothing is shown if it is not a terminal.
-    columns
-        Further columns, at the end.
-    """
+def progress_bar(console: Console) -> Bar:
+    """Return a progress bar for one or several activities, which shows nothing if the console is not a terminal."""
     # Imported here because workers, which show nothing, do not need it.
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bar, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress as Bar,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     return Bar(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        *columns,
+        TimeRemainingColumn(),
         console=console,
         transient=True,
         disable=not console.is_terminal,
     )
-
-
-@contextmanager
-def progress_on(console: Console) -> Iterator[Progress]:
-    """Show the progress of a run while the context is open; show nothing on a quiet console."""
-    from rich.progress import TimeRemainingColumn
-
-    with progress_bar(console, TimeRemainingColumn()) as bar:
-        yield Progress(bar)

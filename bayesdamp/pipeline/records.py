@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import fields, replace
 from functools import cached_property, lru_cache
 
@@ -67,52 +66,96 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
 
     The last few records are cached until their files change, because a run reads them once more before it begins.
     """
-    stamp: tuple[int, ...] = ()
-    with suppress(OSError):
-        status = source.path.stat()
-        stamp = status.st_mtime_ns, status.st_size, status.st_ino
+    changed = source.path.stat().st_mtime_ns if source.path.exists() else 0
     try:
-        return _read_free_decay(source, name, stamp)
+        return _read_free_decay(source, name, changed)
     except InputError as error:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
 
 
 @lru_cache(maxsize=CACHED_RECORDS)
-def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
-    del stamp
+def _read_free_decay(source: Recording, name: str, changed: int) -> tuple[RawRecord, Signal]:
+    del changed
     raw = read_thinned(source)
     options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
     return raw, clean(raw, name=name, **options)
 
 
-def signal_key(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str:
-    """Return the key of the task `signal/NAME/REPEAT`.
+class StudyRecord:
+    """One record of a study: a repeat of a signal, with its stored result and what is known of its system.
 
-    It depends on the signal's settings, the repeat, the content of the file, and the source of the modules that
-    simulate or read the record.
+    repeat: number of the repeat, from 0. name: `SIGNAL/REPEAT`, the part of a task's name that all its tasks have.
     """
-    source = spec.source
 
-    def compute() -> str:
-        plugins, content = [LAWS.source(spec.system.restoring)], ""
-        if isinstance(source, Recording):
-            plugins += sources_below("bayesdamp.records")
-            content = sha256(source.path)
-        else:
-            plugins += [TERMS.source(term) for term in source.damping]
-        settings = {k: v for k, v in spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
-        return task_key("signal", study.seed, settings, repeat, content, plugins)
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.name = f"{spec.name}/{repeat}"
 
-    return store.key(f"signal/{spec.name}/{repeat}", (study, spec), compute)
+    @property
+    def key(self) -> str:
+        """The key of its task `signal/NAME/REPEAT`.
+
+        It depends on the signal's settings, the repeat, the content of the file, and the source of the modules that
+        simulate or read the record.
+        """
+
+        def compute() -> str:
+            source, content = self.spec.source, ""
+            plugins = [LAWS.source(self.spec.system.restoring)]
+            if isinstance(source, Recording):
+                plugins += sources_below("bayesdamp.records")
+                content = sha256(source.path)
+            else:
+                plugins += [TERMS.source(term) for term in source.damping]
+            settings = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
+            return task_key("signal", self.study.seed, settings, self.repeat, content, plugins)
+
+        return self.store.key(f"signal/{self.name}", (self.study, self.spec), compute)
+
+    def find(self, kind: str, *, arrays: bool = True) -> TaskResult | None:
+        """Return the stored result of the record's task of this kind, such as "answer"; None if there is none."""
+        return self.store.find(f"{kind}/{self.name}", arrays=arrays)
+
+    @cached_property
+    def result(self) -> TaskResult:
+        """Its stored record. Raises KeyError if there is none."""
+        return self.store.read(f"signal/{self.name}")
+
+    @cached_property
+    def signal(self) -> Signal:
+        """The signal. The last few are cached, because their features are stored with the object."""
+        m, arrays = self.content, self.result.arrays
+        about = m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance)
+        signal = Signal(arrays["t"], arrays["y"], *about)
+        signal = _SIGNALS.setdefault((self.result.name, self.result.key), signal)
+        while len(_SIGNALS) > CACHED_RECORDS:
+            del _SIGNALS[next(iter(_SIGNALS))]
+        return signal
+
+    @cached_property
+    def content(self) -> RecordContent:
+        """The values of its stored result, without the samples."""
+        return RecordContent.of(self.result)
+
+    @property
+    def features(self) -> Features:
+        """The features of its signal."""
+        return features(self.signal)
+
+    def system(self, law: str) -> System:
+        """Return the system under a restoring law; the width ε of friction follows from the record if not given."""
+        system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
+        return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
 
 
-def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
+def compute_signal(record: StudyRecord) -> Product:
     """Return the cleaned record with its features, and its samples as arrays.
 
     If a measured record shows too little of an oscillation, raise InputError; for a simulated one the outcome is the
     reason.
     """
-    source, name, arrays = spec.source, f"signal/{spec.name}/{repeat}", {}
+    study, spec, name, arrays = record.study, record.spec, f"signal/{record.name}", {}
+    source = spec.source
     if isinstance(source, Simulation):
         rng = np.random.default_rng(task_seed(study, name))
         signal = simulate_source(source, spec.system.restoring, source.truth, spec.name, rng)
@@ -131,7 +174,7 @@ def compute_signal(study: Study, spec: SignalSpec, repeat: int) -> Product:
         quantity=signal.quantity,
         step=signal.step,
         provenance=signal.provenance.to_dict(),
-        bound=_bound(spec, signal) if repeat == 0 else {},  # the same for all repeats
+        bound=_bound(spec, signal) if record.repeat == 0 else {},  # the same for all repeats
     )
     arrays |= {"t": signal.t, "y": signal.y}
     try:
@@ -211,41 +254,3 @@ def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
         return {}
     problem = Problem(source.damping, spec.system)
     return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
-
-
-def signal_of(record: TaskResult) -> Signal:
-    """Return the signal that is stored in the result of a task `signal/...`."""
-    m = RecordContent.of(record)
-    t, y = record.arrays["t"], record.arrays["y"]
-    return Signal(t, y, m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance))
-
-
-class StudyRecord:
-    """A stored record with its features and what is known of its system."""
-
-    def __init__(self, study: Study, spec: SignalSpec, result: TaskResult) -> None:
-        self.study, self.spec, self.result = study, spec, result
-
-    @cached_property
-    def signal(self) -> Signal:
-        """The signal. The last few are cached, because their features are stored with the object."""
-        name = self.result.name, self.result.key
-        signal = _SIGNALS.setdefault(name, signal_of(self.result))
-        while len(_SIGNALS) > CACHED_RECORDS:
-            del _SIGNALS[next(iter(_SIGNALS))]
-        return signal
-
-    @cached_property
-    def content(self) -> RecordContent:
-        """The values of its stored result, without the samples."""
-        return RecordContent.of(self.result)
-
-    @property
-    def features(self) -> Features:
-        """The features of its signal."""
-        return features(self.signal)
-
-    def system(self, law: str) -> System:
-        """Return the system under a restoring law; the width ε of friction follows from the record if not given."""
-        system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
-        return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})

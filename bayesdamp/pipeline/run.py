@@ -25,10 +25,10 @@ from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.oscillator import reference_of
-from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, asks_for_answers, verdict_of
+from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
 from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, tasks_of
-from bayesdamp.pipeline.progress import describe_stage, progress_on
-from bayesdamp.pipeline.records import read_free_decay, signal_of
+from bayesdamp.pipeline.progress import Progress, describe_stage, progress_bar
+from bayesdamp.pipeline.records import StudyRecord, read_free_decay
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
 from bayesdamp.pipeline.tasks import compute_and_store, digest_of
 from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_in_pool
@@ -113,7 +113,8 @@ def run_study(
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
         names = [name for job in wanted for name in tasks_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
-        with progress_on(shown) as progress, open_pool(workers, scheduler, console.print) as pool:
+        with progress_bar(shown) as bar, open_pool(workers, scheduler, console.print) as pool:
+            progress = Progress(bar)
             if pool is not None and depth is Depth.WHOLE:
                 pool.submit(_import_later_modules)
                 threading.Thread(target=_import_later_modules, daemon=True).start()
@@ -121,8 +122,8 @@ def run_study(
                 if not stage:
                     continue
                 progress.begin(describe_stage(study, stage), stage)
-                _run_jobs(study, store, stage, pool, lambda _: progress.advance())
-                if stage[0].task_group == "read" and not asks_for_answers(study):
+                _run_jobs(study, store, stage, pool, progress.advance)
+                if stage[0].task_group == "read" and not study.has_answers:
                     _report_verdicts(study, store, on_verdict)
                 # Write the answer now, in case a later stage fails.
                 if stage[0].task_group in (ANSWER, SAMPLED_ANSWER):
@@ -170,7 +171,7 @@ def read_records(study: Study) -> None:
 
 def _run_job(
     study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
-) -> list[str]:
+) -> None:
     """Compute the tasks of a job that have no result yet.
 
     The result of a task that fails is its error message.
@@ -188,24 +189,17 @@ def _run_job(
     code
         Digest of the package in the process that started the run, if that is another one. Keys contain this digest, so
         a worker must run the same code.
-
-    Returns
-    -------
-    list[str]
-        Names of all tasks of the job.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
     study = _unpickle(study) if isinstance(study, bytes) else study
-    store, names = Store(folder), []
+    store = Store(folder)
     # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use_modules(study.plugins)
         for name, (key, make) in tasks_of(study, store, job).items():
             if name not in given_up and not _is_done(store, name, key):
                 compute_and_store(store, name, key, make)
-            names.append(name)
-    return names
 
 
 _unpickle: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
@@ -232,11 +226,12 @@ def _report_verdicts(study: Study, store: Store, on_verdict: Callable[[Verdict],
     if on_verdict is None:
         return
     for spec in study.signals:
-        verdict = None
-        if asks_for_answers(study):
-            verdict = verdict_of(store, spec.name, 0)
+        record, verdict = StudyRecord(study, spec, 0, store), None
+        if study.has_answers:
+            answer = stored_answer(record)
+            verdict = answer and answer.verdict
         elif isinstance(spec.source, Recording) and not spec.is_envelope:
-            verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))
+            verdict = no_free_decay(record.signal)
         if verdict is not None:
             on_verdict(verdict)
 
@@ -246,12 +241,13 @@ def _run_jobs(
     store: Store,
     jobs: list[Job],
     pool: Executor | None,
-    advance: Callable[[list[str]], None],
+    advance: Callable[[], None],
 ) -> None:
-    """Run the jobs of a stage, in this process without a pool; `advance` gets the task names of each job that ended."""
+    """Run the jobs of a stage, in this process without a pool; `advance` is called when a job ends."""
     if pool is None:
         for job in jobs:
-            advance(_run_job(study, store.folder, job))
+            _run_job(study, store.folder, job)
+            advance()
         return
     folder, code = store.folder.resolve(), package_digest()
     pickled = pickle.dumps(study)

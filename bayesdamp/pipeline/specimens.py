@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.config import SignalSpec, Study
+from bayesdamp.config import Study
 from bayesdamp.inference.deviation.repeats import Repeats
 from bayesdamp.inference.deviation.specimen import (
-    Model,
     RunComparison,
     SpecimenComparison,
     common_reference,
@@ -21,16 +19,13 @@ from bayesdamp.inference.deviation.specimen import (
 from bayesdamp.inference.population import Sample, infer_population
 from bayesdamp.numerics.weights import summarise
 from bayesdamp.outcomes import Status
-from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.pipeline.answering import (
     ANSWER,
     SAMPLED_ANSWER,
     answer_key,
-    is_approximate,
-    specimen_input,
-    stated_priors,
+    stored_answer,
 )
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.priors import Prior, SharedHalfNormal
 from bayesdamp.store import Store
@@ -42,8 +37,9 @@ from bayesdamp.store.contents import (
     PopulationContent,
     Summary,
 )
-from bayesdamp.types import OK, Reference, Refusal, candidate_parts, sum_probabilities
+from bayesdamp.types import OK, Refusal, candidate_parts, sum_probabilities
 from bayesdamp.units import UNITS
+from bayesdamp.verdict.specimen import RecordAnswer
 
 NOT_JOINED = Status.PRUNED.because(
     "much less probable than the best model, so its coefficients were not inferred from all records"
@@ -56,32 +52,28 @@ study states no prior of the coefficient. A convention: much wider than the inte
 Arrays = dict[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class AnsweredRecord:
-    """A record with an answer: its label, signal and number of the repeat (from 0), and its part in the joint fit.
+class Specimen:
+    """One specimen of a study: its records, its candidates, and the joint fit of its records.
 
-    comparison: the evidence of every damping model on this record.
+    specs: its signals. records: by label. candidates: names of the candidates. seed: of its draws; the verdict on the
+    specimen uses the same one.
     """
 
-    label: str
-    signal: str
-    repeat: int
-    comparison: RunComparison
-
-
-class Specimen:
-    """One specimen of a study: its records, its candidates, and the joint fit of its records."""
-
-    def __init__(self, study: Study, name: str, specs: Sequence[SignalSpec], store: Store) -> None:
-        self.study, self.name, self.specs, self.store = study, name, tuple(specs), store
-        self.records = [(spec, repeat) for spec in self.specs for repeat in range(spec.repeats)]
-        self.labels = [f"{s.name}, {r + 1}" if s.repeats > 1 else s.name for s, r in self.records]
-        self.candidates = study.compare(self.specs[0])
+    def __init__(self, study: Study, name: str, store: Store) -> None:
+        self.study, self.name, self.specs, self.store = study, name, study.specimens[name], store
+        self.records = {
+            f"{spec.name}, {repeat + 1}" if spec.repeats > 1 else spec.name: StudyRecord(
+                study, spec, repeat, store
+            )
+            for spec in self.specs
+            for repeat in range(spec.repeats)
+        }
+        self.candidates, self.seed = study.compare(self.specs[0]), task_seed(study, f"specimen/{name}")
 
     @property
     def deviation(self) -> str:
         """Return "law" if the answers on all its records allow deviations from the laws, else "none"."""
-        return "law" if all(is_approximate(self.study, spec) for spec in self.specs) else "none"
+        return "law" if all(self.study.deviation_of(spec) == "law" for spec in self.specs) else "none"
 
     @property
     def key(self) -> str:
@@ -89,63 +81,33 @@ class Specimen:
 
         It depends on the candidates, the priors, and the keys of both answers (linear and sampled) on each record.
         """
-        keys = [
-            answer_key(self.study, spec, repeat, self.store, kind)
-            for spec, repeat in self.records
-            for kind in (ANSWER, SAMPLED_ANSWER)
-        ]
-        return task_key(
-            "joint", self.name, self.candidates, {n: str(p) for n, p in self.priors.items()}, keys
-        )
-
-    @property
-    def priors(self) -> dict[str, Prior]:
-        """The priors that the study states for damping terms, by parameter."""
-        return stated_priors(self.study)
-
-    @property
-    def seed(self) -> int:
-        """The seed of its draws; the verdict on the specimen uses the same one."""
-        return task_seed(self.study, f"specimen/{self.name}")
+        kinds = ANSWER, SAMPLED_ANSWER
+        keys = [answer_key(record, kind) for record in self.records.values() for kind in kinds]
+        priors = {n: str(p) for n, p in self.study.priors.items()}
+        return task_key("joint", self.name, self.candidates, priors, keys)
 
     @cached_property
-    def answered(self) -> list[AnsweredRecord]:
-        """The records that have an answer, in the study's order."""
-        records = []
-        for label, (spec, repeat) in zip(self.labels, self.records, strict=True):
-            answer = specimen_input(self.store, spec.name, repeat)
-            if answer is not None:
-                records.append(AnsweredRecord(label, spec.name, repeat, answer.comparison))
-        return records
+    def answered(self) -> dict[str, RecordAnswer]:
+        """The answers on its records by their labels, in the study's order; only those that compared candidates."""
+        answers = {label: stored_answer(record) for label, record in self.records.items()}
+        return {label: a.of_specimen() for label, a in answers.items() if a and a.content.candidates}
 
     @property
-    def reference(self) -> Reference:
-        """Amplitude and frequency to which its default priors are scaled: the geometric means over its records."""
-        return common_reference([r.comparison for r in self.answered])
+    def runs(self) -> list[RunComparison]:
+        """The evidence of every damping model on each record with an answer."""
+        return [answer.comparison for answer in self.answered.values()]
 
     @cached_property
     def comparison(self) -> SpecimenComparison:
         """The joint fit of all candidates to the records with an answer. Raises Refusal if no record has an answer."""
         if not self.answered:
             raise Refusal("no record has an answer")
-        return compare_runs([r.comparison for r in self.answered], self.priors, seed=self.seed)
-
-    def model_of(self, candidate: str) -> Model | None:
-        """Return (damping sum, restoring law), as answers name them, for a candidate such as `viscous+coulomb@linear`.
-
-        The order of terms does not matter. Without `@` the restoring law is the first one of the specimen's first
-        signal. Return None if no answer compared this candidate.
-        """
-        damping, law = candidate_parts(candidate)
-        terms, law = set(parse_model(damping)), law or self.specs[0].restoring[0]
-        models = self.comparison.log_evidence
-        return next((m for m in models if set(m[0].split("+")) == terms and m[1] == law), None)
+        return compare_runs(self.runs, self.study.priors, seed=self.seed)
 
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
         """Return the units of parameters under a candidate's restoring law, as in the tables."""
-        law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
-        source = self.specs[0].source
-        return {n: parameter_unit(n, law, UNITS[source.unit].base, source.quantity) for n in names}
+        first = self.specs[0]
+        return {n: first.unit_of(n, first.parts(candidate)[1]) for n in names}
 
 
 def summarise_draws(draws: Repeats) -> dict[str, Summary]:
@@ -166,20 +128,22 @@ def compute_joint(specimen: Specimen) -> Product:
     if not comparison.repeats:
         raise Refusal("no damping model was fitted to all records")
     best = likeliest_candidate({c: row.probability for c, row in rows.items()})
-    model = specimen.model_of(best)
+    model = specimen.specs[0].parts(best)
     alone: dict[str, JointEvidence] = {}
     no_spread = float("nan")
-    if model is not None and model in comparison.repeats:
+    if model in comparison.repeats:
+        priors, seed = specimen.study.priors, specimen.seed
         runs, units = comparison.under(model), rows[best].units
-        for record, run in zip(specimen.answered, runs, strict=True):
-            single = compare_runs([run], specimen.priors, seed=specimen.seed)
+        for label, run in zip(specimen.answered, runs, strict=True):
+            single = compare_runs([run], priors, seed=seed)
             summary = summarise_draws(single.repeats[model])
-            alone[record.label] = JointEvidence(OK, single.log_evidence[model], summary, units)
-        without_spread = compare_runs(runs, specimen.priors, spread=0.0, seed=specimen.seed)
+            alone[label] = JointEvidence(OK, single.log_evidence[model], summary, units)
+        without_spread = compare_runs(runs, priors, spread=0.0, seed=seed)
         no_spread = without_spread.log_evidence[model] - comparison.log_evidence[model]
+    records = {label: specimen.records[label] for label in specimen.answered}
     content = JointContent(
-        records=tuple(r.label for r in specimen.answered),
-        members=tuple((r.signal, r.repeat) for r in specimen.answered),
+        records=tuple(records),
+        members=tuple((record.spec.name, record.repeat) for record in records.values()),
         deviation=specimen.deviation,
         reference=comparison.reference,
         best=best,
@@ -201,8 +165,8 @@ def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
     arrays: Arrays = {}
     comparison = specimen.comparison
     for candidate in specimen.candidates:
-        model = specimen.model_of(candidate)
-        if model is None:
+        model = specimen.specs[0].parts(candidate)
+        if model not in comparison.log_evidence:
             rows[candidate] = JointCandidate(NOT_COMPARED)
             continue
         repeats = comparison.repeats.get(model)
@@ -217,7 +181,7 @@ def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
         if repeats is None:
             continue
         arrays[f"{candidate}/spread"] = repeats.spreads
-        priors = priors_of(model[0], comparison.reference, specimen.priors)
+        priors = priors_of(model[0], comparison.reference, specimen.study.priors)
         coefficients = comparison.runs[model][0].coefficients
         for i, name in enumerate(repeats.names):
             if coefficients[i]:
@@ -253,7 +217,7 @@ def compute_population(study: Study, store: Store) -> Product:
     log evidences. Raises Refusal if there is none, if the specimens have different base units, or if laws hold exactly
     for some specimens only.
     """
-    specimens = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
+    specimens = [Specimen(study, name, store) for name in study.specimens]
     assumed = sorted({s.deviation for s in specimens})
     if len(assumed) > 1:
         raise Refusal("no population: laws hold exactly for some specimens, approximately for others")
@@ -277,14 +241,14 @@ def compute_population(study: Study, store: Store) -> Product:
         raise Refusal("no population: no model was fitted to every specimen")
     best = max(candidates, key=lambda c: sums[c])
     names = list(coefficients_of(draws[specimens[0].name], best))
-    damping = "+".join(parse_model(candidate_parts(best)[0]))
+    damping = candidate_parts(best)[0]
     populations: dict[str, CoefficientPopulation] = {}
     for name in names:
         samples = []
         for label, arrays in draws.items():
             values, log_prior = arrays[f"{best}/{name}"], arrays[f"{best}/{name}/log_prior"]
             samples.append(Sample(label, values, np.zeros(values.size), log_prior))
-        priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
+        priors = [priors_of(damping, common_reference(s.runs), study.priors)[name] for s in specimens]
         scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
         populations[name] = CoefficientPopulation(scale, **vars(infer_population(samples, scale)))
     content = PopulationContent(

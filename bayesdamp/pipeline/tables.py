@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,26 +16,16 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.symbols import parameter_unit
-from bayesdamp.pipeline.answering import (
-    ANSWER,
-    SAMPLED_ANSWER,
-    answer_of,
-    answer_result,
-    is_approximate,
-    likelihood_of,
-    specimen_input,
-    stated_priors,
-)
+from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import evidence_by_method, probabilities
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.specimens import Specimen, coefficients_of
-from bayesdamp.pipeline.tasks import task_seed
 from bayesdamp.store import (
     DAMPING_CURVES,
     SPECIMEN_TABLES,
     TABLES,
     Store,
-    TaskResult,
     provenance,
     write_json,
     write_table,
@@ -53,7 +43,7 @@ from bayesdamp.store.contents import (
     Summary,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import OK, Evidence, candidate_name, candidate_parts
+from bayesdamp.types import OK, Evidence
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
@@ -72,12 +62,13 @@ def write_tables(study: Study, store: Store) -> None:
 
     store: a store that shows only the results of this study.
     """
-    makers = (_estimates, _posteriors, _evidence, _fits)
-    for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
-        write_table(store.folder / name, columns, rows_of(study, store))
+    makers = [_estimates, _posteriors, _evidence, _fits]
+    tables = TABLES
     if study.specimens:
-        for (name, columns), rows_of in zip(SPECIMEN_TABLES.items(), (_specimens, _populations), strict=True):
-            write_table(store.folder / name, columns, rows_of(study, store))
+        makers += [_specimens, _populations]
+        tables = TABLES | SPECIMEN_TABLES
+    for (name, columns), rows_of in zip(tables.items(), makers, strict=True):
+        write_table(store.folder / name, columns, rows_of(study, store))
     write_json(store.folder / "run.json", run_info(study, store))
 
 
@@ -90,7 +81,8 @@ def write_verdicts(study: Study, store: Store) -> None:
     verdicts: list[tuple[Verdict, Unit]] = []
     curves: list[Row] = []  # the law-free damping, a row for each amplitude
     for spec, repeat in study.records:
-        answer, unit = answer_of(store, spec.name, repeat), unit_named(spec.source.unit)
+        answer = stored_answer(StudyRecord(study, spec, repeat, store))
+        unit = unit_named(spec.source.unit)
         if answer is None:
             continue
         verdicts.append((answer.verdict, unit))
@@ -118,38 +110,35 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
     if specs[0].is_envelope:
         from bayesdamp.interface.envelopes import specimen_of_envelopes  # imports slowly
 
-        envelopes = (answer_of(store, spec.name, 0) for spec in specs)
+        envelopes = (stored_answer(StudyRecord(study, spec, 0, store)) for spec in specs)
         return specimen_of_envelopes(name, [a for a in envelopes if a is not None])
-    every = (specimen_input(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
-    answered = [a for a in every if a is not None]
-    if len(answered) < 2:
+    own = Specimen(study, name, store)
+    if len(own.answered) < 2:
         return None
-    seed = task_seed(study, f"specimen/{name}")
-    return specimen(name, answered, stated_priors(study), study.posterior.sensor, seed)
+    return specimen(name, list(own.answered.values()), study.priors, study.posterior.sensor, own.seed)
 
 
-def _candidates(study: Study, store: Store) -> Iterator[tuple[SignalSpec, str, Row, SampledPosterior | None]]:
+def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Row, SampledPosterior | None]]:
     """Iterate over all candidates on all records.
 
-    Yields the signal, the path `SIGNAL/REPEAT/CANDIDATE`, the columns that name the candidate, and its posterior from
-    the sampled answer (None without one).
+    Yields the candidate, the columns that name it, and its posterior from the sampled answer (None without one).
     """
     for spec, repeat in study.records:
-        sampled = _sampled_posteriors(store, spec, repeat)
+        record = StudyRecord(study, spec, repeat, store)
+        sampled = _sampled_posteriors(record)
         for name in study.compare(spec):
-            yield spec, f"{spec.name}/{repeat}/{name}", _head(spec, repeat, name), sampled.get(name)
+            candidate = StudyCandidate(study, spec, repeat, name, store)
+            yield candidate, _head(record, name), sampled.get(name)
 
 
-def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
-    """Return the columns that name a candidate on a record: signal, repeat, damping sum and restoring law."""
-    damping, law = candidate_parts(name)
-    law = law or spec.restoring[0]
-    return {"signal": spec.name, "repeat": repeat, "model": damping, "restoring": law}
+def _head(record: StudyRecord, candidate: str) -> Row:
+    """Return the columns that name a candidate on a record."""
+    return {"signal": record.spec.name, "repeat": record.repeat, **_model(record.spec, candidate)}
 
 
-def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
-    """Return the unit of a parameter under a restoring law, for the base unit of the signal."""
-    return parameter_unit(name, restoring, UNITS[spec.source.unit].base, spec.source.quantity)
+def _model(spec: SignalSpec, candidate: str) -> Row:
+    """Return the columns with the damping sum and the restoring law of a candidate."""
+    return dict(zip(("model", "restoring"), spec.parts(candidate), strict=True))
 
 
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
@@ -167,28 +156,20 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     return float(truth.get(name, 0.0 if damps else math.nan))
 
 
-def _sampled_posteriors(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
+def _sampled_posteriors(record: StudyRecord) -> dict[str, SampledPosterior]:
     """Return the posteriors in a record's sampled answer, by the name of the candidate."""
-    result = store.find(f"{SAMPLED_ANSWER}/{spec.name}/{repeat}", arrays=False)
+    result = record.find(SAMPLED_ANSWER, arrays=False)
     if result is None or result.outcome != OK:
         return {}
-    many = len(spec.restoring) > 1
-    return {
-        candidate_name(p.damping, p.restoring) if many else p.damping: p
-        for p in AnswerContent.of(result).posteriors
-    }
-
-
-def _deviation(study: Study, spec: SignalSpec) -> str:
-    """Return "law" if the answer on a record allows deviations from the laws, else "none"."""
-    return "law" if is_approximate(study, spec) else "none"
+    return {record.spec.candidate(p.damping, p.restoring): p for p in AnswerContent.of(result).posteriors}
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
     """Yield the rows of estimates.csv, which has a row without a parameter for a stage without values."""
-    for spec, path, head, _ in _candidates(study, store):
+    for candidate, head, _ in _candidates(study, store):
+        spec, restoring = candidate.spec, candidate.restoring
         for method in study.estimators.use:
-            result = store.find(f"estimate/{path}/{method}", arrays=False)
+            result = store.find(f"estimate/{candidate.path}/{method}", arrays=False)
             if result is None:
                 continue
             if result.outcome != OK:
@@ -199,11 +180,11 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
                 if not stage.values:
                     yield common
                 for name, value in stage.values.items():
-                    truth = _truth(spec, name, head["restoring"])
+                    truth = _truth(spec, name, restoring)
                     yield {
                         **common,
                         "parameter": name,
-                        "unit": _unit(spec, name, head["restoring"]),
+                        "unit": spec.unit_of(name, restoring),
                         "value": value,
                         "stderr": stage.stderr.get(name, math.nan),
                         "truth": truth,
@@ -213,29 +194,30 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
     """Yield the rows of posteriors.csv: of each sampler of the study, then of the sampled answer (`SMC`)."""
-    for spec, path, head, smc in _candidates(study, store):
+    for candidate, head, smc in _candidates(study, store):
+        spec, restoring = candidate.spec, candidate.restoring
         for sampler in study.posterior.samplers:
-            result = store.find(f"posterior/{path}/{sampler}", arrays=False)
+            result = store.find(f"posterior/{candidate.path}/{sampler}", arrays=False)
             if result is None:
                 continue
             common = {**head, "sampler": sampler, "seconds": result.seconds, "outcome": result.outcome}
-            common["deviation"] = likelihood_of(study)
+            common["deviation"] = study.likelihood
             content = PosteriorContent.of(result)
             if not content.summary:
                 yield common
             common["divergences"] = content.posterior.divergences
             for name, s in content.summary.items():
                 yield {**common, "parameter": name, "unit": content.units[name], **s}
-        common = {**head, "sampler": SMC, "deviation": _deviation(study, spec), "outcome": OK}
+        common = {**head, "sampler": SMC, "deviation": study.deviation_of(spec), "outcome": OK}
         for name, s in (smc.parameters if smc else {}).items():
-            yield {**common, "parameter": name, "unit": _unit(spec, name, head["restoring"]), **s}
+            yield {**common, "parameter": name, "unit": spec.unit_of(name, restoring), **s}
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
     """Yield the rows of evidence.csv: for each record, of each method in `evidence_by_method`, then of `SMC`."""
     for spec, repeat in study.records:
-        models = study.compare(spec)
-        by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
+        record = StudyRecord(study, spec, repeat, store)
+        models, by_method = study.compare(spec), evidence_by_method(record)
         every = [(m, e) for by_model in by_method.values() for m, e in by_model.items()]
         with_evidence = {
             m for m, e in every if np.isfinite(e.log_evidence) or status_of(e.outcome) is Status.PRUNED
@@ -243,53 +225,59 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         for method, by_model in by_method.items():
             lost = [m for m, e in by_model.items() if m not in with_evidence and e.outcome != OK]
             pruned = [m for m, e in by_model.items() if status_of(e.outcome) is Status.PRUNED]
-            finite = [e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)]
-            best = max(finite, default=math.nan)
+            finite = [m for m, e in by_model.items() if np.isfinite(e.log_evidence)]
             # Probabilities need the evidence of every compared model, except those that were left out because they are
             # far behind, and those without evidence by any method: the latter get no probability.
             is_complete = len(finite) + len(pruned) + len(lost) == len(models)
             shares = {**probabilities(by_model), **dict.fromkeys(pruned, 0.0)} if is_complete else {}
-            for model, evidence in by_model.items():
-                row = _evidence_row(evidence, likelihood_of(study), best, shares.get(model, math.nan))
-                yield {**_head(spec, repeat, model), "method": method, **row}
-        sampled = _sampled_posteriors(store, spec, repeat)
-        best = max((smc.log_evidence for smc in sampled.values()), default=math.nan)
-        for model, smc in sampled.items():
+            yield from _evidence_rows(record, method, study.likelihood, by_model, shares)
+        sampled = {}
+        for model, smc in _sampled_posteriors(record).items():
             diagnostic = f"temperatures: {smc.temperatures}, acceptance {smc.acceptance:.2f}"
-            evidence = Evidence(model, SMC, smc.log_evidence, smc.stderr, diagnostic)
-            row = _evidence_row(evidence, _deviation(study, spec), best, math.nan)
-            yield {**_head(spec, repeat, model), "method": SMC, **row}
+            sampled[model] = Evidence(model, SMC, smc.log_evidence, smc.stderr, diagnostic)
+        yield from _evidence_rows(record, SMC, study.deviation_of(spec), sampled, {})
 
 
-def _evidence_row(evidence: Evidence, deviation: str, best: float, probability: float) -> Row:
-    """Return the columns of a row of evidence.csv.
+def _evidence_rows(
+    record: StudyRecord,
+    method: str,
+    deviation: str,
+    by_model: Mapping[str, Evidence],
+    shares: Mapping[str, float],
+) -> Iterator[Row]:
+    """Yield the rows of evidence.csv for one record and method.
 
     Parameters
     ----------
-    evidence
-        The evidence of one candidate by one method.
+    record, method
+        The record and the method.
     deviation
-        "law" if it allows deviations from the laws, else "none".
-    best
-        Largest log evidence by the same method on the record.
-    probability
-        Posterior probability of the candidate by this method.
+        "law" if the evidence allows deviations from the laws, else "none".
+    by_model
+        The evidence of each candidate.
+    shares
+        Posterior probabilities of the candidates, as far as they are known.
     """
-    return {
-        "deviation": deviation,
-        "log_evidence": evidence.log_evidence,
-        "stderr": evidence.stderr,
-        "log_bayes_factor": evidence.log_evidence - best,
-        "probability": probability,
-        "diagnostic": evidence.diagnostic,
-        "outcome": evidence.outcome,
-    }
+    best = max((e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)), default=math.nan)
+    for model, evidence in by_model.items():
+        yield {
+            **_head(record, model),
+            "method": method,
+            "deviation": deviation,
+            "log_evidence": evidence.log_evidence,
+            "stderr": evidence.stderr,
+            "log_bayes_factor": evidence.log_evidence - best,
+            "probability": shares.get(model, math.nan),
+            "diagnostic": evidence.diagnostic,
+            "outcome": evidence.outcome,
+        }
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
     """Yield the rows of fits.csv, for candidates with a mode or a posterior in the sampled answer."""
-    for spec, path, head, smc in _candidates(study, store):
-        result = store.find(f"mode/{path}", arrays=False)
+    for candidate, head, smc in _candidates(study, store):
+        source = candidate.spec.source
+        result = store.find(f"mode/{candidate.path}", arrays=False)
         if result is None and smc is None:
             continue
         row = dict(head)
@@ -298,20 +286,14 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
             row |= dict(zip(names, smc.deviation, strict=True))
             row["unexplained_pct"] = 100 * smc.unexplained
         if result is not None and result.outcome == OK:
-            factor = 1.0 / UNITS[spec.source.unit].factor
             mode = ModeContent.of(result)
-            row["rms"] = mode.rms * factor
-            row["rms_unit"] = quantity_unit(spec.source.unit, spec.source.quantity)
+            row["rms"] = mode.rms / UNITS[source.unit].factor
+            row["rms_unit"] = quantity_unit(source.unit, source.quantity)
             for name in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict"):
                 row[name] = getattr(mode, name)
         elif result is not None:
             row["verdict"] = result.outcome
         yield row
-
-
-def _specimen_model(own: Specimen, candidate: str) -> Row:
-    damping, law = candidate_parts(candidate)
-    return {"model": damping, "restoring": law or own.specs[0].restoring[0]}
 
 
 def _specimens(study: Study, store: Store) -> Iterator[Row]:
@@ -321,14 +303,14 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
     best candidate. A specimen with one record has rows only if a population of specimens was inferred.
     """
     population = PopulationContent.maybe(store.find("population/specimens"))
-    for label, specs in study.specimens.items():
-        own = Specimen(study, label, specs, store)
-        head = {"specimen": label, "records": len(own.records)}
-        result = store.find(f"joint/{label}")
+    for name, (spec, *_) in study.specimens.items():
+        records = list(Specimen(study, name, store).records)
+        head = {"specimen": name, "records": len(records)}
+        result = store.find(f"joint/{name}")
         joint = JointContent.maybe(result)
         if joint is not None:
             for candidate, row in joint.candidates.items():
-                common = {**head, **_specimen_model(own, candidate)}
+                common = {**head, **_model(spec, candidate)}
                 yield from _parameter_rows(
                     {**common, "shared": "damping", "probability": row.probability}, row
                 )
@@ -337,9 +319,9 @@ def _specimens(study: Study, store: Store) -> Iterator[Row]:
                         yield from _parameter_rows({**common, "record": record}, alone)
         elif result is not None:
             yield {**head, "outcome": result.outcome}
-        elif population is not None and label in population.specimens:
-            row = population.specimens[label]
-            common = {**head, **_specimen_model(own, population.best), "record": own.labels[0]}
+        elif population is not None and name in population.specimens:
+            row = population.specimens[name]
+            common = {**head, **_model(spec, population.best), "record": records[0]}
             yield from _parameter_rows({**common, "probability": row.probability}, row)
 
 
@@ -366,12 +348,12 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
 
     First come the rows on the records of each specimen, then those on all specimens.
     """
-    for label, specs in study.specimens.items():
+    for label, (spec, *_) in study.specimens.items():
         result = store.find(f"joint/{label}")
         joint = JointContent.maybe(result)
         if result is not None and joint is not None:
-            own, row = Specimen(study, label, specs, store), joint.candidates[joint.best]
-            head = {**_specimen_model(own, joint.best), "over": f"repeats of {label}", "outcome": OK}
+            row = joint.candidates[joint.best]
+            head = {**_model(spec, joint.best), "over": f"repeats of {label}", "outcome": OK}
             for name, draws in coefficients_of(result.arrays, joint.best).items():
                 between = draws * result.arrays[f"{joint.best}/spread"]
                 spread = summarise(between, np.full(draws.size, 1 / draws.size))
@@ -387,9 +369,8 @@ def _populations(study: Study, store: Store) -> Iterator[Row]:
     if content is None:
         yield {"over": "specimens", "outcome": result.outcome}
         return
-    first, specs = next(iter(study.specimens.items()))
-    head = {**_specimen_model(Specimen(study, first, specs, store), content.best), "over": "specimens"}
-    head["outcome"] = result.outcome
+    spec = next(iter(study.specimens.values()))[0]
+    head = {**_model(spec, content.best), "over": "specimens", "outcome": result.outcome}
     for name, coefficient in content.populations.items():
         common = {**head, "parameter": name, "unit": content.units[name], "prior_scale": coefficient.scale}
         yield {**common, "what": "mean", **_numbers(coefficient.mean)}
@@ -408,50 +389,48 @@ def run_info(study: Study, store: Store) -> Row:
     """
     files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
     about: dict[str, Row] = {}
-    priors, budget = {}, {}
+    priors, budget, equilibrium = {}, {}, {}
     assumed: dict[str, None] = {}
     for spec in study.signals:
+        first = StudyRecord(study, spec, 0, store)
+        result, answer = first.find("signal", arrays=False), first.find(ANSWER, arrays=False)
+        content = AnswerContent.maybe(answer)
+        if spec.is_envelope and answer and content and content.envelope:
+            unit = content.envelope.unit
+            about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": answer.outcome}
+            assumed |= dict.fromkeys(content.envelope.assumed)
         if spec.is_envelope:
-            answered = store.find(f"{ANSWER}/{spec.name}/0", arrays=False)
-            content = AnswerContent.maybe(answered)
-            if answered and content and content.envelope:
-                unit, outcome = content.envelope.unit, answered.outcome
-                about[spec.name] = {"quantity": "envelope", "unit": unit, "outcome": outcome}
-                assumed |= dict.fromkeys(content.envelope.assumed)
             continue
-        result = store.find(f"signal/{spec.name}/0", arrays=False)
+        equilibrium[spec.name] = {}
         if result is None:
             continue
-        # If the first repeat shows no oscillation, another one may.
-        oscillating = _first_oscillating(store, spec) or result
-        answer = AnswerContent.maybe(store.find(f"{ANSWER}/{spec.name}/0", arrays=False))
-        content = RecordContent.of(result)
+        record = RecordContent.of(result)
         about[spec.name] = {
-            **content.provenance,
+            **record.provenance,
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
             "restoring": list(spec.restoring),
-            "outcome": oscillating.outcome,
-            "bound": dict(content.bound),
+            "outcome": result.outcome,
+            "bound": dict(record.bound),
         }
-        if answer and len(answer.noises) > 1:
-            about[spec.name]["noise"] = answer.noise
-        if oscillating.outcome == OK:
+        if content and len(content.noises) > 1:
+            about[spec.name]["noise"] = content.noise
+        # If the first repeat shows no oscillation, another one may.
+        repeats = (store.find(f"signal/{spec.name}/{r}", arrays=False) for r in range(spec.repeats))
+        oscillating = next((r for r in repeats if r and r.outcome == OK), None)
+        if oscillating is not None:
             known = RecordContent.of(oscillating)
-            about[spec.name] |= {"epsilon_note": known.epsilon_note, "reference": known.scales}
-            about[spec.name]["features"] = known.features
-        results = {m: store.find(f"mode/{spec.name}/0/{m}", arrays=False) for m in study.compare(spec)}
-        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in results.items() if c}
+            about[spec.name] |= {"outcome": OK, "epsilon_note": known.epsilon_note}
+            about[spec.name] |= {"reference": known.scales, "features": known.features}
+            equilibrium[spec.name] = _equilibrium(spec, known)
+        results = {m: store.find(f"mode/{first.name}/{m}", arrays=False) for m in study.compare(spec)}
+        modes = {m: ModeContent.maybe(c) for m, c in results.items() if c}
         priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
         budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
-        if not modes:  # only the answer fitted candidates
-            answered = answer_result(store, spec.name, 0)
-            many = len(spec.restoring) > 1
-            priors[spec.name] = {
-                candidate_name(c.damping, c.restoring) if many else c.damping: dict(c.priors)
-                for c in (AnswerContent.of(answered).priors if answered else ())
-            }
+        if not modes and (answered := stored_answer(first)):  # only the answer fitted candidates
+            own = answered.content.priors
+            priors[spec.name] = {spec.candidate(c.damping, c.restoring): dict(c.priors) for c in own}
     # Damping terms that the study compares or simulates.
     names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
     names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
@@ -477,27 +456,20 @@ def run_info(study: Study, store: Store) -> Row:
         },
         "restoring": {law: LAWS.get(law).formula for law in laws},
         "error_budget": budget,
-        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals if not s.is_envelope},
+        "equilibrium": equilibrium,
     }
 
 
-def _first_oscillating(store: Store, spec: SignalSpec) -> TaskResult | None:
-    """Return the result of the first repeat of a signal that shows an oscillation; None if no repeat does."""
-    results = (store.find(f"signal/{spec.name}/{repeat}", arrays=False) for repeat in range(spec.repeats))
-    return next((result for result in results if result and result.outcome == OK), None)
-
-
-def _equilibrium(spec: SignalSpec, store: Store) -> Row:
+def _equilibrium(spec: SignalSpec, record: RecordContent) -> Row:
     """Return a signal's `equilibrium` (rad or m) and `natural_frequency` (rad/s) from its known restoring law.
 
     Return {} if a parameter of the law is not known, or if the record does not oscillate.
     """
-    result = _first_oscillating(store, spec)
     oscillator = Oscillator(("viscous",), spec.system.restoring)
-    shape = RecordContent.of(result).features if result is not None else None
-    if shape is None or not all(n in spec.system.known for n in oscillator.law.parameters):
+    shape, known = record.features, spec.system.known
+    if shape is None or not all(n in known for n in oscillator.law.parameters):
         return {}
     return {
-        "equilibrium": oscillator.equilibrium(spec.system.known, shape.rest),
-        "natural_frequency": oscillator.natural_frequency(spec.system.known, shape.rest),
+        "equilibrium": oscillator.equilibrium(known, shape.rest),
+        "natural_frequency": oscillator.natural_frequency(known, shape.rest),
     }

@@ -6,7 +6,7 @@ If a task kills its process (for example for lack of memory), only this task is 
 from __future__ import annotations
 
 import logging
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import contextmanager, suppress
@@ -84,10 +84,10 @@ def open_pool(
 def run_in_pool(
     jobs: Sequence[Job],
     pool: Executor,
-    submit: Callable[[Job, Collection[str]], Future[list[str]]],
+    submit: Callable[[Job, Collection[str]], Future[None]],
     next_task: Callable[[Job, Collection[str]], str | None],
     give_up: Callable[[Job, str], None],
-    done: Callable[[list[str]], None],
+    done: Callable[[], None],
 ) -> None:
     """Run all jobs in a pool, and find the tasks that kill their process.
 
@@ -109,17 +109,18 @@ def run_in_pool(
     give_up
         Function that stores, as the result of a task, that its process was killed.
     done
-        Function that is called with the names of a job's tasks when the job ends.
+        Function that is called when a job ends.
     """
-    waiting, running = deque(jobs), dict[Future[list[str]], Job]()
+    waiting, running = deque(jobs), dict[Future[None], Job]()
     width = getattr(pool, "width", len(waiting))
     unclear: list[Job] = []
 
-    def run_alone(job: Job) -> list[str]:
-        """Run a job alone in the pool, to find the tasks that kill their process. Return the names of its tasks."""
+    def run_alone(job: Job) -> None:
+        """Run a job alone in the pool, to find the tasks that kill their process."""
         given_up: list[str] = []
-        tries = {next_task(job, ()): 1}
-        while True:
+        name = next_task(job, ())
+        tries = Counter([name])
+        while name is not None:
             try:
                 return submit(job, tuple(given_up)).result()
             except Exception as fault:
@@ -127,10 +128,8 @@ def run_in_pool(
                     raise
             restart(pool)
             name = next_task(job, given_up)
-            if name is None:
-                return given_up
-            tries[name] = tries.get(name, 0) + 1
-            if tries[name] >= MOST_TRIES:
+            tries[name] += 1
+            if name is not None and tries[name] >= MOST_TRIES:
                 give_up(job, name)
                 given_up.append(name)
 
@@ -146,7 +145,8 @@ def run_in_pool(
             for future in ended:
                 job = running.pop(future)
                 try:
-                    done(future.result())
+                    future.result()
+                    done()
                 except Exception as fault:
                     if not _is_kill(fault):
                         raise
@@ -154,7 +154,8 @@ def run_in_pool(
             if unclear and not running:
                 restart(pool)
                 for job in unclear:
-                    done(run_alone(job))
+                    run_alone(job)
+                    done()
                 unclear.clear()
     except BaseException:
         for future in running:

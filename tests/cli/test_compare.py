@@ -14,7 +14,7 @@ from bayesdamp.cli import main
 from bayesdamp.cli.runs import choose_folder
 from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.config.load import record_question
-from bayesdamp.pipeline.records import compute_signal, signal_key
+from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store import Store, write_json
 
@@ -142,8 +142,8 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
     for name in ("clean", "noisy"):
         study = comparison([{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"}])
         store, cell = Store(tmp_path / "out"), f"signal/{name}/0"
-        work = partial(compute_signal, study, study.signals[0], 0)
-        compute_and_store(store, cell, signal_key(study, study.signals[0], 0, store), work)
+        record = StudyRecord(study, study.signals[0], 0, store)
+        compute_and_store(store, cell, record.key, partial(compute_signal, record))
         found[name] = store.read(cell)
     told = {n: c.meta["provenance"]["warnings"] for n, c in found.items()}
     assert all(c.meta["noisy"] for c in found.values())

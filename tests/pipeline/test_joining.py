@@ -25,15 +25,15 @@ from tests.verdict.test_specimen import C, V, weighed_run
 class Joined(Specimen):
     """A specimen whose records have these answers."""
 
-    priors, seed, deviation = {}, 3, "law"  # type: ignore[assignment]
+    deviation = "law"  # type: ignore[assignment]
 
     def __init__(self, *runs: Any, candidates: tuple[str, ...] = ("viscous", "coulomb")) -> None:
         names = [f"r{i}" for i in range(len(runs))]
-        answered = [
-            SimpleNamespace(label=n, signal=n, repeat=0, comparison=run) for n, run in zip(names, runs)
-        ]
-        specs = (SimpleNamespace(restoring=("linear",)),)
-        vars(self).update(name="rig", candidates=candidates, answered=answered, specs=specs)
+        records = {n: SimpleNamespace(spec=SimpleNamespace(name=n), repeat=0) for n in names}
+        answered = {n: SimpleNamespace(comparison=run) for n, run in zip(names, runs)}
+        specs = (SimpleNamespace(parts=lambda candidate: (candidate, "linear")),)
+        vars(self).update(name="rig", candidates=candidates, records=records, answered=answered, specs=specs)
+        vars(self).update(seed=3, study=SimpleNamespace(priors={}))
 
     def units(self, candidate: object, names: Iterable[str]) -> dict[str, str]:
         return dict.fromkeys(names, "1/s")

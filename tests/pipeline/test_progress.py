@@ -12,7 +12,8 @@ from bayesdamp.pipeline.jobs import Job
 
 def test_plain_lines_where_there_is_no_terminal() -> None:
     out = io.StringIO()
-    with p.progress_on(Console(file=out)) as shown:
+    with p.progress_bar(Console(file=out)) as bar:
+        shown = p.Progress(bar)
         shown.begin("reading 1 record", [Job("a", 0, task_group="read")])
         shown.advance()
         shown.begin("estimating", [Job("a", 0, "viscous")] * 100)

@@ -14,37 +14,33 @@ from bayesdamp.interface.model import NOT_INFERRED, Case, Model
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answering import ANSWER, likelihood_of, stated_priors, stored_fit
+from bayesdamp.pipeline.answering import ANSWER, stored_fit
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.types import OK, InputError, Problem, Refusal, candidate_parts
+from bayesdamp.types import OK, InputError, Problem, Refusal
 
 
 class StudyCandidate:
     """One candidate (a damping sum under a restoring law) on one record, with the inputs of its tasks.
 
-    model: name of the candidate. terms, restoring: its damping terms and its restoring law. path:
-    `SIGNAL/REPEAT/CANDIDATE`, the part of a task's name that all its tasks have.
+    model: name of the candidate. damping, terms, restoring: its damping sum, the terms of the sum, and its restoring
+    law. path: `SIGNAL/REPEAT/CANDIDATE`, the part of a task's name that all its tasks have.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
         self.study, self.spec, self.repeat, self.model, self.store = study, spec, repeat, model, store
-        damping, law = candidate_parts(model)
-        self.terms, self.restoring = parse_model(damping), law or spec.restoring[0]
-        self.path = f"{spec.name}/{repeat}/{model}"
+        self.record = StudyRecord(study, spec, repeat, store)
+        self.damping, self.restoring = spec.parts(model)
+        self.terms = parse_model(self.damping)
+        self.path = f"{self.record.name}/{model}"
 
     @property
     def methods(self) -> tuple[str, ...]:
         """The estimators that the study applies to this candidate and repeat."""
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
-
-    @cached_property
-    def record(self) -> StudyRecord:
-        """The stored record, which is read from the store at the first use."""
-        return StudyRecord(self.study, self.spec, self.store.read(f"signal/{self.spec.name}/{self.repeat}"))
 
     @property
     def problem(self) -> Problem:
@@ -58,11 +54,9 @@ class StudyCandidate:
         study is not possible for such a model.
         """
         study, record, system = self.study, self.record, self.record.system(self.restoring)
-        damping, scales = "+".join(self.terms), record.content.scales
-        model = Model(
-            damping, self.restoring, study.noises, deviation=deviation, sensor=study.posterior.sensor
-        )
-        priors = {n: p for n, p in stated_priors(study).items() if n in model.parameters}
+        scales, sensor = record.content.scales, study.posterior.sensor
+        model = Model(self.damping, self.restoring, study.noises, deviation=deviation, sensor=sensor)
+        priors = {n: p for n, p in study.priors.items() if n in model.parameters}
         free = {n: p for n, p in system.free.items() if n in model.parameters}
         if "epsilon" in free:  # a model infers ε only with a stated prior
             default = default_prior(
@@ -90,7 +84,7 @@ class StudyCandidate:
     @cached_property
     def answer(self) -> AnswerContent | None:
         """The first answer on the record; None if there is none, or if it compared no candidate."""
-        answer = AnswerContent.maybe(self.store.find(f"{ANSWER}/{self.spec.name}/{self.repeat}"))
+        answer = AnswerContent.maybe(self.record.find(ANSWER))
         return answer if answer is not None and answer.candidates else None
 
     @property
@@ -119,11 +113,10 @@ class StudyCandidate:
         Under exact laws it is at the stored posterior mode. If the study allows deviations from the laws, it is the fit
         that the answer on the record has stored. Raises Refusal if there is no fit.
         """
-        signal, deviation = self.record.signal, likelihood_of(self.study)
-        if deviation != "none":
-            stored = stored_fit(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
-            law = rebuild_single(signal, self.restoring, stored)
-            return Fit.at_law(signal, self.specify(deviation), law)
+        signal = self.record.signal
+        if self.study.likelihood == "law":
+            stored = stored_fit(self.record, self.damping, self.restoring)
+            return Fit.at_law(signal, self.specify("law"), rebuild_single(signal, self.restoring, stored))
         result = self.store.read(f"mode/{self.path}")
         if result.outcome != OK:
             raise Refusal(following(result.name, result.outcome))

@@ -6,7 +6,7 @@ The referee is nested sampling: by default it is called only if the other method
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,9 +20,9 @@ from bayesdamp.numerics.weights import quantiles
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.posteriors import CURVE, QUANTILE_LEVELS, weighted_curves
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product, task_seed
 from bayesdamp.priors import odds
-from bayesdamp.store import Store
 from bayesdamp.store.contents import AverageContent, EvidenceContent
 from bayesdamp.types import OK, Evidence, Refusal, candidate_parts
 
@@ -65,11 +65,8 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
-        others = [m for m in study.evidence.methods if m != FIRST_METHOD]
-        evidences = list_evidence(
-            candidate.store, f"{candidate.spec.name}/{candidate.repeat}", candidate.model, others
-        )
-        if evidences and not disagreement(evidences):
+        others = [e for e in list_evidence(candidate.record, candidate.model) if e.method != FIRST_METHOD]
+        if others and not disagreement(others):
             return Product(EvidenceContent(), seconds=0.0)
     draws, outcome = None, OK
     if EVIDENCES.get(method).needs_draws and FROM_DRAWS in study.posterior.samplers:
@@ -83,15 +80,14 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     return Product(content, arrays, evidence.outcome, evidence.seconds)
 
 
-def list_evidence(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
-    """Return the evidence for a model on a record (such as `bench/0`) by each method that has a stored result.
+def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
+    """Return the stored evidence for a model on a record by each method of the study and by nested sampling.
 
-    This includes nested sampling if it was computed as the referee. For a method that failed, the evidence has an
-    outcome but no number. A referee that was not needed is left out.
+    For a method that failed, the evidence has an outcome but no number. A referee that was not needed is left out.
     """
     evidences = []
-    for method in dict.fromkeys((*methods, REFEREE)):
-        result = store.find(f"evidence/{record}/{model}/{method}")
+    for method in dict.fromkeys((*record.study.evidence.methods, REFEREE)):
+        result = record.store.find(f"evidence/{record.name}/{model}/{method}", arrays=False)
         if result is None:
             continue
         evidence = EvidenceContent.of(result).evidence
@@ -102,17 +98,15 @@ def list_evidence(store: Store, record: str, model: str, methods: Sequence[str])
     return evidences
 
 
-def evidence_by_method(
-    study: Study, store: Store, record: str, models: Sequence[str]
-) -> dict[str, dict[str, Evidence]]:
-    """Return the stored evidence on a record (such as `bench/0`) by method and model.
+def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
+    """Return the stored evidence on a record by method and model.
 
     If more than one method besides Laplace's has results, the last entry, `combined`, has for each model the evidence
     from all of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
     """
-    methods = study.evidence.methods
+    methods = record.study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
-    by_model = {model: list_evidence(store, record, model, methods) for model in models}
+    by_model = {model: list_evidence(record, model) for model in record.study.compare(record.spec)}
     for model, evidences in by_model.items():
         for e in evidences:
             by_method.setdefault(e.method, {})[model] = e
@@ -144,40 +138,37 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
     return computes_evidence and len(study.compare(spec)) > 1
 
 
-def compute_average(study: Study, spec: SignalSpec, store: Store, name: str) -> Product:
-    """Return the damping against amplitude on the first repeat, averaged over models (`averaged/bench/0`).
+def compute_average(record: StudyRecord) -> Product:
+    """Return the damping against amplitude on a record, averaged over models (`averaged/bench/0`).
 
     The weights are the models' posterior probabilities; pruned models have weight 0. Models that were not sampled are
     represented by weighted importance draws, the most probable first, until `ENOUGH_COVERED` of the probability is
     included.
 
-    Raises Refusal if a model has no evidence, if no model has draws, or if those with draws have less than
-    `LEAST_COVERED` of the probability.
+    Raises Refusal if a model has no evidence, or if the models with draws have less than `LEAST_COVERED` of the
+    probability.
     """
-    models, record = study.compare(spec), f"{spec.name}/0"
-    by_method = evidence_by_method(study, store, record, models)
-    method = list(by_method)[-1]
-    weights = probabilities(by_method[method])
-    weights |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.PRUNED}
+    study, spec, store = record.study, record.spec, record.store
+    models = study.compare(spec)
+    method, evidence = list(evidence_by_method(record).items())[-1]
+    weights = probabilities(evidence)
+    weights |= {m: 0.0 for m, e in evidence.items() if status_of(e.outcome) is Status.PRUNED}
     if len(weights) < len(models):
         raise Refusal("not applicable: some models have no evidence")
     drawn: dict[str, Mapping[str, np.ndarray]] = {}
     for model in models:
-        result = store.find(f"posterior/{record}/{model}/nuts")
+        result = store.find(f"posterior/{record.name}/{model}/nuts")
         if result is not None and _has_curve(result.arrays):
             drawn[model] = result.arrays
     from_weights: list[str] = []
     for model in sorted(set(weights) - set(drawn), key=lambda m: -weights[m]):
         if sum(weights[m] for m in drawn) >= ENOUGH_COVERED:
             break
-        arrays = weighted_curves(
-            StudyCandidate(study, spec, 0, model, store), task_seed(study, f"{name}/{model}")
-        )
+        candidate = StudyCandidate(study, spec, record.repeat, model, store)
+        arrays = weighted_curves(candidate, task_seed(study, f"averaged/{candidate.path}"))
         if _has_curve(arrays):
             drawn[model] = arrays
             from_weights.append(model)
-    if not drawn:
-        raise Refusal("not applicable: no model has a damping curve")
     covered = sum(weights[m] for m in drawn)
     if covered < LEAST_COVERED:
         total = f"the models with draws have {covered:.2f} of the probability"

@@ -19,7 +19,7 @@ from bayesdamp.inference.samplers import Settings
 from bayesdamp.interface.posterior import draw
 from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.symbols import parameter_unit
-from bayesdamp.pipeline.answering import verdict_of
+from bayesdamp.pipeline.answering import stored_answer
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.store.contents import NO_DRAWS, PosteriorContent
@@ -62,8 +62,8 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     motions = _motions(candidate, {n: posterior.draws[..., i] for i, n in enumerate(posterior.names)})
     ratios: tuple[Ratio, ...] = ()
     if law is not None:
-        verdict = verdict_of(candidate.store, candidate.spec.name, candidate.repeat)
-        amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
+        answer = stored_answer(candidate.record)
+        amplitudes = tuple(r.amplitude for r in answer.verdict.damping_ratio) if answer else ()
         ratios = law.ratios(amplitudes, u, s.sensor)
     summary = dict(posterior.summaries)
     derived = derive_quantities(motions)

@@ -25,7 +25,6 @@ from bayesdamp.inference.sensitivity import (
     under_priors,
 )
 from bayesdamp.outcomes import following
-from bayesdamp.pipeline.answering import likelihood_of
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import Prior
@@ -67,7 +66,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
     is_joined = candidate.spec.specimen in study.repeated and not study.posterior.samplers
     left_out = {
         *(["half", "noises"] if is_joined else []),  # these need searches of their own
-        *(["noises"] if len(study.noises) < 2 or likelihood_of(study) == "law" else []),
+        *(["noises"] if len(study.noises) < 2 or study.likelihood == "law" else []),
         *(["savage_dickey"] if len(candidate.terms) < 2 else []),
     }
     sources = {

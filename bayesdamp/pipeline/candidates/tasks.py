@@ -14,13 +14,12 @@ from bayesdamp.interface.model import REGRESSION
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.pipeline.answering import answer_key, likelihood_of
+from bayesdamp.pipeline.answering import answer_key
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import compute_evidence, evidence_parts
 from bayesdamp.pipeline.candidates.modes import compute_mode
 from bayesdamp.pipeline.candidates.posteriors import compute_posterior
 from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_sources
-from bayesdamp.pipeline.records import signal_key
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed, uses_library
 from bayesdamp.serial import split
 from bayesdamp.store.contents import EstimateContent
@@ -56,8 +55,7 @@ sensitivity) and the seed, which follows from the task's name. Tasks of the kind
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     """Return the key of each task of a candidate by its name, in an order in which they can be computed."""
-    study, spec, repeat, model = candidate.study, candidate.spec, candidate.repeat, candidate.model
-    record_key = signal_key(study, spec, repeat, candidate.store)
+    study, spec, model, record_key = candidate.study, candidate.spec, candidate.model, candidate.record.key
     forces = [*map(TERMS.source, candidate.terms), LAWS.source(candidate.restoring)]
     system = spec.under(candidate.restoring)
     other = () if system is spec.system else (split(system),)
@@ -75,12 +73,12 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
         return keys
     priors = {t: str(study.models.prior.get(t)) for t in candidate.terms}
     # Noise model, width of friction and deviations come from the answer.
-    answered = answer_key(study, spec, repeat, candidate.store)
+    answered = answer_key(candidate.record)
     named = [*forces, *map(NOISES.source, study.noises), ESTIMATORS.source(REGRESSION)]
     parts = (model, answered, priors, use.stages, chosen, *other)
     mode_key = task_key("mode", record_key, list(keys.values()), named, *parts)
     keys[f"mode/{candidate.path}"] = mode_key
-    density = (answered, model) if likelihood_of(study) == "law" else (mode_key,)
+    density = (answered, model) if study.likelihood == "law" else (mode_key,)
     length = (settings.chains, settings.warmup, settings.draws)
     for name in settings.samplers:
         key = task_key("posterior", *density, name, *length, SAMPLERS.source(name))

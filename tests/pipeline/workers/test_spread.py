@@ -9,6 +9,7 @@ import time
 from collections.abc import Collection
 from concurrent.futures import Future
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -84,7 +85,7 @@ def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
     assert abs(found[1] - found[0]) > 0.5 * found[0]
 
 
-def job(folder: Path, name: str, given_up: Collection[str]) -> list[str]:
+def job(folder: Path, name: str, given_up: Collection[str]) -> None:
     """A job of two tasks, `name/1` and `name/2`; a task whose file says so kills its process, once or always."""
     for task in (f"{name}1", f"{name}2"):
         if task in given_up or (folder / task).exists():
@@ -96,23 +97,25 @@ def job(folder: Path, name: str, given_up: Collection[str]) -> list[str]:
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(0.02)
         (folder / task).write_text("done")
-    return [f"{name}1", f"{name}2"]
 
 
-def spread_out(folder: Path, names: str, pool) -> tuple[list[str], list[str]]:
-    """(tasks that were reported, tasks that were given up)."""
-    reported: list[str] = []
+def spread_out(folder: Path, names: str, pool) -> list[str]:
+    """Tasks that were given up; all others are done, and the end of each job was reported."""
+    done = Mock()
     lost: list[str] = []
 
     def next_task(name: str, given_up: Collection[str]) -> str | None:
         left = (t for t in (f"{name}1", f"{name}2") if t not in given_up and not (folder / t).exists())
         return next(left, None)
 
-    def submit(name: str, given_up: Collection[str]) -> Future[list[str]]:
+    def submit(name: str, given_up: Collection[str]) -> Future[None]:
         return pool.submit(job, folder, name, given_up)
 
-    run_in_pool(list(names), pool, submit, next_task, lambda _, task: lost.append(task), reported.extend)
-    return sorted(reported), lost
+    run_in_pool(list(names), pool, submit, next_task, lambda _, task: lost.append(task), done)
+    tasks = {f"{n}{i}" for n in names for i in (1, 2)}
+    assert {task for task in tasks if not (folder / task).exists()} == set(lost)
+    assert done.call_count == len(names)
+    return lost
 
 
 def test_a_process_that_is_killed_once_costs_nothing(tmp_path):
@@ -120,20 +123,14 @@ def test_a_process_that_is_killed_once_costs_nothing(tmp_path):
     for task in ("c1", "c2"):
         (tmp_path / f"{task}.kill").write_text("once")
     with processes(2) as pool:
-        reported, lost = spread_out(tmp_path, "abcdef", pool)
-    assert reported == sorted(f"{n}{i}" for n in "abcdef" for i in (1, 2))
-    assert lost == []
-    assert all((tmp_path / task).exists() for task in reported)
+        assert spread_out(tmp_path, "abcdef", pool) == []
 
 
 def test_a_task_that_kills_its_process_costs_itself_and_no_more(tmp_path):
     for task in ("b1", "e2"):
         (tmp_path / f"{task}.kill").write_text("always")
     with processes(2) as pool:
-        reported, lost = spread_out(tmp_path, "abcdef", pool)
-    assert sorted(lost) == ["b1", "e2"]
-    assert reported == sorted(f"{n}{i}" for n in "abcdef" for i in (1, 2))
-    assert all((tmp_path / task).exists() for task in reported if task not in lost)
+        assert sorted(spread_out(tmp_path, "abcdef", pool)) == ["b1", "e2"]
 
 
 @pytest.mark.slow
@@ -143,12 +140,9 @@ def test_a_task_that_kills_its_dask_worker_costs_itself_and_no_more(scheduler, t
     (tmp_path / "b1.kill").write_text("always")
     try:
         with open_pool(1, scheduler) as pool:
-            reported, lost = spread_out(tmp_path, "abc", pool)
+            assert spread_out(tmp_path, "abc", pool) == ["b1"]
     finally:
         cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
-    assert lost == ["b1"]
-    assert reported == sorted(f"{n}{i}" for n in "abc" for i in (1, 2))
-    assert all((tmp_path / task).exists() for task in reported if task not in lost)
 
 
 def test_a_fault_is_no_kill(tmp_path):
