@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate reports contest fuzz mutation lowest newest scheduled audit coverage docs lock clean
+.PHONY: study test lint bench validate reports fuzz mutation lowest newest scheduled audit coverage docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -33,7 +33,7 @@ validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
 
 # The shipped reports whose sources have changed, the cheap ones first; an hour and a quarter, and resumes. ARGS=--check says
-# which; ARGS=--full takes counts that decide small effects, and a day.
+# which.
 reports: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m validation.reports $(ARGS)
 
@@ -80,10 +80,6 @@ audit: $(READY)
 coverage: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=5"
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m "not slow" --cov=bayesdamp --cov-report=term:skip-covered $(ARGS)
-
-# What people measure damping with today, beside us; in environments of their own, in .contest. Hours, and resumes.
-contest: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m validation.contest $(ARGS)
 
 # The site, in docs/_build/html; a warning is an error. Notebooks run once, and again when they change.
 docs: $(READY)

@@ -67,8 +67,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "validation.scoring", "validation.truth",
     },
     "validation.measured": {
-        "formatting", "types", "cli.records", "interface", "store", "verdict", "validation.contest.apart",
-        "validation.measured", "validation.rows", "validation.scoring",
+        "formatting", "types", "cli.records", "interface", "store", "verdict", "validation.measured",
     },
     "validation": NEUTRAL | {"verdict.types", "validation"},
     "interface": NEUTRAL

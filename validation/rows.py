@@ -49,14 +49,9 @@ def where(rows: pd.DataFrame, mask: ArrayLike = True, /, **values: object) -> pd
     return rows.iloc[np.flatnonzero(chosen)]
 
 
-def numbers(rows: pd.DataFrame, column: str) -> np.ndarray:
-    """Return the values of a column of numbers, (n,)."""
-    return rows[column].to_numpy(float)
-
-
 def total(rows: pd.DataFrame, column: str) -> int:
     """Return the sum of a column of whole numbers or booleans."""
-    return int(numbers(rows, column).sum())
+    return int(rows[column].sum())
 
 
 def complete_rows(

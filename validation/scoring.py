@@ -1,47 +1,176 @@
-"""Score answers on records with a known truth: shares with their intervals, named damping sums, coverage."""
+"""Answer records whose truth is known, one row for each record and peer, and score the rows.
+
+A peer is a method that answers: bayesdamp with certain options, or another program.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
+from bayesdamp.formatting import markdown_table
+from bayesdamp.types import OK, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
+from validation.rows import total, where
 from validation.truth.oscillator import SUMS
+from validation.truth.records import Case
 
 Z = float(norm.ppf(0.975))
 """Quantile of the standard normal distribution for a two-sided 95 % interval."""
+AMPLITUDES = 3
+"""Largest number of amplitudes of a record at which an answer is judged."""
+KEY = ("record", "peer")
+COLUMNS = (
+    *KEY, "group", "damping", "outcome", "seconds", "grade", "named", "probability", "true_probability", "decided",
+    "right",
+    *(f"{what}_{i + 1}" for i in range(AMPLITUDES) for what in ("amplitude", "true", "value", "low", "high")),
+)  # fmt: skip
+"""The columns of a row. `true`, `value`, `low` and `high` are the true damping ratio at an amplitude, the answered one,
+and its 95 % interval; `decided`: whether the damping `named` is named outright; `right`: whether it is the true one."""
 
 
 @dataclass(frozen=True)
-class Interval:
-    """A number with its 95 % interval, which is NaN if there are too few records."""
+class Reply:
+    """The answer of a peer.
+
+    Attributes
+    ----------
+    values : sequence of float
+        The equivalent damping ratios, largest amplitude first.
+    low, high : sequence of float
+        Ends of the 95 % intervals; empty without intervals.
+    named : str
+        The most probable damping sum; empty if the peer does not determine it.
+    decided : bool
+        Whether this sum is named outright.
+    probability : float
+        Its probability.
+    rivals : mapping
+        Probabilities of other sums.
+    grade : str
+        How well the laws hold.
+    amplitudes : sequence of float
+        The amplitudes of the values, if they may differ from those that were requested.
+    """
+
+    values: Sequence[float]
+    low: Sequence[float] = ()
+    high: Sequence[float] = ()
+    named: str = ""
+    decided: bool = False
+    probability: float = math.nan
+    rivals: Mapping[str, float] | None = None
+    grade: str = ""
+    amplitudes: Sequence[float] = ()
+
+
+Peer = Callable[[Signal, tuple[float, ...]], Reply]
+"""A function of a record and of amplitudes in its unit. Raises Refusal without an answer."""
+
+
+def reply_of(verdict: Verdict) -> Reply:
+    """Return the answer of bayesdamp as a reply. Raises Refusal, with its sentence, if it has no damping ratio."""
+    if not verdict.damping_ratio:
+        raise Refusal(verdict.sentence)
+    value, low, high, amplitude = zip(
+        *((at.value, at.low, at.high, at.amplitude) for at in verdict.damping_ratio), strict=True
+    )
+    rivals = {rival.damping: float(rival.probability) for rival in verdict.rivals}
+    return Reply(
+        value, low, high, verdict.damping, verdict.decided, float(verdict.probability), rivals, str(verdict.grade),
+        amplitude,
+    )  # fmt: skip
+
+
+def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
+    """Let a peer answer a record, and return the row, values of `COLUMNS`, with its reply and the truth.
+
+    name: of the peer. The column `seconds` is the CPU time of the answer. After a refusal, `outcome` is its text.
+    """
+    row: dict[str, Any] = {"record": case.name, "peer": name, "group": case.group, "damping": case.damping}
+    began = time.process_time()
+    try:
+        reply = peer(case.signal, case.amplitudes)
+    except Refusal as refusal:
+        seconds = time.process_time() - began
+        return row | truth_of(case) | {"outcome": str(refusal), "seconds": seconds, "decided": 0, "right": 0}
+    row |= {
+        "outcome": OK, "seconds": time.process_time() - began, "grade": reply.grade, "named": reply.named,
+        "probability": reply.probability, "true_probability": probability_of(reply, case.damping),
+        "decided": int(reply.decided), "right": int(terms_of(reply.named) == terms_of(case.damping)),
+    }  # fmt: skip
+    return (
+        row
+        | truth_of(case, reply.amplitudes)
+        | in_columns(value=reply.values, low=reply.low, high=reply.high)
+    )
+
+
+def truth_of(case: Case, amplitudes: Sequence[float] = ()) -> dict[str, float]:
+    """Return the cells with these amplitudes, or else those of the record, and the true damping ratios there."""
+    if case.ratio is None:
+        return {}
+    at = amplitudes or case.amplitudes
+    return in_columns(amplitude=at, true=map(case.ratio, at))
+
+
+def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
+    """Return the cells of a row with quantities at several amplitudes: true=(a, b, c) gives true_1 to true_3."""
+    return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
+
+
+def terms_of(damping: str) -> frozenset[str]:
+    """Return the terms of a damping sum."""
+    return frozenset(damping.split("+"))
+
+
+def probability_of(reply: Reply, damping: str) -> float:
+    """Return the probability that a reply gives to a damping sum, NaN if it gives none.
+
+    The sums that it does not list share the remaining probability equally.
+    """
+    if reply.rivals is None:
+        return math.nan
+    listed = {terms_of(name): p for name, p in (*reply.rivals.items(), (reply.named, reply.probability))}
+    unlisted = sum(terms_of(name) not in listed for name in SUMS)
+    return listed.get(terms_of(damping), max(1.0 - sum(listed.values()), 0.0) / max(unlisted, 1))
+
+
+# --- scores ---
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share with its 95 % interval, which is NaN without trials."""
 
     value: float
     low: float
     high: float
 
     def __str__(self) -> str:
-        """Return the number with its interval as text; a dash if it is NaN."""
+        """Return the share with its interval as text; a dash if it is NaN."""
         return "–" if math.isnan(self.value) else f"{self.value:.2f} ({self.low:.2f}–{self.high:.2f})"
 
 
-def share(hits: float, count: int) -> Interval:
+def share(hits: float, count: int) -> Share:
     """Return the share of hits in a number of trials, with its interval (Wilson 1927); NaN if the number is 0.
 
     SciPy's function requires a whole number of hits. Here hits may be a fraction, because a record counts as the share
-    of its three intervals that contain the truth.
+    of its intervals that contain the truth.
     """
     if not count:
-        return Interval(math.nan, math.nan, math.nan)
+        return Share(math.nan, math.nan, math.nan)
     value, spread = float(hits / count), 1 + Z**2 / count
     middle = (value + Z**2 / (2 * count)) / spread
     half = Z * math.sqrt(value * (1 - value) / count + Z**2 / (4 * count**2)) / spread
-    return Interval(value, max(middle - half, 0.0), min(middle + half, 1.0))
+    return Share(value, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
 def hits_of(hits: int, count: int) -> str:
@@ -50,48 +179,99 @@ def hits_of(hits: int, count: int) -> str:
     return f"{hits} of {count} ({part.low:.2f}–{part.high:.2f})" if count else "–"
 
 
-def terms_of(damping: str) -> frozenset[str]:
-    """Return the terms of a damping sum."""
-    return frozenset(damping.split("+"))
-
-
-def relation(named: str, truth: str) -> str:
-    """Compare a named damping sum with the true one.
-
-    Return "right"; "more" or "less" if it only has further terms or only lacks terms; "other" if it differs otherwise.
-    """
-    claimed, true = terms_of(named), terms_of(truth)
-    if claimed == true:
-        return "right"
-    return "more" if claimed > true else "less" if claimed < true else "other"
-
-
-def probability_of(answer: Verdict, damping: str) -> float:
-    """Return the probability that an answer gives to a damping sum.
-
-    The sums that the answer does not list share the remaining probability equally.
-    """
-    listed = {terms_of(answer.damping): float(answer.probability)}
-    for rival in answer.rivals:
-        listed.setdefault(terms_of(rival.damping), float(rival.probability))
-    if terms_of(damping) in listed:
-        return listed[terms_of(damping)]
-    unlisted = sum(terms_of(name) not in listed for name in SUMS)
-    return max(1.0 - sum(listed.values()), 0.0) / max(unlisted, 1)
-
-
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:
-    """Return a quantity at the three amplitudes of each row, shape (n, 3): the columns `what`_1 to `what`_3."""
-    return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
+    """Return a quantity at the amplitudes of each row, shape (n, 3): the columns `what`_1 to `what`_3."""
+    return rows[[f"{what}_{i + 1}" for i in range(AMPLITUDES)]].to_numpy(float)
 
 
-def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
-    """Return the cells of a row with quantities at three amplitudes: ratio=(a, b, c) gives ratio_1 to ratio_3."""
-    return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
+def coverage(rows: pd.DataFrame) -> Share:
+    """Return the mean share of a record's true damping ratios that are inside their intervals, over those with any.
+
+    Its own interval counts each record once, because the ratios of a record are not independent.
+    """
+    low, true, high = (three(rows, what) for what in ("low", "true", "high"))
+    stated = np.isfinite(low) & np.isfinite(high)
+    inside = np.sum(stated & (low <= true) & (true <= high), axis=1)
+    count = stated.sum(axis=1)
+    return share(np.sum(inside[count > 0] / count[count > 0]), int(np.sum(count > 0)))
 
 
-def share_covered(rows: pd.DataFrame) -> np.ndarray:
-    """Return the share of each row's three true damping ratios inside their intervals, (n,); NaN without intervals."""
-    low, true, high = (three(rows, what) for what in ("low", "ratio", "high"))
-    stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
-    return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)
+def errors(rows: pd.DataFrame) -> np.ndarray:
+    """Return |estimate/truth − 1| of the damping ratio at the amplitudes of each row, shape (n, 3)."""
+    return np.abs(three(rows, "value") / three(rows, "true") - 1)
+
+
+def named(rows: pd.DataFrame, right: int | None = None) -> int:
+    """Return how many dampings are named outright; if `right` is given, only the right (1) or the wrong ones (0)."""
+    decided = where(rows, decided=1)
+    return len(decided if right is None else where(decided, right=right))
+
+
+def digits(value: float) -> str:
+    """Return a number as text with two significant digits and without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _percent(values: np.ndarray, level: float = 0.5) -> str:
+    """Return the quantile at `level` (0 to 1) of the finite values as text in per cent; a dash without any."""
+    known = values[np.isfinite(values)]
+    return f"{digits(100 * float(np.quantile(known, level)))} %" if known.size else "–"
+
+
+def _median_seconds(rows: pd.DataFrame) -> str:
+    seconds = rows["seconds"].astype(float).median()
+    return "–" if math.isnan(seconds) else f"{seconds:.2g}"
+
+
+def _true_probability(rows: pd.DataFrame) -> str:
+    p = rows["true_probability"].astype(float).dropna()
+    return f"{p.mean():.3f} ± {p.sem():.3f}" if len(p) > 1 else "–"
+
+
+def answered(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with an answer."""
+    return where(rows, outcome=OK)
+
+
+SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
+    "records": len,
+    "answered": lambda rows: len(answered(rows)),
+    "named outright": lambda rows: hits_of(named(rows), len(rows)),
+    "of these correctly": lambda rows: hits_of(named(rows, right=1), named(rows)),
+    "named outright, correctly": lambda rows: hits_of(named(rows, right=1), len(rows)),
+    "named outright, wrongly": lambda rows: hits_of(named(rows, right=0), len(rows)),
+    "true sum most probable": lambda rows: hits_of(total(rows, "right"), len(rows)),
+    "coverage": coverage,
+    "median error": lambda rows: _percent(errors(rows)),
+    "90 % quantile": lambda rows: _percent(errors(rows), 0.9),
+    "median half width": lambda rows: _percent(0.5 * (three(rows, "high") - three(rows, "low")) / three(rows, "true")),
+    "deviates": lambda rows: len(where(rows, grade="deviates")),
+    "mean P(truth)": _true_probability,
+    "CPU seconds": _median_seconds,
+}  # fmt: skip
+"""The columns of a table of scores: the text of each, as a function of the rows of a group."""
+
+
+def score_table(
+    groups: Mapping[str, pd.DataFrame],
+    *scores: str,
+    more: Mapping[str, Callable[[pd.DataFrame], object]] | None = None,
+) -> str:
+    """Return a Markdown table with a line for each group of rows that is not empty.
+
+    scores: its columns, names of `SCORES`. more: further columns, as in `SCORES`.
+    """
+    columns = {name: SCORES[name] for name in scores} | dict(more or {})
+    lines = [
+        [name, *(str(score(rows)) for score in columns.values())]
+        for name, rows in groups.items()
+        if len(rows)
+    ]
+    return markdown_table(["", *columns], lines)
+
+
+def groups_of(
+    rows: pd.DataFrame, column: str = "group", order: Iterable[str] = ()
+) -> dict[str, pd.DataFrame]:
+    """Return the rows of each value of a column, in this order or that of the rows."""
+    return {str(name): where(rows, **{column: name}) for name in (order or rows[column].unique())}

@@ -133,7 +133,7 @@ def test_beside_a_script() -> None:
     rows, ratios = [], []
     for number in range(CONTEST_RECORDS):
         record = simulate_record(CONTEST_SEED, number)
-        arguments = (record.t, record.y, record.amplitudes)
+        arguments = (record.signal.t, record.signal.y, record.amplitudes)
         answers = (partial(answer, *arguments) for answer in (script.answer, ours.answer))
         its, own = in_turns(*answers, rounds=2)
         ratios.append(its / own)

@@ -15,7 +15,7 @@ T = np.linspace(0.0, 40.0, 401)
 def test_viscous_damping_is_the_closed_form_and_leaves_what_was_asked() -> None:
     damping = rec.damping_of({"viscous": 1.0}, 40 / (2 * np.pi), 0.3)
     ratio = -np.log(0.3) / 40
-    assert rec.free(damping, T) == pytest.approx(viscous(T, ratio, 1.0, 1.0), abs=1e-5)
+    assert rec.single(damping, T) == pytest.approx(viscous(T, ratio, 1.0, 1.0), abs=1e-5)
     assert rec.fall(lambda v: 2 * ratio * np.asarray(v), 0.5) == pytest.approx(ratio * 0.5, rel=1e-9)
 
 
@@ -40,6 +40,6 @@ def test_coupled_oscillators_hand_their_energy_over() -> None:
 @pytest.mark.parametrize("kind", ["gaps", "two_modes", "clipped"])
 def test_cases_come_from_their_seed(kind: str) -> None:
     case, again, other = draw_case(kind, 0, 5), draw_case(kind, 0, 5), draw_case(kind, 1, 5)
-    assert np.array_equal(case.y, again.y)
-    assert not np.array_equal(case.y, other.y)
-    assert case.t.size == (SAMPLES - 48 if kind == "gaps" else SAMPLES)
+    assert np.array_equal(case.signal.y, again.signal.y)
+    assert not np.array_equal(case.signal.y, other.signal.y)
+    assert case.signal.t.size == (SAMPLES - 48 if kind == "gaps" else SAMPLES)

@@ -26,7 +26,6 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import Signal
-from validation.experiments.envelopes import draw_ringdown
 from validation.experiments.laws import case
 from validation.measured.run import signals
 from validation.truth import discrepancies, records
@@ -34,7 +33,7 @@ from validation.truth.drawing import Draw, draw_oscillator
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import LAWS, SUMS
 from validation.truth.ratio import RatioCurve, ratio_curve
-from validation.truth.ringdowns import simulate
+from validation.truth.ringdowns import draw_ringdown, simulate
 
 FOLDER = Path(__file__).with_name("answers")
 SEED = 20261126

@@ -1,32 +1,59 @@
-"""Stands in for an answer: it knows the motion's ratio from a crude envelope, or fails on purpose."""
+"""Records and answers that are made by hand."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.types import Refusal, Signal
-from bayesdamp.verdict.parts import DampingRatio, Grade
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.types import Signal
+from validation.scoring import Peer, Reply
+from validation.truth.oscillator import SUMS
+from validation.truth.records import Case
+
+AMPLITUDES = (0.3, 0.2, 0.1)
 
 
-def ratio_at(amplitude: float, value: float, half: float) -> DampingRatio:
-    return DampingRatio(amplitude, "rad", value, 0.0, 0.0, value - half, value + half)
+def a_case(number: int, group: str = "family") -> Case:
+    """A record whose true damping ratio is 0.02 at all amplitudes."""
+    signal = Signal(np.arange(3.0), np.zeros(3))
+    name = f"{group}-{number}"
+    return Case(name, group, signal, SUMS[number % 7], ratio=lambda _: 0.02, amplitudes=AMPLITUDES)
 
 
-def by_envelope(signal: Signal, amplitudes: tuple[float, ...], deviation: str) -> Verdict:
-    """The same ratio at all amplitudes, from the record's spread in its two halves; wide intervals."""
-    y = signal.y - signal.y.mean()
-    half = y.size // 2
-    sign = np.sign(y)
-    cycles = max(np.count_nonzero(sign[1:] != sign[:-1]) / 2, 1)
-    fall = np.log(np.std(y[:half]) / np.std(y[half:])) / (np.pi * cycles)
-    wide = 2.0 if deviation == "auto" else 1.0
-    spans = tuple(ratio_at(a, fall, 0.4 * wide * fall) for a in amplitudes)
-    return Verdict("a", Grade.APPROXIMATE, False, "viscous", 0.5, damping_ratio=spans)
+def peer_of(
+    case: Case,
+    rng: np.random.Generator,
+    *,
+    right: bool = True,
+    sure: float = 1.0,
+    grade: str = "exact",
+    decided: bool = True,
+) -> Peer:
+    """A peer whose intervals hold the truth with 95 % where sure = 1, and are narrower by that factor else."""
+    sd = 0.001
+    values = 0.02 + sd * rng.standard_normal(3)
+    half = 1.96 * sd / sure
+    named = case.damping if right else next(s for s in SUMS if s != case.damping)
+    reply = Reply(list(values), list(values - half), list(values + half), named, decided, 0.98, {}, grade)
+    return lambda signal, amplitudes: reply
 
 
-def sometimes(signal: Signal, amplitudes: tuple[float, ...], deviation: str) -> Verdict:
-    """Refuses dense records, fails on sparse ones."""
-    if signal.t.size > 1500:
-        raise Refusal("too many samples for this test")
-    raise RuntimeError("a fault\nof two lines")
+def closed_form(ratio: float = 0.02, noise: float = 0.0, cycles: float = 20.0) -> Case:
+    """Return a decay of a linear viscous oscillator of 1 Hz, released at rest 0.5 rad from its equilibrium at 0.3 rad.
+
+    Parameters
+    ----------
+    ratio : float
+        Damping ratio.
+    noise : float
+        Standard deviation of the noise, rad.
+    cycles : float
+        Length of the record in cycles.
+    """
+    t = np.arange(0.0, cycles, 0.02)
+    omega, damped = 2 * np.pi, 2 * np.pi * np.sqrt(1 - ratio**2)
+    y = np.exp(-ratio * omega * t) * (np.cos(damped * t) + ratio * omega / damped * np.sin(damped * t))
+    y = 0.3 + 0.5 * y + noise * np.random.default_rng(0).standard_normal(t.size)
+    amplitudes = tuple(0.5 * float(np.exp(-ratio * omega * x * cycles)) for x in (0.1, 0.5, 0.8))
+    return Case(
+        "closed-form", "closed form", Signal(t, y), "viscous", ratio=lambda _: ratio, amplitudes=amplitudes
+    )

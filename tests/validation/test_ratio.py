@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq
+from scipy.integrate import solve_ivp
 
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
-from validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.ratio import RatioCurve, harmonic_ratio, ratio_curve, true_ratio
 
 W, A = 3.0, 0.4
 LINEAR = {"stiffness": W * W, "rest_angle": 0.3}
@@ -57,27 +56,14 @@ def test_quadratic_damping_has_its_closed_form_where_it_is_light() -> None:
 
 @pytest.mark.parametrize("law", ["horizontal_pendulum", "duffing"])
 def test_light_damping_loses_what_it_takes_on_an_undamped_cycle(law: str) -> None:
-    """Viscous and Coulomb damping on a cycle without damping of the same amplitude, by quadrature, over 4πV."""
-    zeta, friction = 0.003, 0.006
-    oscillator = Oscillator(law, SPRINGS[law], {"viscous": zeta, "coulomb": friction})
-    curve = curve_of(oscillator, 40)
-    potential, amplitude = oscillator.potential(), 0.3
+    """Two ways: along the motion, and by quadrature over a cycle without damping of the same amplitude."""
+    oscillator = Oscillator(law, SPRINGS[law], {"viscous": 0.003, "coulomb": 0.006})
+    assert curve_of(oscillator, 40)(0.3) == pytest.approx(true_ratio(oscillator, 0.3), rel=1e-4)
 
-    def ends(energy: float) -> tuple[float, float]:
-        low, high = (brentq(lambda x, s=s: potential(s * x) - energy, 0.0, 0.6) for s in (-1, 1))
-        return -low, high
 
-    energy = brentq(lambda e: ends(e)[1] - ends(e)[0] - 2 * amplitude, 1e-3, 1.0)
-    low, high = ends(energy)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-
-    def speed(phase: float) -> float:
-        left = energy - potential(middle + half * np.sin(phase))
-        return np.sqrt(max(2 * left, 0.0)) * half * np.cos(phase)
-
-    travelled = 2 * quad(speed, -np.pi / 2, np.pi / 2, epsabs=1e-12)[0]
-    lost = 2 * zeta * travelled + friction * 4 * half
-    assert curve(amplitude) == pytest.approx(lost / (4 * np.pi * energy), rel=1e-4)
+def test_a_force_has_its_closed_form_in_a_harmonic_motion() -> None:
+    assert harmonic_ratio(lambda x, v: abs(v) * v, A, W) == pytest.approx(4 * A / (3 * np.pi))
+    assert harmonic_ratio(lambda x, v: x * x * v, A, W) == pytest.approx(A**2 / (8 * W))
 
 
 def test_damping_in_time_is_that_of_the_time() -> None:

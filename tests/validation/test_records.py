@@ -33,7 +33,7 @@ def test_the_family_keeps_its_rules() -> None:
     assert {c.damping for c in cases} == set(SUMS)
     assert {c.restoring for c in cases} == set(LAWS)
     for made in cases:
-        assert min(made.shares.values()) >= 0.15
+        assert min(made.shares[term] for term in made.damping.split("+")) >= 0.15
         assert sum(made.shares.values()) == pytest.approx(1.0)
         assert 8 <= made.cycles <= 60
         assert made.nats >= 12
@@ -86,21 +86,15 @@ def a_draw() -> Draw:
 def test_changes_of_the_damping_are_as_large_as_they_say() -> None:
     draw, rng = a_draw(), np.random.default_rng(1)
     drift = odd.drift(rng, draw).scale
-    assert drift is not None
     assert abs(drift(draw.duration) - drift(0.0)) == pytest.approx(0.05)
     many = [odd.jitter(np.random.default_rng(i), draw).scale for i in range(300)]
-    values = [
-        scale(2 * np.pi / W * 2 * 3) for scale in many if scale
-    ]  # at a knot: sd 0.03, within 5 of its own sd
+    values = [scale(2 * np.pi / W * 2 * 3) for scale in many]  # at a knot: sd 0.03, within 5 of its own sd
     assert np.std(values) == pytest.approx(0.03, rel=5 / np.sqrt(600))
-    friction, static = odd.angle_friction(rng, draw).damping, odd.angle_friction(rng, draw).static_friction
-    assert friction is not None
-    assert static is not None
+    friction = odd.angle_friction(rng, draw).damping
     assert max(abs(friction(x, 1.0, 1.0)) for x in np.linspace(-A, A, 400)) == pytest.approx(
         0.1 * 0.02, rel=1e-3
     )
     stribeck = odd.stribeck(rng, draw).damping
-    assert stribeck is not None
     assert stribeck(0.0, 0.0, 1.0) == pytest.approx(0.5 * 0.02)
     assert stribeck(0.0, 0.3 * A * W, 1.0) == pytest.approx(0.5 * 0.02 / np.e)
 

@@ -2,51 +2,58 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from bayesdamp.types import InputError
-from tests.validation.answering import by_envelope, sometimes
-from validation.reports.deviation import COLUMNS, page, row_of
+from bayesdamp.types import InputError, Refusal, Signal
+from tests.validation.answering import a_case, peer_of
+from validation.reports.deviation import page
 from validation.rows import complete_rows, make_page, page_options, read_rows
-from validation.truth.records import KINDS, case
+from validation.scoring import COLUMNS, KEY, Reply, row_of
+from validation.truth.records import KINDS
 
 
-def row(kind: str, number: int, mode: str) -> dict[str, object]:
+def row(kind: str, mode: str) -> dict[str, object]:
     """Answer a record without the package."""
-    return row_of(case(kind, 1, number), partial(by_envelope, deviation=mode), mode)
+    case = a_case(0, kind)
+    return row_of(case, peer_of(case, np.random.default_rng(1)), mode)
 
 
 def refused_or_failed(number: int) -> dict[str, object]:
-    return row_of(case("family", 1, number), partial(sometimes, deviation="auto"), "auto")
+    """Refuse the first record, and fail on the next."""
+
+    def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+        if number == 0:
+            raise Refusal("too many samples for this test")
+        raise RuntimeError("a fault\nof two lines")
+
+    return row_of(a_case(number), answer)
 
 
-def jobs(count: int, mode: str) -> dict[str, tuple[str, int, str]]:
-    return {f"{kind}-1-0/{mode}": (kind, 0, mode) for kind in KINDS[1 : 1 + count]}
+def jobs(count: int, mode: str) -> dict[str, tuple[str, str]]:
+    return {f"{kind}-0/{mode}": (kind, mode) for kind in KINDS[1 : 1 + count]}
 
 
 def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table, key = tmp_path / "rows.csv", ("case", "mode")
-    first = complete_rows(table, COLUMNS, jobs(2, "none"), row, 1, key)
-    assert list(first["case"]) == ["cubic_sensor-1-0", "drift-1-0"]
+    table = tmp_path / "rows.csv"
+    first = complete_rows(table, COLUMNS, jobs(2, "none"), row, 1, KEY)
+    assert list(first["record"]) == ["cubic_sensor-0", "drift-0"]
     capsys.readouterr()
-    second = complete_rows(table, COLUMNS, jobs(3, "none"), row, 1, key)
+    second = complete_rows(table, COLUMNS, jobs(3, "none"), row, 1, KEY)
     pd.testing.assert_frame_equal(second.iloc[:2], first)
-    assert list(second["case"][2:]) == ["power-1-0"]
-    assert capsys.readouterr().err == "1/1 power-1-0 viscous\n"
+    assert list(second["record"][2:]) == ["power-0"]
+    assert capsys.readouterr().err == "1/1 power-0 viscous\n"
     todo = jobs(3, "none") | jobs(3, "auto")
     options = page_options(None).parse_args([str(table), str(tmp_path / "page"), "--workers", "2"])
-    make_page(options, "rows.csv", COLUMNS, todo, row, page, key)
+    make_page(options, "rows.csv", COLUMNS, todo, row, page, KEY)
     shipped = read_rows(tmp_path / "page" / "rows.csv", COLUMNS)
-    assert list(shipped["case"] + "/" + shipped["mode"]) == list(todo)
+    assert list(shipped["record"] + "/" + shipped["peer"]) == list(todo)
     assert len(read_rows(table)) == 6
     text = (tmp_path / "page" / "README.md").read_text(encoding="utf-8")
-    assert text.count("| all discrepancies/auto | 3 | 3 | 0.00 (0.00–0.56) |") == 1
-    assert text.count("| all discrepancies/none | 3 |") == 1
+    assert text.count("| all discrepancies, auto | 3 | 3 | 3 of 3 (0.44–1.00) |") == 1
 
 
 def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
@@ -58,8 +65,9 @@ def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
 
 def test_a_refusal_is_a_row_and_a_fault_ends_the_run(tmp_path: Path) -> None:
     table = tmp_path / "rows.csv"
+    todo = {f"family-{i}/bayesdamp": (i,) for i in range(2)}
     with pytest.raises(RuntimeError, match="a fault"):
-        complete_rows(table, COLUMNS, {f"family-1-{i}": (i,) for i in range(2)}, refused_or_failed, 1)
+        complete_rows(table, COLUMNS, todo, refused_or_failed, 1, KEY)
     assert list(read_rows(table)["outcome"]) == ["too many samples for this test"]
 
 

@@ -8,111 +8,108 @@ import pytest
 from scipy.stats import binomtest
 
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.verdict.parts import Grade, Rival
+from bayesdamp.verdict.parts import DampingRatio, Grade, Rival
 from bayesdamp.verdict.types import Verdict
-from tests.validation.answering import ratio_at
-from validation.reports.deviation import page, row_of, scores
-from validation.scoring import probability_of, relation, share
-from validation.truth.oscillator import SUMS
-from validation.truth.ratio import RatioCurve
-from validation.truth.records import Case
-
-AMPLITUDES = (0.3, 0.2, 0.1)
-
-
-def a_case(number: int, kind: str = "family", oversample: int = 1) -> Case:
-    size = np.geomspace(0.05, 0.5, 30)[::-1]
-    signal = Signal(np.arange(3.0), np.zeros(3))
-    return Case(
-        f"{kind}-{number}", kind, signal, SUMS[number % 7], "linear", {}, 0.01,
-        RatioCurve(np.arange(30.0), size, 0.02 + 0 * size), AMPLITUDES, {}, 20.0, 30.0, oversample,
-    )  # fmt: skip
+from tests.validation.answering import a_case, peer_of
+from validation.contest.page import paired
+from validation.reports.deviation import page
+from validation.scoring import (
+    SCORES,
+    Reply,
+    coverage,
+    errors,
+    named,
+    probability_of,
+    reply_of,
+    row_of,
+    score_table,
+    share,
+)
 
 
-def said(
-    case: Case,
-    rng: np.random.Generator,
-    right: bool = True,
-    sure: float = 1.0,
-    grade: Grade = Grade.EXACT,
-    decided: bool = True,
-) -> Verdict:
-    """An answer whose intervals hold the truth with 95 % where sure = 1, and are narrower by that factor else."""
-    sd = 0.001
-    ratios = [
-        ratio_at(a, case.ratio(a) + sd * rng.standard_normal(), 1.96 * sd / sure) for a in case.amplitudes
-    ]
-    named = case.damping if right else next(s for s in SUMS if s != case.damping)
-    return Verdict(case.name, grade, decided, named, 0.98, damping_ratio=tuple(ratios))
-
-
-def score(pairs: list[tuple[Case, Verdict]]) -> pd.Series:
-    rows = [row_of(case, lambda signal, amplitudes, answer=answer: answer, "auto") for case, answer in pairs]
-    return scores(pd.DataFrame(rows)).iloc[0]
-
-
-def values(line: pd.Series, *shares: str) -> list[float]:
-    return [line[name].value for name in shares]
-
-
-def table_of(count: int = 200, **how) -> pd.Series:
+def table_of(count: int = 200, **how) -> pd.DataFrame:
     rng = np.random.default_rng(1)
-    cases = [a_case(n) for n in range(count)]
-    return score([(case, said(case, rng, **how)) for case in cases])
+    return pd.DataFrame([row_of(case, peer_of(case, rng, **how)) for case in map(a_case, range(count))])
 
 
 def test_an_honest_answer_is_right_and_covers() -> None:
-    line = table_of()
-    assert values(line, "decided", "right", "wrong", "deviates") == [1.0, 1.0, 0.0, 0.0]
-    assert line["coverage"].low < 0.95 < line["coverage"].high  # false alarm: below 1 in 20, seed fixed
-    assert line["log_probability"] == pytest.approx(np.log(0.98))
-    assert line["half_width"] == pytest.approx(1.96 * 0.001 / 0.02)
+    rows = table_of()
+    assert (named(rows), named(rows, right=1), named(rows, right=0)) == (200, 200, 0)
+    part = coverage(rows)
+    assert part.low < 0.95 < part.high  # false alarm: below 1 in 20, seed fixed
+    assert SCORES["mean P(truth)"](rows) == "0.980 ± 0.000"
+    assert SCORES["median half width"](rows) == "9.8 %"
+    assert np.median(errors(rows)) == pytest.approx(0.6745 * 0.001 / 0.02, rel=5 * 1.2 / np.sqrt(600))
 
 
 def test_a_wrong_answer_is_wrong_outright() -> None:
-    line = table_of(right=False)
-    assert values(line, "decided", "right", "wrong") == [1.0, 0.0, 1.0]
-    assert line["log_probability"] == pytest.approx(np.log(0.02 / 6))
+    rows = table_of(right=False)
+    assert (named(rows), named(rows, right=1), named(rows, right=0)) == (200, 0, 200)
+    assert rows["true_probability"].to_numpy() == pytest.approx(0.02 / 6)
     cautious = table_of(right=False, decided=False)
-    assert values(cautious, "decided", "wrong") == [0.0, 0.0]
-    assert np.isnan(cautious["right"].value)
+    assert named(cautious) == 0
+    assert SCORES["of these correctly"](cautious) == "–"
 
 
 def test_an_overconfident_answer_does_not_cover() -> None:
     """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
-    line = table_of(sure=3.0)
-    assert line["coverage"].value == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
-    assert line["coverage"].high < 0.95
+    part = coverage(table_of(sure=3.0))
+    assert part.value == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
+    assert part.high < 0.95
 
 
-def test_grades_and_modes_are_told_apart() -> None:
+def test_coverage_counts_only_stated_intervals() -> None:
+    """Two of the three intervals of one record hold the truth, the only one of another does not, a third has none."""
+    replies = (
+        Reply([0.02] * 3, [0.01, 0.01, 0.03], [0.03, 0.03, 0.04]),
+        Reply([0.03], [0.025], [0.04]),
+        Reply([0.02] * 3),
+    )
+    rows = pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
+    assert coverage(rows).value == pytest.approx((2 / 3 + 0) / 2)
+    assert np.isnan(coverage(rows.iloc[2:]).value)
+
+
+def test_groups_and_peers_are_told_apart() -> None:
     rng, rows = np.random.default_rng(2), []
     for mode, sure in (("none", 1.0), ("auto", 0.5)):
-        for case in (a_case(n, kind) for n in range(20) for kind in ("family", "drift", "jitter")):
-            answer = said(case, rng, sure=sure, grade=Grade.DEVIATES if case.kind == "drift" else Grade.EXACT)
-            rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
-    table = scores(pd.DataFrame(rows)).set_index("group")
-    deviates = table.loc[["drift/auto", "all discrepancies/auto"], "deviates"]
-    assert [part.value for part in deviates] == [1.0, 0.5]
-    assert table.loc[["family/none", "family/auto"], "relative_width"].tolist() == pytest.approx([1.0, 2.0])
-    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in page(pd.DataFrame(rows))
+        for case in (a_case(n, group) for n in range(20) for group in ("family", "drift", "jitter")):
+            grade = "deviates" if case.group == "drift" else "exact"
+            rows.append(row_of(case, peer_of(case, rng, sure=sure, grade=grade), mode))
+    text = page(pd.DataFrame(rows))
+    assert "| drift, auto | 20 | 20 | 20 of 20 (0.84–1.00) | 20 of 20 (0.84–1.00) |" in text
+    for group, width, deviate in (
+        ("family, none", "9.8", 0),
+        ("family, auto", "20", 0),
+        ("drift, auto", "20", 20),
+    ):
+        assert any(
+            f"| {width} % | {deviate} |" in line
+            for line in text.splitlines()
+            if line.startswith(f"| {group} |")
+        )
+    assert "| all discrepancies, auto | 40 | 40 |" in text
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
-    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
+    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
         raise Refusal("three samples in a period")
 
-    rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
-    assert rows[0]["outcome"] == "three samples in a period"
-    nothing = Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles")
-    assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not enough cycles"
-    rng = np.random.default_rng(3)
-    rows += [
-        row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)
-    ]
-    line = scores(pd.DataFrame(rows)).iloc[0]
-    assert (line["records"], line["answered"]) == (10, 5)
-    assert values(line, "decided", "coverage") == [0.5, 1.0]
+    rows = pd.concat([pd.DataFrame([row_of(a_case(n), refuses) for n in range(5)]), table_of(5, sure=0.1)])
+    assert rows.iloc[0]["outcome"] == "three samples in a period"
+    table = score_table({"all": rows}, "records", "answered", "named outright", "coverage")
+    assert table.splitlines()[-1] == "| all | 10 | 5 | 5 of 10 (0.24–0.76) | 1.00 (0.57–1.00) |"
+
+
+def test_a_peer_is_compared_with_ours_on_the_records_of_both() -> None:
+    def rows_of(error: float, count: int = 20) -> pd.DataFrame:
+        replies = [Reply([0.02 * (1 + error * (1 + i))] * 3) for i in range(count)]
+        return pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
+
+    ours = rows_of(0.01)
+    assert paired(rows_of(0.005), ours) == "0.5 (0.5–0.5)"
+    assert paired(rows_of(0.02, 5), ours) == "2 (2–2)"
+    assert paired(rows_of(9.0, 1), ours) == "–"
 
 
 def test_wilsons_interval_is_scipys() -> None:
@@ -122,11 +119,23 @@ def test_wilsons_interval_is_scipys() -> None:
         assert (part.low, part.high) == pytest.approx((exact.low, exact.high), abs=1e-12)
 
 
-def test_the_probability_of_the_truth_is_the_answers() -> None:
-    answer = Verdict("a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),))
-    assert probability_of(answer, "viscous+coulomb") == 0.7
-    assert probability_of(answer, "viscous") == 0.2
-    assert probability_of(answer, "quadratic") == pytest.approx(0.1 / 5)
-    assert [relation(n, "viscous+coulomb") for n in ("coulomb+viscous", "viscous", "quadratic", SUMS[6])] == [
-        "right", "less", "other", "more",
-    ]  # fmt: skip
+def test_the_reply_is_that_of_the_verdict() -> None:
+    at = DampingRatio(0.2, "rad", 0.02, 0.0, 0.0, 0.01, 0.03)
+    answer = Verdict(
+        "a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),), damping_ratio=(at,)
+    )
+    reply = reply_of(answer)
+    assert probability_of(reply, "viscous+coulomb") == 0.7
+    assert probability_of(reply, "viscous") == 0.2
+    assert probability_of(reply, "quadratic") == pytest.approx(0.1 / 5)
+    row = row_of(a_case(3), lambda *_: reply)
+    assert (row["right"], row["decided"], row["amplitude_1"], row["low_1"], row["high_1"]) == (
+        1,
+        1,
+        0.2,
+        0.01,
+        0.03,
+    )
+    assert np.isnan(probability_of(Reply([0.02]), "viscous"))
+    with pytest.raises(Refusal, match="not enough cycles"):
+        reply_of(Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles"))

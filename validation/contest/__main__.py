@@ -1,71 +1,69 @@
-"""Run the contest and write its page: `python -m validation.contest --out reports/contest`."""
+"""Run the contest and write its page: `python -m validation.contest ROWS.csv FOLDER [--seed 813 --count 200]`."""
 
 from __future__ import annotations
 
-import argparse
+import math
 import sys
-from collections.abc import Sequence
+import warnings
 from pathlib import Path
+from typing import Any
 
-from bayesdamp.types import InputError, Refusal
-from validation.contest.environments import Child
+from bayesdamp.types import Refusal, Signal
+from validation import scoring
 from validation.contest.measured import measured_records
-from validation.contest.page import write
-from validation.contest.records import closed_form, simulate_record
-from validation.contest.roster import ROSTER
-from validation.contest.rows import COLUMNS, row_of, with_others
-from validation.rows import complete_rows, read_rows, write_rows
+from validation.contest.page import page
+from validation.contest.peers import ROSTER
+from validation.contest.records import simulate_record
+from validation.rows import make_page, page_options
+from validation.scoring import COLUMNS, KEY, Reply
+from validation.truth.records import Case
 
-SEED, COUNT = 811, 200
+SEED, COUNT = 813, 200
 MEASURED = Path("../shared/data")
 """The folder that contains `ten_runs/`, the measured records; without it these are omitted."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return 0, or 2 after a wrong option or table."""
-    parser = argparse.ArgumentParser(prog="python -m validation.contest", description=__doc__)
+def row_of(record: Case, name: str) -> dict[str, Any]:
+    """Let the peer `name` answer a record, and return a row as `scoring.row_of`.
+
+    An exception of the peer counts as a refusal with its message.
+    """
+
+    def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # warnings of other packages are not our concern
+                reply = ROSTER[name](signal.t, signal.y, amplitudes)
+        except Refusal:
+            raise
+        except Exception as fault:
+            raise Refusal(" ".join(f"{type(fault).__name__}: {fault}".split())[:200]) from None
+        if not all(map(math.isfinite, reply.values)):
+            raise Refusal("its ratio is not finite")
+        return reply
+
+    return scoring.row_of(record, answer, name)
+
+
+def main() -> None:
+    """Run the command line: answer the records that the table lacks, and write the page."""
+    parser = page_options(__doc__)
+    parser.set_defaults(workers=1)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument(
         "--count", type=int, default=COUNT, help="number of simulated records, of five groups in turn"
     )
-    parser.add_argument("--peers", nargs="+", default=list(ROSTER), choices=list(ROSTER))
-    parser.add_argument("--out", type=Path, default=Path("reports/contest"))
-    parser.add_argument("--rows", type=Path, help="table of the rows; by default OUT/rows.csv")
-    parser.add_argument("--kept", type=Path, help="table from which the rows of the other peers are copied")
-    options = parser.parse_args(arguments)
-    entries = {name: ROSTER[name] for name in options.peers}
-    environments = {e.environment.name: e.environment for e in entries.values() if e.environment is not None}
-    missing = {name: why for name, environment in environments.items() if (why := environment.make())}
-    able = [n for n, e in entries.items() if e.environment is None or e.environment.name not in missing]
-    records = []
+    options = parser.parse_args()
+    records = [simulate_record(options.seed, number) for number in range(options.count)]
+    for name in ROSTER:  # import and compile before any record is timed
+        row_of(records[0], name)
     try:
-        records += measured_records(MEASURED)
+        records = measured_records(MEASURED) + records
     except Refusal as refusal:
         print(f"measured records are omitted: {refusal}", file=sys.stderr)
-    records += [simulate_record(options.seed, number) for number in range(options.count)]
-    for name in able:
-        if entries[name].environment is None:  # import and compile before any record is timed
-            row_of(closed_form(), name)
-    table = options.rows or options.out / "rows.csv"
-    todo = {f"{record.name}/{name}": (record, name) for record in records for name in able}
-    try:
-        complete_rows(table, COLUMNS, todo, row_of, workers=1, key=("record", "peer"))
-        rows = read_rows(table, COLUMNS)
-        if options.kept:
-            rows = with_others(rows, read_rows(options.kept, COLUMNS), records, options.peers)
-            write_rows(options.out / "rows.csv", rows)
-    except InputError as fault:
-        print(fault, file=sys.stderr)
-        return 2
-    for name in able:
-        if isinstance(peer := entries[name].peer, Child):
-            peer.close()
-    if rows.empty:
-        print(f"{table}: there are no rows for a page", file=sys.stderr)
-        return 2
-    write(options.out, rows, missing)
-    return 0
+    todo = {f"{record.name}/{name}": (record, name) for record in records for name in ROSTER}
+    make_page(options, "rows.csv", COLUMNS, todo, row_of, page, KEY)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

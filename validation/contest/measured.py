@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from bayesdamp.types import Refusal, Signal
-from validation.contest.apart.shared import even, spectral_peak
-from validation.contest.records import Record
+from validation.contest.peers.shared import even, spectral_peak
+from validation.truth.records import Case
 
 FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
 PARTS = (5 / 6, 1 / 2, 1 / 6)
@@ -21,7 +22,7 @@ NEAR = 0.35
 LEAST = 6
 
 
-def measured_records(folder: Path) -> list[Record]:
+def measured_records(folder: Path) -> list[Case]:
     """Return a record for each of the ten runs, with the true damping ratios. Raises Refusal if the file is missing.
 
     The truth at an amplitude comes from the half cycles of all other runs near this amplitude. For each two successive
@@ -42,9 +43,10 @@ def measured_records(folder: Path) -> list[Record]:
         high = lost[i][:, 0].max()
         low = max(lost[i][:, 0].min(), FLOOR * high)
         amplitudes = tuple(float(low * (high / low) ** part) for part in PARTS)
-        ratios = tuple(_line_near(others, a) for a in amplitudes)
-        name = f"measured-ten_runs-{i}"
-        records.append(Record(name, "measured", "ten_runs", signal.t, signal.y, amplitudes, ratios))
+        ratio = partial(_line_near, others)
+        records.append(
+            Case(f"measured-ten_runs-{i}", "measured", signal, "", ratio=ratio, amplitudes=amplitudes)
+        )
     return records
 
 

@@ -8,34 +8,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import quad
 
-from bayesdamp.formatting import markdown_table as table
-from bayesdamp.inference.deviation.draws import candidate_probabilities
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import COMPARED, answer
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
 from validation.rows import make_page, page_options, total, where
-from validation.scoring import hits_of
+from validation.scoring import (
+    COLUMNS,
+    KEY,
+    Reply,
+    coverage,
+    groups_of,
+    hits_of,
+    named,
+    reply_of,
+    row_of,
+    score_table,
+    terms_of,
+)
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
+from validation.truth.ratio import harmonic_ratio
+from validation.truth.records import Case
 
 EXPONENT = "exponent"
+PARAMETERS = ("nats", "intervals", "held")
+"""Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
+how many of these contain the truth."""
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")
-COLUMNS = (
-    "case", "term", "truth", "share", "nats", "exact", "exponent", "exponent_low", "exponent_high", "first",
-    "probability", "decided", "intervals", "held", "missed",
-)  # fmt: skip
-HEADS = (
-    "term", "most probable", "true sum most probable", "named outright, correctly", "named outright, wrongly",
-    "named correctly, of the distinguishable", "intervals with the truth",
-)  # fmt: skip
 Force = Callable[[float, float, float], float]
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
 LEAST_NATS = 12.0
@@ -102,46 +108,22 @@ def truth_of(term: str, rng: np.random.Generator, size: float, speed: float) -> 
     return Truth("c_power", lambda x, v, turn: speed * abs(v / speed) ** p * turn, {"exponent": p})
 
 
-@dataclass(frozen=True)
-class Case:
-    """A simulated record.
-
-    Attributes
-    ----------
-    signal : Signal
-        The record.
-    damping : str
-        The true sum.
-    values : dict
-        True values of its parameters, by name.
-    share : float
-        Share of the term in the energy that is lost over the record; 1 if it is alone.
-    noise : float
-        Standard deviation of the noise, in the unit of the record.
-    """
-
-    signal: Signal
-    damping: str
-    values: dict[str, float]
-    share: float
-    noise: float
-
-
 def case(term: str, seed: int) -> Case:
     """Simulate a record of a term, alone or with viscous damping.
 
-    Its amplitude falls by 60 to 88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude. A draw that
-    sticks, falls less, or whose term has less than 30 % of the loss is repeated.
+    Its `parameters` are those of its damping, its `shares` has only the share of the term. Its amplitude falls by 60 to
+    88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude. A draw that sticks, falls less, or whose
+    term has less than 30 % of the loss is repeated.
     """
     rng = np.random.default_rng(seed)
     while True:
         try:
-            return _simulate(term, rng)
+            return _simulate(term, rng, f"{term}-{seed}")
         except NoMotionError:
             pass
 
 
-def _simulate(term: str, rng: np.random.Generator) -> Case:
+def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     """Draw and simulate one record as `case` describes. Raises NoMotionError if the draw breaks a rule named there."""
     size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
@@ -151,13 +133,7 @@ def _simulate(term: str, rng: np.random.Generator) -> Case:
 
     def ratio(a: float) -> float:
         """Return the equivalent damping ratio at an amplitude, per unit of the coefficient."""
-
-        def power(phase: float) -> float:
-            v = a * frequency * math.sin(phase)
-            return truth.force(a * math.cos(phase), v, math.copysign(1.0, v)) * v
-
-        lost = sum(quad(power, low, high)[0] for low, high in pairwise(np.linspace(0, 2 * np.pi, 9)))
-        return lost / (2 * np.pi * (frequency * a) ** 2 * frequency)
+        return harmonic_ratio(lambda x, v: truth.force(x, v, math.copysign(1.0, v)), a, frequency)
 
     rate = (1 - share) / share * ratio(size * math.sqrt(left))  # viscous ratio per unit of the coefficient
     grid = np.geomspace(size, left * size, 60)
@@ -186,7 +162,8 @@ def _simulate(term: str, rng: np.random.Generator) -> Case:
     noise = float(rng.uniform(0.005, 0.02)) * size
     values = {truth.coefficient: coefficient, **truth.further} | ({} if alone else {"zeta": zeta})
     signal = Signal(times, y + noise * rng.standard_normal(times.size))
-    return Case(signal, term if alone else f"viscous+{term}", values, float(part), noise)
+    damping = "power" if term == EXPONENT else term if alone else f"viscous+{term}"
+    return Case(name, term, signal, damping, parameters=values, noise_sd=noise, shares={term: float(part)})
 
 
 def nats_ahead(comparison: ModelComparison, c: Case) -> float:
@@ -195,90 +172,81 @@ def nats_ahead(comparison: ModelComparison, c: Case) -> float:
     It is the difference of the log likelihoods if the laws hold exactly, with the true noise. It is infinite if no such
     sum was fitted, because all were expected to be hopeless, and NaN if the true sum was not fitted.
     """
-    true = set(c.damping.split("+"))
+    true = terms_of(c.damping)
     squares = {frozenset(r.candidate.damping): r.fit.squares for r in comparison.results}
-    if frozenset(true) not in squares:
-        return float("nan")
     rival = min((value for terms, value in squares.items() if not true <= terms), default=math.inf)
-    return (rival - squares[frozenset(true)]) / (2 * c.noise**2 / comparison.data.thinned)
+    return (rival - squares.get(true, math.nan)) / (2 * c.noise_sd**2 / comparison.data.thinned)
 
 
-def row(term: str, seed: int) -> dict[str, object]:
-    """Simulate a record of a term and answer it; return the row of the table that compares the answer with the truth.
+def row(term: str, seed: int) -> dict[str, Any]:
+    """Simulate a record of a term and answer it; return the row of the table.
 
-    For the term "exponent" the answer is the exponent of a power law, else the most probable sum and its intervals.
-
-    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping. The row also
-    contains the probability of the true sum under exact laws, and the parameters whose intervals miss the truth.
+    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping. For the term
+    "exponent", the value of the row is not a damping ratio but the exponent of a power law.
     """
     c = case(term, seed)
-    head = {"case": f"{term}-{seed}", "term": term, "share": c.share}
-    if term == EXPONENT:
-        e = answer(c.signal, restoring=["linear"], sample=False).verdict.exponent
-        low, value, high = (np.nan,) * 3 if e is None else (e.low, e.value, e.high)
-        truth = c.values["exponent"]
-        return head | {
-            "truth": truth, "exponent": value, "exponent_low": low, "exponent_high": high, "intervals": 1,
-            "held": int(low <= truth <= high),
-        }  # fmt: skip
     results: dict[str, ModelComparison] = {}
-    sums = [*all_sums(), term, f"viscous+{term}"]
-    verdict = answer(c.signal, damping=sums, restoring=["linear"], comparisons=results).verdict
-    comparison = results.get(COMPARED)
-    under_exact = candidate_probabilities(comparison, True) if comparison else {}
-    truth = set(c.damping.split("+"))
-    intervals = {
-        q.name: bool(q.low <= c.values[q.name] <= q.high)
-        for q in (verdict.coefficients if verdict.damping == c.damping else ())
-        if q.name in c.values
-    }
-    return head | {
-        "truth": c.damping, "nats": nats_ahead(comparison, c) if comparison else np.nan,
-        "exact": sum(p for candidate, p in under_exact.items() if set(candidate.damping) == truth),
-        "first": max((v.probability, v.damping) for v in (verdict, *verdict.rivals))[1],
-        "probability": verdict.probability, "decided": int(verdict.decided),
-        "intervals": len(intervals), "held": sum(intervals.values()),
-        "missed": " ".join(name for name, holds in intervals.items() if not holds),
-    }  # fmt: skip
+    further: dict[str, float] = {"intervals": 0, "held": 0}
+
+    def answer_record(signal: Signal, _: tuple[float, ...]) -> Reply:
+        if term == EXPONENT:
+            e = answer(signal, restoring=["linear"], sample=False).verdict.exponent
+            if e is None:
+                raise Refusal("it has no exponent")
+            return Reply([e.value], [e.low], [e.high])
+        sums = [*all_sums(), term, f"viscous+{term}"]
+        verdict = answer(signal, damping=sums, restoring=["linear"], comparisons=results).verdict
+        inside = [
+            q.low <= c.parameters[q.name] <= q.high
+            for q in (verdict.coefficients if verdict.damping == c.damping else ())
+            if q.name in c.parameters
+        ]
+        further.update(intervals=len(inside), held=sum(inside))
+        return replace(reply_of(verdict), values=(), low=(), high=(), amplitudes=())
+
+    row = row_of(c, answer_record)
+    if term == EXPONENT:
+        row["true_1"] = c.parameters["exponent"]
+    if COMPARED in results:
+        further["nats"] = nats_ahead(results[COMPARED], c)
+    return row | further
 
 
 def page(rows: pd.DataFrame) -> str:
     """Return the page on these rows in Markdown."""
-    exponents, others = where(rows, term=EXPONENT), where(rows, rows["term"] != EXPONENT)
-    named, is_true = others["decided"] == 1, others["first"] == others["truth"]
-    has_term = [t in first.split("+") for t, first in zip(others["term"], others["first"], strict=True)]
-    others = others.assign(has_term=has_term, is_true=is_true, right=named & is_true, wrong=named & ~is_true)
-    distinct = where(others, others["nats"] >= LEAST_NATS)
-    cells = []
-    for term in TERMS:
-        own, clear = where(others, term=term), where(distinct, term=term)
-        cells.append([
-            f"`{term}`", *(hits_of(total(own, what), len(own)) for what in ("has_term", "is_true", "right", "wrong")),
-            hits_of(total(clear, "right"), len(clear)), f"{total(own, 'held')} of {total(own, 'intervals')}",
-        ])  # fmt: skip
-    count = len(exponents)
-    below = [
-        share for share in np.arange(0.94, 0.3, -0.01) if count
-        and 0.95 - share > 1.96 * np.sqrt(0.95 * 0.05 / count) + 0.84 * np.sqrt(share * (1 - share) / count)
-    ]  # fmt: skip
+    exponents, others = where(rows, group=EXPONENT), where(rows, rows["group"] != EXPONENT)
+    more = {
+        "named correctly, of the distinguishable": _of_distinguishable,
+        "intervals of parameters with the truth": lambda part: (
+            f"{total(part, 'held')} of {total(part, 'intervals')}"
+        ),
+    }
+    scores = (
+        "records", "true sum most probable", "named outright, correctly", "named outright, wrongly", "CPU seconds",
+    )  # fmt: skip
     return f"""# The exponent, and damping terms that are not in the paper
 
-The exponent's 95 % interval contains the truth in {hits_of(total(exponents, "held"), count)} power laws. \
-Of {len(others)} records of six further terms, {named.sum()} are named outright, \
-{total(others, "right")} of these correctly. Of the {len(distinct)} records whose true sum is distinguishable, \
-{total(distinct, "right")} are named outright and correctly.
+The exponent's 95 % interval contains the truth in {coverage(exponents)} of {len(exponents)} power laws. Of \
+{len(others)} records of six further terms, {named(others)} are named outright, {named(others, right=1)} of these \
+correctly. Of the records whose true sum is distinguishable, {_of_distinguishable(others)} are named outright and \
+correctly.
 
 The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of noise. The term \
 dissipates at least 30 % of the energy, alone or together with viscous damping. It is compared with the paper's seven \
 sums, with sequential Monte Carlo. Exponents are between 0.2 and 2.5. The true sum is distinguishable if its best fit \
 is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. The brackets contain 95 % intervals of \
-the fractions. {count} exponents distinguish a coverage of 0.95 from one below {max(below, default=0.0):.2f} (5 %) \
-with a probability of 0.8.
+the fractions.
 
-{table(HEADS, cells)}
+{score_table({f"`{term}`": part for term, part in groups_of(others, order=TERMS).items()}, *scores, more=more)}
 
-laws.csv has every record. `make reports` makes this report again; `ARGS=--full` uses more records.
+laws.csv has every record. `make reports` makes this report again.
 """
+
+
+def _of_distinguishable(rows: pd.DataFrame) -> str:
+    """Return how many dampings are named outright and correctly, of those that the record can distinguish, as text."""
+    clear = where(rows, rows["nats"] >= LEAST_NATS)
+    return hits_of(named(clear, right=1), len(clear))
 
 
 def main() -> None:
@@ -295,8 +263,8 @@ def main() -> None:
     for k, term in enumerate(given.terms):
         first = given.seed + 1000 * k
         count = given.exponents if term == EXPONENT else given.each
-        todo |= {f"{term}-{seed}": (term, seed) for seed in range(first, first + count)}
-    make_page(given, "laws.csv", COLUMNS, todo, row, page)
+        todo |= {f"{term}-{seed}/bayesdamp": (term, seed) for seed in range(first, first + count)}
+    make_page(given, "laws.csv", (*COLUMNS, *PARAMETERS), todo, row, page, KEY)
 
 
 if __name__ == "__main__":

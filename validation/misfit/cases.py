@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from bayesdamp.types import Signal
 from validation.misfit import records as rec
 from validation.truth.drawing import log_uniform
 from validation.truth.oscillator import SUMS
+from validation.truth.records import Case
 
 SAMPLES = 240
 OUTSIDE = (
@@ -20,34 +20,11 @@ INSIDE = ("clean", "two_cycles", "coarse", "quantised", "outliers", "gaps", "sli
 """Kinds of records whose damping sum and restoring law are among those compared (the family), most with poor data."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A simulated record.
-
-    Attributes
-    ----------
-    name : str
-        Name of the record.
-    kind : str
-        A kind in OUTSIDE or INSIDE.
-    damping : str
-        The true damping sum; for a damping outside the family its name, such as "cubic".
-    noise : float
-        Standard deviation of the noise relative to the amplitude.
-    t, y : (n,) array
-        Times in s and angles in rad.
-    """
-
-    name: str
-    kind: str
-    damping: str
-    noise: float
-    t: np.ndarray
-    y: np.ndarray
-
-
 def draw_case(kind: str, number: int, seed: int) -> Case:
-    """Simulate a random record of a kind. The record is determined by its kind, its number and the seed."""
+    """Simulate a random record of a kind, with angles in rad. Kind, number and seed determine it.
+
+    A damping outside the family has its own name, such as "cubic". The noise is relative to the amplitude.
+    """
     rng = np.random.default_rng([seed, (*OUTSIDE, *INSIDE).index(kind), number])
     cycles = float(rng.uniform(6, 12))
     if kind == "two_cycles":
@@ -81,9 +58,8 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
             keep[first : first + 16] = False
     amplitude, frequency = log_uniform(rng, 0.05, 1.5), log_uniform(rng, 0.5, 40.0)
     rest = float(rng.normal(0.0, amplitude))
-    return Case(
-        f"{kind}-{seed}-{number}", kind, truth, noise, times[keep] / frequency, rest + amplitude * y[keep]
-    )
+    signal = Signal(times[keep] / frequency, rest + amplitude * y[keep])
+    return Case(f"{kind}-{seed}-{number}", kind, signal, truth)
 
 
 def _motion(
@@ -115,7 +91,10 @@ def _motion(
             return rec.coupled(force, times, coupling, coupling * rng.uniform(-1.0, 1.0)), damping
         case "driven":
             size, phase = log_uniform(rng, 0.05, 0.4), rng.uniform(0, 2 * np.pi)
-            return rec.driven(force, times, rng.uniform(0.5, 1.6), size, phase), damping
+            frequency = rng.uniform(0.5, 1.6)
+            # The steady motion without damping has the amplitude `size`, but the force is limited near resonance.
+            drive = size * max(abs(1 - frequency**2), 0.02)
+            return rec.single(force, times, drive=lambda t: drive * np.cos(frequency * t + phase)), damping
         case "stiction":
             over, speed = rng.uniform(1.5, 3.0), rng.uniform(0.03, 0.15)
             # Kinetic friction reduces the amplitude by 4 × kinetic in each cycle: the motion does not stop within the
@@ -123,12 +102,14 @@ def _motion(
             kinetic = rng.uniform(0.6, 0.95) / (4 * cycles)
             return rec.sticking(kinetic, over * kinetic, speed, times), "stiction"
         case "cubic" | "root":
-            return rec.free(rec.damping_of({kind: 1.0}, cycles, left), times), kind
+            return rec.single(rec.damping_of({kind: 1.0}, cycles, left), times), kind
         case "damping_changes":
-            return rec.changing(force, times, damping_grows=sign() * rng.uniform(1.0, 2.5)), damping
+            growth = sign() * rng.uniform(1.0, 2.5)  # of its logarithm over the record
+            return rec.single(force, times, loss=lambda t: np.exp(growth * (t / times[-1] - 0.5))), damping
         case "stiffness_changes":
-            return rec.changing(force, times, stiffness_grows=sign() * log_uniform(rng, 0.01, 0.1)), damping
-    motion = rec.free(force, times)
+            growth = sign() * log_uniform(rng, 0.01, 0.1)
+            return rec.single(force, times, stiffness=lambda t: 1 + growth * t / times[-1]), damping
+    motion = rec.single(force, times)
     match kind:
         case "two_modes":
             ratio = -np.log(rng.uniform(0.15, 0.8)) / (2 * np.pi * cycles)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 Force = Callable[[np.ndarray | float], np.ndarray | float]
+Function = Callable[[float], float]
 Slope = Callable[[float, np.ndarray], Sequence[np.ndarray | float]]
 
 TERMS: Mapping[str, Callable[[float], Force]] = {
@@ -57,38 +58,20 @@ def damping_of(shares: Mapping[str, float], cycles: float, left: float, eps: flo
     return lambda v: scale * unit(v)
 
 
-def free(damping: Force, times: np.ndarray) -> np.ndarray:
-    """Return the positions, (n,), at these times of a freely decaying oscillator with this damping force."""
-    return _solved(lambda t, s: [s[1], -damping(s[1]) - s[0]], [1.0, 0.0], times)
-
-
-def driven(damping: Force, times: np.ndarray, frequency: float, amplitude: float, phase: float) -> np.ndarray:
-    """Return the positions, (n,), of an oscillator with a harmonic driving force, which also starts at 1.
-
-    frequency: of the force, in natural frequencies. amplitude: of the steady motion without damping, except within 1 %
-    of resonance, where the force is limited. phase: of the force at the start, rad.
-    """
-    force = amplitude * max(abs(1 - frequency**2), 0.02)
-
-    def slope(t, s):
-        return [s[1], force * np.cos(frequency * t + phase) - damping(s[1]) - s[0]]
-
-    return _solved(slope, [1.0, 0.0], times)
-
-
-def changing(
-    damping: Force, times: np.ndarray, damping_grows: float = 0.0, stiffness_grows: float = 0.0
+def single(
+    damping: Force,
+    times: np.ndarray,
+    drive: Function = lambda t: 0.0,
+    loss: Function = lambda t: 1.0,
+    stiffness: Function = lambda t: 1.0,
 ) -> np.ndarray:
-    """Return the positions of an oscillator whose damping increases exponentially and whose stiffness linearly.
+    """Return the positions, (n,), at these times of an oscillator with this damping force.
 
-    Over the record the damping increases by the factor exp(damping_grows), and is `damping` at the middle; the
-    stiffness increases by the fraction `stiffness_grows`.
+    drive, loss, stiffness: a driving force, and factors on the damping and on the stiffness, as functions of time.
     """
-    end = float(times[-1])
 
     def slope(t, s):
-        loss = np.exp(damping_grows * (t / end - 0.5)) * damping(s[1])
-        return [s[1], -loss - (1 + stiffness_grows * t / end) * s[0]]
+        return [s[1], drive(t) - loss(t) * damping(s[1]) - stiffness(t) * s[0]]
 
     return _solved(slope, [1.0, 0.0], times)
 

@@ -1,4 +1,4 @@
-"""Make the stale reports: `python -m validation.reports [NAME ...] [--check] [--full]`."""
+"""Make the stale reports: `python -m validation.reports [NAME ...] [--check]`."""
 
 from __future__ import annotations
 
@@ -33,9 +33,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "names", nargs="*", help="reports to make; by default all stale ones, the fastest first"
     )
     parser.add_argument("--check", action="store_true", help="only list which reports are stale")
-    parser.add_argument(
-        "--full", action="store_true", help="use enough records to decide small effects; takes a day"
-    )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.names) - {r.name for r in RECIPES})
     if unknown:
@@ -53,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
-    made = [_make(recipe.whole if options.full else recipe) for recipe in chosen]
+    made = [_make(recipe) for recipe in chosen]
     return 0 if all(made) else STALE
 
 

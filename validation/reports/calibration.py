@@ -82,7 +82,7 @@ probability of {POWER:g}; with the correction for the whole table, they must be 
 A record without an oscillation is omitted before sampling. That does not bias the result, because a posterior is \
 conditional on its record. No record is omitted because of a result of a sampler. report.html has the histograms of \
 the ranks with their bands, calibration.csv every check, and ranks.csv every rank. `make reports` makes this report \
-again; `ARGS=--full` uses eight times as many records.
+again.
 """
 
 
@@ -116,7 +116,7 @@ stated probabilities predict {result["log_score_expected"]:.3f}, and chance give
 {table([*heads, f"{1 - FALSE_ALARM:.0%} band for all bins together"], lines)}
 
 {result["tried"]} records were attempted; refused: {refused}. recovery.csv has every record. `make reports` makes \
-this report again; `ARGS=--full` uses ten times as many records.
+this report again.
 """
 
 

@@ -10,7 +10,7 @@ import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import quad
-from scipy.optimize import root_scalar
 from scipy.stats import binom, poisson
 
 from bayesdamp.priors import odds
@@ -27,6 +25,7 @@ from bayesdamp.types import OK
 from validation.rows import read_rows, where
 from validation.scoring import terms_of
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
+from validation.truth.ratio import true_ratio
 
 EXCLUDED = 0.05
 """A record that is not decided excludes the true damping if its probability is below this value."""
@@ -97,29 +96,6 @@ class Quoted:
 
     def __str__(self) -> str:
         return f"{self.record}: {self.what} is {self.low:.4g} to {self.high:.4g}, but the truth is {self.truth:.4g}"
-
-
-def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
-    """Return the equivalent damping ratio at an amplitude in rad.
-
-    It is the energy lost in a cycle over 4π times the energy at the amplitude, half the range of the motion.
-    """
-    potential = oscillator.potential()
-
-    def uneven(middle: float) -> float:
-        return potential(middle + amplitude) - potential(middle - amplitude)
-
-    ends = (-0.5 * amplitude, 0.5 * amplitude)
-    middle = 0.0 if uneven(0.0) == 0 else root_scalar(uneven, bracket=ends).root
-    top = potential(middle + amplitude)
-    zeta, friction, drag = (oscillator.damping.get(term, 0.0) for term in COEFFICIENTS)
-
-    def lost(phase: float) -> float:
-        v = math.sqrt(2 * max(top - potential(middle + amplitude * math.sin(phase)), 0.0))
-        turn = math.tanh(v / oscillator.epsilon) if oscillator.epsilon else 1.0
-        return 2 * (2 * zeta * v + friction * turn + drag * v * v) * amplitude * math.cos(phase)
-
-    return float(quad(lost, -0.5 * math.pi, 0.5 * math.pi, limit=200)[0]) / (4 * math.pi * top)
 
 
 def named_wrongly(
@@ -203,12 +179,7 @@ def of_study(folder: Path) -> list[str]:
                 true = true_ratio(truth.oscillator, r["amplitude"] * RADIANS[r["unit"]])
                 intervals.append(Quoted(record, what, r["low"], r["high"], true))
     wrong += misses(intervals) + misses(_posteriors(folder, truths))
-    return (
-        wrong
-        + _other_truths(folder, truths)
-        + _other_leaders(folder, verdicts)
-        + _not_quoted(folder, verdicts)
-    )
+    return wrong + _other_leaders(folder, verdicts) + _not_quoted(folder, verdicts)
 
 
 def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quoted]:
@@ -220,17 +191,6 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quote
         if terms_of(row["model"]) == truth.damping and name in {*COEFFICIENTS.values()} & {*truth.truth}:
             record, what = f"{row['signal']}/{row['repeat']}", f"{name} by {row['sampler']}"
             yield Quoted(record, what, row["q2.5"], row["q97.5"], truth.truth[name])
-
-
-def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
-    """Return a sentence for each true value in estimates.csv that differs from that in the study's settings."""
-    wrong = set()
-    for row in read_rows(folder / "estimates.csv").to_dict("records"):
-        signal, name, stated = row["signal"], row["parameter"], row["truth"]
-        own = truths[signal].truth.get(name, math.nan) if signal in truths else math.nan
-        if abs(stated - own) > 1e-9 * abs(own) + 1e-15:  # false if either is NaN
-            wrong.add(f"{signal}: estimates.csv states {name} = {stated:g}, but it is {own:g}")
-    return sorted(wrong)
 
 
 def _other_leaders(folder: Path, verdicts: Verdicts) -> list[str]:
@@ -266,98 +226,49 @@ def _not_quoted(folder: Path, verdicts: Verdicts) -> list[str]:
     return [f"{record}: the page does not contain the sentence of its verdict" for record in lost]
 
 
-def of_many(
-    rows: pd.DataFrame,
-    what: str,
-    truth: str = "truth",
-    first: str = "first",
-    p: str = "probability",
-    own: str = "",
-) -> list[str]:
-    """Return sentences if too many records of a table name a wrong damping outright, or exclude the true damping.
+def of_rows(rows: pd.DataFrame, name: str) -> list[str]:
+    """Return the contradictions in a table of many records, whose columns are those of `validation.scoring`.
 
-    The first number is compared with its expectation, the sum of 1 − probability over the records that name a damping
-    outright, the second with 5 % of the records, each by a test with the false-alarm probability `ALARM`.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        The answered records. The column `decided` states whether the damping is named outright.
-    what : str
-        Name of the table, for the sentences.
-    truth, first, p, own : str
-        The columns of the true damping, of the first damping, of its probability, and of the probability of the true
-        damping. `own` is empty if the table does not have this column.
-    """
-    sure = where(rows, decided=1)
-    wrong = sum(terms_of(name) != terms_of(true) for name, true in zip(sure[first], sure[truth], strict=True))
-    expected = (1 - sure[p]).sum()
-    sentences = []
-    if wrong and poisson.sf(wrong - 1, expected) < ALARM:
-        sentences.append(f"{what}: {wrong} of {len(sure)} are named wrongly, but {expected:.2g} are expected")
-    stated = rows[own].dropna() if own else ()
-    excluded = sum(probability < EXCLUDED for probability in stated)
-    if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
-        sentences.append(f"{what}: {excluded} of {len(stated)} exclude the true damping")
-    return sentences
-
-
-def quoted(rows: pd.DataFrame, what: str, record: str, low: str, high: str, truth: str) -> list[Quoted]:
-    """Return the intervals of a table, without rows that have none.
-
-    what: the value, in words. record, low, high, truth: names of the columns with the record, the ends of the interval
-    and the true value.
-    """
-    stated = rows.dropna(subset=[low])
-    columns = (stated[record], *(stated[name].astype(float) for name in (low, high, truth)))
-    return [Quoted(name, what, *numbers) for name, *numbers in zip(*columns, strict=True)]
-
-
-def of_deviation(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions in rows.csv of the report `deviation`, for its records of the family.
+    There are sentences if too many records name a wrong damping outright, or exclude the true damping. The first number
+    is compared with its expectation, the sum of 1 − probability over the records that name a damping outright, the
+    second with 5 % of the records, each by a test with the false-alarm probability `ALARM`. Its intervals are those of
+    the ratio at the middle amplitude; if there is only one amplitude, at this one.
 
     name: of the report, for the sentences.
     """
-    rows = where(rows, kind="family", outcome=OK)
-    rows = rows.assign(record=rows["case"] + "/" + rows["mode"])
-    intervals = quoted(rows, "ratio", "record", "low_2", "high_2", "ratio_2")
-    return of_many(rows, name, "damping", "named", own="true_probability") + misses(intervals)
-
-
-def of_laws(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions of the table of the report `laws`, on further damping terms, with its truth."""
-    exponents = where(rows, term="exponent")
-    intervals = quoted(exponents, "exponent", "case", "exponent_low", "exponent_high", "truth")
-    return of_many(rows.dropna(subset=["first"]), name) + misses(intervals)
-
-
-def of_misfit(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions in the table of the report `misfit`: of rows called right, and of clean records."""
-    sentences = [
-        f"{r['case']}: {r['damping']} is called right, but the truth is {r['truth']}"
-        for r in where(rows, outcome="right").to_dict("records")
-        if terms_of(r["damping"]) != terms_of(r["truth"])
-    ]
-    clean = where(rows, kind="clean").dropna(subset=["damping"])
-    clean = clean.assign(decided=clean["outcome"].isin(["right", "wrong"]))
-    return sentences + of_many(clean, name, first="damping")
-
-
-def of_recovery(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions between the probabilities of a model recovery and the true dampings in its table."""
     rows = where(rows, outcome=OK)
-    by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]]
+    decided = where(rows.dropna(subset=["named"]), decided=1)
+    wrong, expected = len(where(decided, right=0)), float((1 - decided["probability"]).sum())
+    sentences = []
+    if wrong and poisson.sf(wrong - 1, expected) < ALARM:
+        sentences.append(
+            f"{name}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
+        )
+    stated = rows["true_probability"].dropna()
+    excluded = int((stated < EXCLUDED).sum())
+    if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
+        sentences.append(f"{name}: {excluded} of {len(stated)} exclude the true damping")
+    at = 2 if rows["low_2"].notna().any() else 1
+    known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
+    columns = (
+        known["record"] + "/" + known["peer"],
+        *(known[f"{what}_{at}"] for what in ("low", "high", "true")),
+    )
+    return sentences + misses(
+        [Quoted(record, "ratio", *numbers) for record, *numbers in zip(*columns, strict=True)]
+    )
+
+
+def of_recovery(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of a model recovery with the columns that `of_rows` needs."""
+    rows = where(rows, outcome=OK)
+    by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]].astype(float)
+    named, highest = by_damping.idxmax(axis=1), by_damping.max(axis=1)
     own = [row[row["model"]] for row in rows.to_dict("records")]
-    highest = by_damping.max(axis=1)
-    rows = rows.assign(first=by_damping.idxmax(axis=1), probability=highest, decided=highest >= 0.95, own=own)
-    return of_many(rows, name, "model", own="own")
-
-
-def of_light(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions of the table of the report `light`, on light damping, with its truth."""
-    rows = where(rows, outcome=OK)
-    intervals = quoted(rows, "ratio", "record", "low", "high", "true_ratio")
-    return of_many(rows, name, p="p_first", own="p_truth") + misses(intervals)
+    return rows.assign(
+        named=named, probability=highest, decided=(highest >= 0.95).astype(int), true_probability=own, low_2=np.nan,
+        right=(named == rows["model"]).astype(int), low_1=np.nan, high_1=np.nan, true_1=np.nan, peer="",
+    )  # fmt: skip
 
 
 SENTENCE = re.compile(
@@ -408,14 +319,15 @@ def of_document(page: Path) -> list[str]:
     return wrong + misses(intervals)
 
 
-TABLES: Mapping[str, Callable[[pd.DataFrame, str], list[str]]] = {
-    "deviation/rows.csv": of_deviation,
-    "laws/laws.csv": of_laws,
-    "light/rows.csv": of_light,
-    "misfit/scored.csv": of_misfit,
-    "model_recovery/recovery.csv": of_recovery,
+TABLES: Mapping[str, Mapping[str, str]] = {
+    "deviation/rows.csv": {"group": "family"},
+    "laws/laws.csv": {},
+    "light/rows.csv": {},
+    "misfit/scored.csv": {"group": "clean"},
+    "model_recovery/recovery.csv": {},
 }
-"""For each table with many records, its path below reports/ and the function that returns its contradictions."""
+"""For each table with many records, its path below reports/ and the values of the rows that are compared, by column:
+those whose true law is among the compared ones."""
 
 
 def contradictions(page: Path) -> list[str]:
@@ -423,10 +335,11 @@ def contradictions(page: Path) -> list[str]:
     if not page.is_dir():
         return of_document(page) if page.suffix == ".md" else []
     wrong = []
-    for place, compare in TABLES.items():
+    for place, chosen in TABLES.items():
         table = page.parent / place
         if table.parent == page and table.is_file():
-            wrong += compare(read_rows(table), page.name)
+            rows = where(read_rows(table), **chosen)
+            wrong += of_rows(of_recovery(rows) if page.name == "model_recovery" else rows, page.name)
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
         wrong += of_study(page)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 ENGINE = tuple(
     f"bayesdamp/{part}"
@@ -34,20 +34,12 @@ class Recipe:
         and {work} are replaced: {work} is a folder for intermediate files, a new one for changed sources.
     sources : tuple of str
         Files and folders, relative to the root, whose code the numbers depend on.
-    full : tuple of str
-        Commands, instead of `commands`, with enough records to decide small effects; empty if there are none.
     """
 
     name: str
     cost: int
     commands: tuple[str, ...]
     sources: tuple[str, ...]
-    full: tuple[str, ...] = ()
-
-    @property
-    def whole(self) -> Recipe:
-        """The recipe with `full` as its commands; the recipe itself if `full` is empty."""
-        return replace(self, commands=self.full, full=()) if self.full else self
 
 
 def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> Recipe:
@@ -55,56 +47,34 @@ def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> 
     return Recipe(name, cost, (command, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
 
 
-def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
+def _calibration(name: str, cost: int, options: str = "") -> Recipe:
     command = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
     page = f"{PYTHON} {PAGES}.calibration {{out}}"
     sources = *ENGINE, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
-    return Recipe(name, cost, (command, page), sources, (f"{command} {full}", page))
+    return Recipe(name, cost, (command, page), sources)
 
 
-def _page(name: str, cost: int, module: str, options: str, full: str, sources: tuple[str, ...]) -> Recipe:
-    """Return the recipe of a page that `module` makes; `full` are its command line options for many records."""
-    command = f"{PYTHON} {module} {{work}}/rows.csv {{out}}"
-    return Recipe(name, cost, (f"{command} {options}",), sources, (f"{command} {full}",))
+def _page(name: str, cost: int, module: str, options: str, *sources: str) -> Recipe:
+    """Return the recipe of a page that `module` makes from records that it simulates."""
+    command = f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}"
+    return Recipe(name, cost, (command,), (*TRUTH, *sources))
 
 
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
     _page(
         "deviation", 10, f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20",
-        "--family 200 --discrepant 200 --dense 30", (*TRUTH, "validation/reports/deviation.py"),
+        "validation/reports/deviation.py",
     ),
+    _page("misfit", 2, "validation.misfit.scoring", "--seed 21 --count 6", "validation/misfit"),
+    _page("laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "validation/experiments/laws.py"),
     _page(
-        "misfit", 2, "validation.misfit.scoring", "--seed 21 --count 6", "--seed 21 --count 18",
-        (*TRUTH, "validation/misfit"),
+        "evidence_audit", 2, "tests.inference.evidence.audit", "--count 12", "tests/inference/evidence/audit.py"
     ),
-    _page(
-        "laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "--exponents 200 --each 15",
-        (*TRUTH, "validation/experiments/laws.py"),
-    ),
-    _page(
-        "evidence_audit", 2, "tests.inference.evidence.audit", "--count 12", "--count 50",
-        (*ENGINE, "tests/inference/evidence/audit.py"),
-    ),
-    _calibration("calibration", 7, "--records 500"),
-    _calibration("model_recovery", 6, "--records 1000", " --models"),
-    Recipe(
-        "contest", 8,
-        (
-            f"{PYTHON} validation.contest --peers script bayesdamp --seed 813 --rows {{work}}/rows.csv "
-            "--kept reports/contest/rows.csv --out {out}",
-        ),
-        (
-            *TRUTH,
-            *(
-                f"validation/contest/{n}.py"
-                for n in ("measured", "records", "rows", "peers/ours", "peers/script")
-            ),
-        ),
-    ),
-    _page(
-        "light", 14, f"{PAGES}.light", "--few 20", "--records 200 --few 100", (*TRUTH, "validation/reports/light.py")
-    ),
+    _calibration("calibration", 7),
+    _calibration("model_recovery", 6, " --models"),
+    _page("contest", 8, "validation.contest", "--seed 813", "validation/contest"),
+    _page("light", 14, f"{PAGES}.light", "--few 20", "validation/reports/light.py"),
     Recipe("measured", 6, (f"{PYTHON} validation.measured.run {{out}}",), (*ENGINE, "validation/measured")),
     _study("paper", 7),
     _study(

@@ -28,8 +28,7 @@ class Stamp:
 def digest(recipe: Recipe, root: Path) -> str:
     """Return the SHA-256 digest of everything that the numbers of a report depend on.
 
-    These are its commands, its source files without comments and docstrings (the order of imports does not matter), and
-    its other files byte by byte.
+    These are its commands, its source files without comments and docstrings, and its other files byte by byte.
 
     Parameters
     ----------
@@ -61,12 +60,7 @@ def stamps(reports: Path) -> dict[str, Stamp]:
 def stale(root: Path) -> list[Recipe]:
     """Return the reports without a stamp, and those whose sources have changed since."""
     stamp_of = stamps(root / "reports")
-    return [r for r in RECIPES if r.name not in stamp_of or not is_fresh(r, stamp_of[r.name], root)]
-
-
-def is_fresh(recipe: Recipe, stamp: Stamp, root: Path) -> bool:
-    """Return whether the report with this stamp was made from the current sources, by its usual or full commands."""
-    return stamp.digest in (digest(recipe, root), digest(recipe.whole, root))
+    return [r for r in RECIPES if r.name not in stamp_of or stamp_of[r.name].digest != digest(r, root)]
 
 
 def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
@@ -75,35 +69,19 @@ def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
     write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})
 
 
-class _Code(ast.NodeTransformer):
-    """Removes docstrings and imports from a syntax tree, and collects in `imported` what the code imports."""
-
-    def __init__(self) -> None:
-        self.imported: set[tuple[str, str, str]] = set()
-
-    def visit_Import(self, node: ast.Import | ast.ImportFrom) -> None:
-        module = f"{node.level}:{node.module}" if isinstance(node, ast.ImportFrom) else ""
-        self.imported |= {(module, n.name, n.asname or "") for n in node.names if module != "0:typing"}
-
-    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
-        self.visit_Import(node)
-
-    def visit_If(self, node: ast.If) -> ast.AST | None:
-        self.generic_visit(node)
-        return None if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
-
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        is_text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-        return None if is_text else self.generic_visit(node)
-
-
 @cache
 def _without_words(text: str) -> str:
-    """Return the SHA-256 of the code in a source text, without comments and docstrings.
+    """Return the code in a source text, without comments and docstrings. Cached, because recipes share most files."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [line for line in node.body if not _is_text(line)]
+    return ast.dump(tree)
 
-    Results are cached because recipes share most files. The digest does not depend on where in the file an import
-    stands, only on what is imported.
-    """
-    code = _Code()
-    tree = code.visit(ast.parse(text))
-    return hashlib.sha256(f"{sorted(code.imported)}{ast.dump(tree)}".encode()).hexdigest()
+
+def _is_text(line: ast.stmt) -> bool:
+    return (
+        isinstance(line, ast.Expr)
+        and isinstance(line.value, ast.Constant)
+        and isinstance(line.value.value, str)
+    )

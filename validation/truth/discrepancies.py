@@ -12,12 +12,12 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from validation.truth.drawing import MIDDLE, Draw, log_uniform, middle_ratio
 from validation.truth.motion import Motion
 from validation.truth.oscillator import Discrepancy
+from validation.truth.ratio import harmonic_ratio
 
 CUBIC_SENSOR = 0.005
 DRIFT = 0.05
@@ -59,7 +59,7 @@ def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
     """Return a further damping force c |v|^1.7 sign v with 15 to 25 % of the loss at 0.75 A."""
-    c = _extra(draw, draw.taken, lambda x, v: math.copysign(abs(v) ** POWER, v))
+    c = _extra(draw, lambda x, v: math.copysign(abs(v) ** POWER, v))
     return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
 
 
@@ -76,7 +76,7 @@ def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
     """Return a further damping force c x² v with 15 to 25 % of the loss at 0.75 A."""
-    c = _extra(draw, draw.taken, lambda x, v: x * x * v)
+    c = _extra(draw, lambda x, v: x * x * v)
     return Discrepancy("x²v", lambda x, v, turn: c * x * x * v)
 
 
@@ -149,19 +149,13 @@ def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
     return Discrepancy(scale=scale)
 
 
-def _extra(draw: Draw, share: float, unit: Callable[[float, float], float]) -> float:
-    """Return the coefficient with which a damping force has this share of the energy loss at `MIDDLE` times A.
+def _extra(draw: Draw, unit: Callable[[float, float], float]) -> float:
+    """Return the coefficient with which a damping force has the share `draw.taken` of the loss at `MIDDLE` times A.
 
     unit: the force with the coefficient 1, as a function of displacement (rad) and velocity (rad/s).
     """
-    size, frequency = MIDDLE * draw.amplitude, draw.frequency
-
-    def loss(phase: float) -> float:
-        v = size * frequency * math.sin(phase)
-        return unit(size * math.cos(phase), v) * v
-
-    ratio = quad(loss, 0.0, 2 * np.pi)[0] / (2 * np.pi * (frequency * size) ** 2 * frequency)
-    return middle_ratio(draw) * share / (1 - share) / ratio
+    ratio = harmonic_ratio(unit, MIDDLE * draw.amplitude, draw.frequency)
+    return middle_ratio(draw) * draw.taken / (1 - draw.taken) / ratio
 
 
 KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] = {

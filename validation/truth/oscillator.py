@@ -27,28 +27,28 @@ Function = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """The parts of a motion that none of the compared laws contains; absent parts are None.
+    """The parts of a motion that none of the compared laws contains; by default there are none.
 
     Attributes
     ----------
     term : str
         Name of the extra damping force.
-    damping : callable, optional
+    damping : callable
         Extra damping force (rad/s²) of displacement x from the equilibrium (rad), velocity (rad/s) and its sign.
-    static_friction : callable, optional
+    static_friction : callable
         Part of the static friction at x that is due to the extra force, rad/s².
-    scale : callable, optional
+    scale : callable
         Factor on all damping at a time in s since the release.
-    spring, potential : callable, optional
+    spring, potential : callable
         Extra restoring force at x, rad/s², and its potential, rad²/s².
     """
 
-    term: str = ""
-    damping: Callable[[float, float, float], float] | None = None
-    static_friction: Function | None = None
-    scale: Function | None = None
-    spring: Function | None = None
-    potential: Function | None = None
+    term: str = "other"
+    damping: Callable[[float, float, float], float] = lambda x, v, turn: 0.0
+    static_friction: Function = lambda x: 0.0
+    scale: Function = lambda t: 1.0
+    spring: Function = lambda x: 0.0
+    potential: Function = lambda x: 0.0
 
 
 @dataclass(frozen=True)
@@ -118,35 +118,23 @@ class Oscillator:
             "duffing": lambda x: 0.5 * k * x * x + 0.25 * other * x**4,
         }
         law = potentials[self.restoring]
-        return law if extra is None else lambda x: law(x) + extra(x)
+        return lambda x: law(x) + extra(x)
 
     def acceleration(self) -> Callable[[float, float, float, float], float]:
         """Return θ̈ (rad/s²) as a function of time (s since the release), angle (rad), velocity (rad/s) and its sign."""
         zeta, friction, drag = (self.damping.get(term, 0.0) for term in TERMS)
         force, zero, eps, odd = self.force(), self.equilibrium(), self.epsilon, self.discrepancy
-        more, scale, spring = odd.damping, odd.scale, odd.spring
-        tanh = math.tanh
 
-        def plain(t: float, theta: float, v: float, sign: float) -> float:
-            turn = tanh(v / eps) if eps else sign
-            return -force(theta) - 2 * zeta * v - friction * turn - drag * v * abs(v)
+        def acceleration(t: float, theta: float, v: float, sign: float) -> float:
+            turn, x = math.tanh(v / eps) if eps else sign, theta - zero
+            loss = 2 * zeta * v + friction * turn + drag * v * abs(v) + odd.damping(x, v, turn)
+            return -force(theta) - loss * odd.scale(t) - odd.spring(x)
 
-        def general(t: float, theta: float, v: float, sign: float) -> float:
-            turn = tanh(v / eps) if eps else sign
-            x = theta - zero
-            loss = 2 * zeta * v + friction * turn + drag * v * abs(v)
-            if more is not None:
-                loss += more(x, v, turn)
-            if scale is not None:
-                loss *= scale(t)
-            return -force(theta) - loss - (spring(x) if spring is not None else 0.0)
-
-        return plain if more is None and scale is None and spring is None else general
+        return acceleration
 
     def static_friction(self, x: float) -> float:
         """Return the largest force (rad/s²) that dry friction can balance, at a displacement x (rad) from rest."""
-        more = self.discrepancy.static_friction
-        return self.damping.get("coulomb", 0.0) + (more(x) if more is not None else 0.0)
+        return self.damping.get("coulomb", 0.0) + self.discrepancy.static_friction(x)
 
     def _numbers(self) -> tuple[float, float, float]:
         given = [self.parameters[name] for name in LAWS[self.restoring]]

@@ -1,14 +1,19 @@
-"""Compute the equivalent damping ratio of a motion from the energy at its turning points."""
+"""Compute true equivalent damping ratios: along a motion, of an oscillator at an amplitude, and of a force."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.optimize import root_scalar
 
 from validation.truth.motion import Motion
+from validation.truth.oscillator import COEFFICIENTS, Oscillator
 
 PER_CYCLE = 24
 """Number of points of a `RatioCurve` in a cycle; cubic interpolation between them adds an error of less than 1e-6."""
@@ -82,6 +87,43 @@ def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCur
     cycles = 0.5 * (sides[0](u) + sides[1](u))
     ratio = 0.25 / np.pi * (1 / sides[0](u, nu=1) + 1 / sides[1](u, nu=1))
     return RatioCurve(cycles, _half_range(potential, np.abs(motion.turns).max())(np.exp(-u)), ratio)
+
+
+def harmonic_ratio(force: Callable[[float, float], float], amplitude: float, frequency: float) -> float:
+    """Return the equivalent damping ratio of a damping force for a harmonic motion, by quadrature.
+
+    force: of displacement (rad) and velocity (rad/s), rad/s². amplitude: rad. frequency: rad/s.
+    """
+
+    def power(phase: float) -> float:
+        v = amplitude * frequency * math.sin(phase)
+        return force(amplitude * math.cos(phase), v) * v
+
+    lost = sum(quad(power, low, high)[0] for low, high in pairwise(np.linspace(0, 2 * np.pi, 9)))
+    return lost / (2 * np.pi * (frequency * amplitude) ** 2 * frequency)
+
+
+def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
+    """Return the equivalent damping ratio at an amplitude in rad.
+
+    It is the energy lost in a cycle over 4π times the energy at the amplitude, half the range of the motion.
+    """
+    potential = oscillator.potential()
+
+    def uneven(middle: float) -> float:
+        return potential(middle + amplitude) - potential(middle - amplitude)
+
+    ends = (-0.5 * amplitude, 0.5 * amplitude)
+    middle = 0.0 if uneven(0.0) == 0 else root_scalar(uneven, bracket=ends).root
+    top = potential(middle + amplitude)
+    zeta, friction, drag = (oscillator.damping.get(term, 0.0) for term in COEFFICIENTS)
+
+    def lost(phase: float) -> float:
+        v = math.sqrt(2 * max(top - potential(middle + amplitude * math.sin(phase)), 0.0))
+        turn = math.tanh(v / oscillator.epsilon) if oscillator.epsilon else 1.0
+        return 2 * (2 * zeta * v + friction * turn + drag * v * v) * amplitude * math.cos(phase)
+
+    return float(quad(lost, -0.5 * math.pi, 0.5 * math.pi, limit=200)[0]) / (4 * math.pi * top)
 
 
 def _half_range(potential: Callable[[float], float], reach: float) -> Callable[[np.ndarray], np.ndarray]:

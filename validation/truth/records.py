@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from validation.truth.discrepancies import COULOMB, SHARE, TAKING
 from validation.truth.drawing import Draw, draw_oscillator
 from validation.truth.motion import Motion, NoMotionError, solve_motion
 from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Discrepancy
-from validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.ratio import ratio_curve
 from validation.truth.rivals import nats_ahead
 
 FAMILY = "family"
@@ -34,30 +35,28 @@ ATTEMPTS = 400
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A record and its truth.
+    """A record and its truth. What is unknown, or not needed, has its default value.
 
     Attributes
     ----------
-    name : str
-        Name of the record.
-    kind : str
-        "family" or one of the ten discrepancies.
+    name, group : str
+        Name of the record, and the group in which it is scored.
     signal : Signal
-        The record in rad, without the truth.
+        The record, without the truth.
     damping : str
         The true sum. If the record has a further damping term, the part that is in the family.
     restoring : str
         The true restoring law.
+    ratio : callable, optional
+        The equivalent damping ratio as a function of the amplitude, in the unit of the record.
+    amplitudes : tuple of float
+        The amplitudes at which an answer is judged, largest first. For a record by `case`: 0.75 cycles from either end
+        of the record, and their geometric mean.
     parameters : mapping
         The damping coefficients (zeta, mu_c, mu_q), the parameters of the law, epsilon, and the state at the start of
         the record (theta0, omega0), SI units.
     noise_sd : float
-        Standard deviation of the noise, rad.
-    ratio : RatioCurve
-        The equivalent damping ratio as a function of the amplitude (rad).
-    amplitudes : tuple of float
-        The three amplitudes (rad) at which an answer is judged, largest first: 0.75 cycles from either end of the
-        record, and their geometric mean.
+        Standard deviation of the noise, in the unit of the record.
     shares : mapping
         Share of each term in the lost energy.
     nats : float
@@ -65,23 +64,20 @@ class Case:
         computed for the motion without its discrepancy and without oversampling.
     cycles : float
         Cycles in the record.
-    oversample : int
-        Factor on the sampling rate.
     """
 
     name: str
-    kind: str
+    group: str
     signal: Signal
     damping: str
-    restoring: str
-    parameters: Mapping[str, float]
-    noise_sd: float
-    ratio: RatioCurve
-    amplitudes: tuple[float, float, float]
-    shares: Mapping[str, float]
-    nats: float
-    cycles: float
-    oversample: int = 1
+    restoring: str = "linear"
+    ratio: Callable[[float], float] | None = None
+    amplitudes: tuple[float, ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    noise_sd: float = math.nan
+    shares: Mapping[str, float] = field(default_factory=dict)
+    nats: float = math.nan
+    cycles: float = math.nan
 
 
 def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
@@ -116,9 +112,10 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     for _ in range(ATTEMPTS):
         draw = draw_oscillator(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
-        record = _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
-        if record is not None:
-            return record
+        try:
+            return _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
+        except NoMotionError:
+            pass
     raise RuntimeError(
         f"none of {ATTEMPTS} draws gives a record of kind {kind} with {damping} damping on {restoring}"
     )
@@ -140,14 +137,14 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
     return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
 
 
-def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case | None:
-    """Simulate the record of a draw; return None if it breaks a rule that `case` states."""
+def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
+    """Simulate the record of a draw. Raises NoMotionError if it breaks a rule that `case` states."""
     ahead = nats_ahead(
         draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
         draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
     )  # fmt: skip
     if (nats := min(ahead.values())) < NATS:
-        return None
+        raise NoMotionError("another sum fits as well")
     observe = Motion.displacements
     if kind != FAMILY:
         odd = discrepancies.KINDS[kind](rng, draw)
@@ -156,22 +153,21 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
         else:
             observe = odd
     o, end = draw.oscillator, draw.begin + draw.duration
-    try:
-        motion = solve_motion(o, draw.displacement, draw.frequency, end)
-    except NoMotionError:
-        return None
+    motion = solve_motion(o, draw.displacement, draw.frequency, end)
     count = np.interp([draw.begin, end], motion.turn_times, 0.5 * np.arange(motion.turns.size))
     cycles = float(count[1] - count[0])
-    if not CYCLES[0] <= cycles <= CYCLES[1]:
-        return None
+    sizes = np.interp([draw.begin, end], motion.turn_times, np.abs(motion.turns))
+    shares = _shares(draw, motion, end)
+    if not (
+        CYCLES[0] <= cycles <= CYCLES[1]
+        and LEFT[0] <= sizes[1] / sizes[0] <= LEFT[1]
+        and min(shares[term] for term in o.damping) >= LEAST_SHARE
+    ):
+        raise NoMotionError(
+            "too few or too many cycles, too small or too large a decay, or a term with too small a share"
+        )
     curve = ratio_curve(motion, o.potential())
     first, last = (curve.amplitude_at(float(n)) for n in (count[0] + FROM_END, count[1] - FROM_END))
-    sizes = np.interp([draw.begin, end], motion.turn_times, np.abs(motion.turns))
-    if not LEFT[0] <= sizes[1] / sizes[0] <= LEFT[1]:
-        return None
-    shares = _shares(draw, motion, end)
-    if min(shares[term] for term in o.damping) < LEAST_SHARE:
-        return None
 
     gap = 2 * np.pi / (draw.frequency * draw.per_cycle * oversample)
     times = gap * np.arange(int(draw.duration / gap) + 1)
@@ -182,7 +178,7 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
     parameters |= {"epsilon": o.epsilon, "theta0": float(start[0][0]), "omega0": float(start[1][0])}
     return Case(
         name, kind, Signal(times, clean + noise_sd * rng.standard_normal(times.size)), "+".join(o.damping), o.restoring,
-        parameters, noise_sd, curve, (first, float(np.sqrt(first * last)), last), shares, nats, cycles, oversample,
+        curve, (first, float(np.sqrt(first * last)), last), parameters, noise_sd, shares, nats, cycles,
     )  # fmt: skip
 
 
@@ -192,12 +188,14 @@ def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
     times = np.linspace(draw.begin, end, round(PER_CYCLE * draw.cycles))
     theta, v = motion.at(times)
     turn = np.tanh(v / o.epsilon) if o.epsilon else np.sign(v)
-    scale = np.array([odd.scale(t) for t in times]) if odd.scale else 1.0
-    units = {"viscous": 2 * v, "coulomb": turn, "quadratic": v * np.abs(v)}
-    lost = {term: float(np.mean(scale * c * units[term] * v)) for term, c in o.damping.items()}
-    if odd.damping is not None:
-        x = (theta - motion.equilibrium).tolist()
-        force = [odd.damping(*state) for state in zip(x, v.tolist(), turn.tolist(), strict=True)]
-        lost[odd.term] = float(np.mean(scale * np.array(force) * v))
+    forces = {"viscous": 2 * v, "coulomb": turn, "quadratic": v * np.abs(v)}
+    forces = {term: c * forces[term] for term, c in o.damping.items()}
+    x = (theta - motion.equilibrium).tolist()
+    extra = [odd.damping(*state) for state in zip(x, v.tolist(), turn.tolist(), strict=True)]
+    scale = np.array([odd.scale(t) for t in times])
+    lost = {
+        term: float(np.mean(scale * force * v))
+        for term, force in (forces | {odd.term: np.array(extra)}).items()
+    }
     total = sum(lost.values())
     return {term: value / total for term, value in lost.items()}

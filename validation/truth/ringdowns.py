@@ -7,7 +7,7 @@ Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, solve_ivp
@@ -78,6 +78,51 @@ class Ringdown:
     deviation_length: float = 0.3
     residual_drive: float | None = None
     top: float = -40.0
+
+
+CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
+
+
+def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
+    """Draw the parameters of a ring-down of the kind "plain" or "harsh".
+
+    A plain one has one damping law and a constant noise floor. A harsh one has deviations from the law, a drifting
+    gain, a noise floor that varies and is partly slow, and a drive whose direct pickup by the sensor vanishes at the
+    release. It lasts 20 to 60 s, falls by 20 to 50 dB to its noise floor, and has 100 to 4,000 readings.
+    """
+    duration, fall = float(rng.uniform(20, 60)), float(rng.uniform(20, 50))
+    terms = CASES[rng.integers(len(CASES))].split("+")
+    fall = min(fall, 30.0) if terms == ["quadratic"] else fall
+    share = 1.0 if len(terms) == 1 else float(rng.uniform(0.3, 0.7))
+    mean = fall / NEPER / duration
+    # Shares of terms that grow or fall with the amplitude are those at half of the fall.
+    middle = float(np.exp(-0.5 * fall / NEPER))
+    size = {"viscous": 1.0, "coulomb": middle, "quadratic": 1 / middle}
+    step = duration / float(np.exp(rng.uniform(np.log(100), np.log(4000))))
+    plain = Ringdown(
+        rates={t: mean * part * size[t] for t, part in zip(terms, (share, 1 - share))},
+        fall=fall,
+        step=step,
+        before=0.3 * duration,
+        behind=0.5 * duration,
+        scatter=float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))),
+        scatter_time=float(rng.uniform(2 * step, 0.02 * duration + 2 * step)),
+        floor_time=float(rng.uniform(step, 0.01 * duration + step)),
+        slow_share=0.0,
+    )
+    if kind == "plain":
+        return plain
+    return replace(
+        plain,
+        deviation=float(rng.choice([0.0, 0.01, 0.03, 0.06])),
+        deviation_length=float(rng.choice([0.1, 0.3, 1.0])),
+        drift=float(rng.choice([0.0, 0.1])),
+        slow_share=float(rng.uniform(0, 1)),
+        wander=float(rng.choice([0.0, 1.0])),
+        constant=float(rng.choice([0.0, 0.5])),
+        drop=float(rng.choice([0.0, 4.0, 10.0])),
+        hold=float(rng.uniform(0.1, 1.0)),
+    )
 
 
 @dataclass(frozen=True, eq=False)

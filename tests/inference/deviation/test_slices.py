@@ -24,7 +24,7 @@ def compared(signal: bd.Signal, **known: float) -> tuple[ModelComparison, Candid
 @cache
 def weighed(**known: float) -> tuple[ModelComparison, CandidateResult]:
     made = case("stribeck", 8035)
-    return compared(made.signal, noise_sd=made.noise, **known)
+    return compared(made.signal, noise_sd=made.noise_sd, **known)
 
 
 def under_exact_laws(result: CandidateResult) -> CandidateResult:

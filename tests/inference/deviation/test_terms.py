@@ -23,7 +23,11 @@ def found(term: str) -> tuple[Verdict, dict[str, float], float]:
     energy."""
     made = case(term, {"structural": 1009}.get(term, 1001 if term in ("cubic", "stribeck") else 1000))
     damping = ["viscous", "coulomb", "quadratic", term, f"viscous+{term}"]
-    return answer(made.signal, damping=damping, restoring=["linear"]).verdict, made.values, made.share
+    return (
+        answer(made.signal, damping=damping, restoring=["linear"]).verdict,
+        made.parameters,
+        made.shares[term],
+    )
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ touches zero (a median of {rows["touching"].median():.2f} of its standard deviat
 
 An error of {observed:.2f} nats in every record would be seen in the mean (5 %) with a probability of 0.8. A forgotten \
 reflection at zero (ln 2 = 0.69 nats) is seen; so says the test that reads the table \
-(`tests/inference/evidence/test_audit.py`). `make reports` makes it again, with `ARGS=--full` from 50 records.
+(`tests/inference/evidence/test_audit.py`). `make reports` makes it again.
 """
 
 

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from validation.reports.contradictions import (
@@ -14,10 +15,10 @@ from validation.reports.contradictions import (
     contradictions,
     misses,
     of_document,
-    of_many,
-    true_ratio,
+    of_rows,
 )
 from validation.truth.oscillator import Oscillator
+from validation.truth.ratio import true_ratio
 
 ROOT = Path(__file__).parents[3]
 REPORTS = ROOT / "reports"
@@ -58,7 +59,6 @@ EXCLUDING = {
     "rivals": [{"damping": "coulomb", "probability": 0.001}],
 }
 OUTSIDE = {"damping_ratio": [{"amplitude": 0.25, "unit": "rad", "low": 1.1 * RATIO, "high": 1.12 * RATIO}]}
-ESTIMATE = {"signal": "coulomb-noisy", "parameter": "mu_c", "truth": "0.03"}
 
 
 def page_of(folder: Path, evidence: list[dict[str, str]] = EVIDENCE, **wrong: dict[str, Any]) -> Path:
@@ -73,7 +73,6 @@ def page_of(folder: Path, evidence: list[dict[str, str]] = EVIDENCE, **wrong: di
     tables = {
         "evidence": evidence,
         "posteriors": [{**POSTERIOR, **wrong.get("posterior", {})}],
-        "estimates": [{**ESTIMATE, **wrong.get("estimate", {})}],
     }
     for name, rows in tables.items():
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
@@ -94,7 +93,6 @@ def test_a_wrong_page_is_found(tmp_path: Path) -> None:
         ({"verdict": OUTSIDE}, "far outside"),
         ({"evidence": [{**EVIDENCE[0], "log_evidence": "1.0"}, EVIDENCE[1]]}, "puts quadratic first"),
         ({"posterior": {"q2.5": "0.0303", "q97.5": "0.0305"}}, "mu_c by nuts"),
-        ({"estimate": {"truth": "0.05"}}, "estimates.csv states mu_c = 0.05"),
         ({"page": {"sentence": "Another sentence."}}, "does not contain the sentence"),
     ]
     for fault, words in cases:
@@ -123,11 +121,14 @@ def test_chance_is_allowed() -> None:
     assert misses(intervals(5)) == []
     assert len(misses(intervals(15))) == 15
 
-    def named(first: str, count: int) -> pd.DataFrame:
-        row = {"truth": "viscous", "decided": 1, "first": first, "probability": 0.97, "own": 0.97}
-        return pd.DataFrame([row] * count)
-
-    some = pd.concat([named("viscous", 97), named("coulomb", 3).assign(own=0.03)])
-    assert of_many(some, "x", own="own") == []
-    assert of_many(named("coulomb", 20), "x")
-    assert of_many(named("viscous", 20).assign(own=0.03), "x", own="own")
+    right = pd.DataFrame([{
+        "record": "x", "peer": "y", "outcome": "ok", "named": "viscous", "decided": 1, "right": 1, "probability": 0.97,
+        "true_probability": 0.97, "low_1": 1.0, "high_1": 2.0, "true_1": 1.5, "low_2": np.nan,
+    }] * 20)  # fmt: skip
+    wrong = right.assign(right=0, true_probability=0.03)
+    some = pd.concat([right.iloc[:17], wrong.iloc[:1], *[right] * 4])
+    assert of_rows(some, "x") == []
+    assert "named wrongly" in of_rows(right.assign(right=0), "x")[0]
+    assert "exclude the true damping" in of_rows(right.assign(true_probability=0.03), "x")[0]
+    far = right.assign(record=[str(i) for i in range(20)], true_1=2.5)
+    assert len(of_rows(far, "x")) == 20

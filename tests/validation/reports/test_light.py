@@ -1,4 +1,4 @@
-"""The page on light damping: its records, its rows and its counts."""
+"""The records of the page on light damping."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 
 from validation.reports import light
-from validation.reports.contradictions import true_ratio
-from validation.reports.light import Drawn
-from validation.truth.motion import solve_motion
 from validation.truth.oscillator import Oscillator
+from validation.truth.ratio import true_ratio
 
 
-def test_the_motion_has_the_ratio_and_the_fall_that_were_drawn() -> None:
-    for damping in light.DAMPINGS:
-        made = Drawn(damping, 0.003, 0.3 if "+" in damping else 0.0, 0.02, 8.0, 30.0, 0.01)
-        oscillator = Oscillator("linear", {"stiffness": 900.0, "rest_angle": 0.0}, made.coefficients)
-        for amplitude in (made.middle, made.size, made.size / made.fall):
-            assert made.ratio_at(amplitude) == pytest.approx(true_ratio(oscillator, amplitude), rel=1e-4)
-        assert made.ratio_at(made.middle) == pytest.approx(made.ratio)
-        stop = float(made.decay()[0][-1])
-        turns = np.abs(solve_motion(oscillator, made.size, made.frequency, stop).turns)
-        assert turns[-1] == pytest.approx(made.size / made.fall, rel=0.03)
+def test_the_decay_has_the_ratio_and_the_duration_of_its_damping() -> None:
+    """Means of 20 readings at either end give the amplitudes, and the fall between them takes ∫ d ln A / (ω ratio)."""
+    for number in range(3):
+        case, frequency = light.simulate(1e-5, number)
+        oscillator = Oscillator("linear", {"stiffness": frequency**2, "rest_angle": 0.0}, case.parameters)
+        (middle,) = case.amplitudes
+        first, last = np.mean(case.signal.y[:20]), np.mean(case.signal.y[-20:])
+        assert np.sqrt(first * last) == pytest.approx(middle, rel=0.05)
+        grid = np.geomspace(last, first, 200)
+        ratios = [true_ratio(oscillator, a) for a in grid]
+        assert [case.ratio(a) for a in grid] == pytest.approx(ratios, rel=1e-4)
+        duration = np.trapezoid(1 / (frequency * np.array(ratios)), np.log(grid))
+        assert duration == pytest.approx(case.signal.t[-1] * 580 / 600, rel=0.05)
+        assert abs(np.log10(case.ratio(middle) / 1e-5)) < light.SPREAD

@@ -15,8 +15,8 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import ndtr
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import even, fit_sinusoid, spectral_peak
-from validation.contest.peers.shared import Reply, segments
+from validation.contest.peers.shared import even, fit_sinusoid, segments, spectral_peak
+from validation.scoring import Reply
 
 TERMS = ("viscous", "coulomb", "quadratic")
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
@@ -238,6 +238,5 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
         [_quantile(level, m, s, weights) for m, s in parts.transpose(0, 2, 1)] for level in (0.025, 0.975)
     )
     by_sum = weights.reshape(2, len(SUMS)).sum(axis=0)
-    likeliest = SUMS[int(np.argmax(by_sum))]
-    named = "+".join(TERMS[i] for i in likeliest) if by_sum.max() >= NAMED else ""
-    return Reply(tuple(values.tolist()), tuple(low), tuple(high), named)
+    named = "+".join(TERMS[i] for i in SUMS[int(np.argmax(by_sum))])
+    return Reply(values.tolist(), low, high, named, bool(by_sum.max() >= NAMED), float(by_sum.max()))

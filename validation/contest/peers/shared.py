@@ -1,40 +1,18 @@
-"""Define the reply of a peer, and the common code of the peers: equilibrium, frequency, even sampling."""
+"""Provide what the peers share: even sampling, spectral peak, fits of a sinusoid, and the ratio of a damping sum."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from typing import Any
 
 import numpy as np
 
 from bayesdamp.types import Refusal
+from validation.scoring import Reply
 
+PADDING = 8
 GAP = 1.5
 """Two samples that are more than this many median steps apart have a gap between them."""
-
-
-@dataclass(frozen=True)
-class Reply:
-    """The equivalent damping ratios at the requested amplitudes.
-
-    Attributes
-    ----------
-    values : tuple of float
-        The ratios, largest amplitude first.
-    low, high : tuple of float
-        Ends of the 95 % intervals; empty without intervals.
-    named : str
-        The damping sum; empty if the peer does not name one outright.
-    """
-
-    values: tuple[float, ...]
-    low: tuple[float, ...] = ()
-    high: tuple[float, ...] = ()
-    named: str = ""
-
-
-Peer = Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]
-"""A function of times (n,) in s, displacements (n,) in rad and amplitudes in rad. Raises Refusal without an answer."""
 
 
 def one_number(value: float, amplitudes: tuple[float, ...]) -> Reply:
@@ -73,3 +51,40 @@ def is_recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
     after = np.clip(np.searchsorted(t, grid), 1, t.size - 1)
     nearest = np.minimum(np.abs(grid - t[after - 1]), np.abs(grid - t[after]))
     return nearest <= np.median(np.diff(t))
+
+
+def even(t, y):
+    """Return times and values of a record resampled at its median step by linear interpolation, also across gaps."""
+    step = float(np.median(np.diff(t)))
+    grid = np.arange(t[0], t[-1] + 0.5 * step, step)
+    return grid, np.interp(grid, t, y)
+
+
+def spectral_peak(t, y):
+    """Return the frequency in Hz of the largest spectral line of evenly spaced samples."""
+    n = PADDING * t.size
+    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
+    return float((np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0])))
+
+
+def fit_sinusoid(phase, y):
+    """Fit a cos(phase) + b sin(phase) + c to samples y (n,) by least squares; return the array (a, b, c).
+
+    phase: in rad, (n,).
+    """
+    columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
+    return np.linalg.lstsq(columns, y, rcond=None)[0]
+
+
+def ratio(
+    amplitude: Any, frequency: Any, viscous: Any = 0.0, coulomb: Any = 0.0, quadratic: Any = 0.0
+) -> Any:
+    """Return the equivalent damping ratio of the force 2 viscous v + coulomb sign(v) + quadratic v|v| at an amplitude.
+
+    The force is per unit of inertia, in SI units; `amplitude` is in rad, and `frequency` in rad/s.
+    """
+    return (
+        viscous / frequency
+        + 2 * coulomb / (math.pi * frequency**2 * amplitude)
+        + 4 * quadratic * amplitude / (3 * math.pi)
+    )

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import even, ratio, spectral_peak
-from validation.contest.peers.shared import Reply, about_rest, segments
+from validation.contest.peers.shared import about_rest, even, ratio, segments, spectral_peak
+from validation.scoring import Reply
 
 LEAST = 15
 """Least number of samples in a piece between gaps that is used; the smoothing filter of PySINDy needs eleven."""
@@ -49,4 +49,4 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     ratios = tuple(float(ratio(a, np.sqrt(stiffness), **terms)) for a in amplitudes)
     if min(ratios) <= 0:
         raise Refusal("no damping term is above its threshold")
-    return Reply(ratios, named="+".join(name for name in TERMS if terms[name] > 0))
+    return Reply(ratios, named="+".join(name for name in TERMS if terms[name] > 0), decided=True)

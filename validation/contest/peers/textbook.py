@@ -10,8 +10,15 @@ from scipy.signal import find_peaks, hilbert
 from scipy.stats import norm
 
 from bayesdamp.types import Refusal
-from validation.contest.apart.shared import even, fit_sinusoid, spectral_peak
-from validation.contest.peers.shared import Reply, about_rest, is_recorded, one_number
+from validation.contest.peers.shared import (
+    about_rest,
+    even,
+    fit_sinusoid,
+    is_recorded,
+    one_number,
+    spectral_peak,
+)
+from validation.scoring import Reply
 
 APART = 0.7
 """Least distance between peaks in periods, so that noise adds no peaks."""
