@@ -267,7 +267,7 @@ def of_recovery(rows: pd.DataFrame) -> pd.DataFrame:
     own = [row[row["model"]] for row in rows.to_dict("records")]
     return rows.assign(
         named=named, probability=highest, decided=(highest >= 0.95).astype(int), true_probability=own, low_2=np.nan,
-        right=(named == rows["model"]).astype(int), low_1=np.nan, high_1=np.nan, true_1=np.nan, peer="",
+        right=(named == rows["model"]).astype(int), low_1=np.nan, high_1=np.nan, true_1=np.nan, peer="", record="",
     )  # fmt: skip
 
 
