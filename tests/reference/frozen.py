@@ -203,7 +203,7 @@ def envelope_row(name: str) -> dict[str, Any]:
 
 def measured_rows() -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield what is frozen of each measured record."""
-    for name, found in signals([]):
+    for name, found in signals():
         for number, one in enumerate(found, start=1):
             yield f"{name}-{number}", {"quick": answered(Record(name, one), sample=False)}
 

@@ -1,4 +1,4 @@
-"""Answer measured decays: `python -m validation.measured.run FOLDER [NAME ...]`.
+"""Answer measured decays: `python -m validation.measured.run FOLDER`.
 
 Each record is read with its columns and unit as the only options, and answered as `bayesdamp compare` does. Several
 runs in a file are also answered together as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each
@@ -58,21 +58,20 @@ RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", ReadingOptions())
 """Ten runs of one rig in one file."""
 
 
-def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
-    """Yield the name of each wanted record (all if `wanted` is empty) and its free decays.
+def signals() -> Iterator[tuple[str, list[Signal]]]:
+    """Yield the name of each record and its free decays.
 
     Only the file of ten runs gives several decays; of every other file the first one is used.
     """
     for record in (*RECORDS, RUNS):
-        if not wanted or record.name in wanted:
-            results = records_in(DATA / record.file, record.options)
-            decays = [r.signal for r in results if r.signal is not None]
-            yield record.name, decays if record is RUNS else decays[:1]
+        results = records_in(DATA / record.file, record.options)
+        decays = [r.signal for r in results if r.signal is not None]
+        yield record.name, decays if record is RUNS else decays[:1]
 
 
-def verdicts(wanted: list[str]) -> Iterator[Verdict]:
-    """Yield the verdict on each free decay of the wanted records, and that on all runs of a file as one specimen."""
-    for name, records in signals(wanted):
+def verdicts() -> Iterator[Verdict]:
+    """Yield the verdict on each free decay, and that on all runs of a file as one specimen."""
+    for name, records in signals():
         answers: list[Answer] = []
         for number, signal in enumerate(records, start=1):
             answers.append(answer(signal, repeated=len(records) > 1))
@@ -84,10 +83,10 @@ def verdicts(wanted: list[str]) -> Iterator[Verdict]:
             yield together
 
 
-def main(folder: Path, wanted: list[str]) -> None:
-    """Run the command line: answer the wanted records (all if there are none), and write README.md and verdicts.csv."""
+def main(folder: Path) -> None:
+    """Run the command line: answer the records, and write README.md and verdicts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
-    results = list(verdicts(wanted))
+    results = list(verdicts())
     write_table(folder / "verdicts.csv", columns(), [v.row() for v in results])
     page = f"""# Measured decays
 
@@ -101,4 +100,4 @@ The table contains the answers of `bayesdamp compare` on published measurements.
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    main(Path(sys.argv[1]))

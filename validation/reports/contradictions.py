@@ -226,17 +226,14 @@ def _not_quoted(folder: Path, verdicts: Verdicts) -> list[str]:
     return [f"{record}: the page does not contain the sentence of its verdict" for record in lost]
 
 
-def of_rows(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return the contradictions in a table of many records, whose columns are those of `validation.scoring`.
+def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
+    """Return sentences if too many records of a table name a wrong damping outright, or exclude the true damping.
 
-    There are sentences if too many records name a wrong damping outright, or exclude the true damping. The first number
-    is compared with its expectation, the sum of 1 − probability over the records that name a damping outright, the
-    second with 5 % of the records, each by a test with the false-alarm probability `ALARM`. Its intervals are those of
-    the ratio at the middle amplitude; if there is only one amplitude, at this one.
+    The first number is compared with its expectation, the sum of 1 − probability over the records that name a damping
+    outright, the second with 5 % of the records, each by a test with the false-alarm probability `ALARM`.
 
-    name: of the report, for the sentences.
+    rows: the answered records, with columns of `validation.scoring`. name: of the report, for the sentences.
     """
-    rows = where(rows, outcome=OK)
     decided = where(rows.dropna(subset=["named"]), decided=1)
     wrong, expected = len(where(decided, right=0)), float((1 - decided["probability"]).sum())
     sentences = []
@@ -248,27 +245,32 @@ def of_rows(rows: pd.DataFrame, name: str) -> list[str]:
     excluded = int((stated < EXCLUDED).sum())
     if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
         sentences.append(f"{name}: {excluded} of {len(stated)} exclude the true damping")
+    return sentences
+
+
+def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
+    """Return the intervals of a table at the middle one of three amplitudes, or at the only one."""
     at = 2 if rows["low_2"].notna().any() else 1
     known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
     columns = (
         known["record"] + "/" + known["peer"],
         *(known[f"{what}_{at}"] for what in ("low", "high", "true")),
     )
-    return sentences + misses(
-        [Quoted(record, "ratio", *numbers) for record, *numbers in zip(*columns, strict=True)]
-    )
+    return [Quoted(record, "value", *numbers) for record, *numbers in zip(*columns, strict=True)]
 
 
-def of_recovery(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of a model recovery with the columns that `of_rows` needs."""
-    rows = where(rows, outcome=OK)
+def recovered(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of a model recovery with the columns of `validation.scoring` that `names_of_many` needs."""
     by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]].astype(float)
     named, highest = by_damping.idxmax(axis=1), by_damping.max(axis=1)
     own = [row[row["model"]] for row in rows.to_dict("records")]
     return rows.assign(
-        named=named, probability=highest, decided=(highest >= 0.95).astype(int), true_probability=own, low_2=np.nan,
-        right=(named == rows["model"]).astype(int), low_1=np.nan, high_1=np.nan, true_1=np.nan, peer="", record="",
-    )  # fmt: skip
+        named=named,
+        probability=highest,
+        decided=highest >= 0.95,
+        right=named == rows["model"],
+        true_probability=own,
+    )
 
 
 SENTENCE = re.compile(
@@ -324,7 +326,6 @@ TABLES: Mapping[str, Mapping[str, str]] = {
     "laws/laws.csv": {},
     "light/rows.csv": {},
     "misfit/scored.csv": {"group": "clean"},
-    "model_recovery/recovery.csv": {},
 }
 """For each table with many records, its path below reports/ and the values of the rows that are compared, by column:
 those whose true law is among the compared ones."""
@@ -338,8 +339,10 @@ def contradictions(page: Path) -> list[str]:
     for place, chosen in TABLES.items():
         table = page.parent / place
         if table.parent == page and table.is_file():
-            rows = where(read_rows(table), **chosen)
-            wrong += of_rows(of_recovery(rows) if page.name == "model_recovery" else rows, page.name)
+            rows = where(read_rows(table), outcome=OK, **chosen)
+            wrong += names_of_many(rows, page.name) + misses(intervals_of_many(rows))
+    if page.name == "model_recovery":
+        wrong += names_of_many(recovered(where(read_rows(page / "recovery.csv"), outcome=OK)), page.name)
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
         wrong += of_study(page)

@@ -33,11 +33,10 @@ from validation.scoring import (
     row_of,
     score_table,
 )
-from validation.truth.drawing import log_uniform
+from validation.truth.drawing import log_uniform, loss_rate
 from validation.truth.motion import solve_motion
 from validation.truth.oscillator import Oscillator
 from validation.truth.records import Case
-from validation.truth.rivals import loss_rate
 
 MOTIONS, ENVELOPES = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
 """Nominal damping ratios of the simulated oscillations, and of the simulated envelopes."""

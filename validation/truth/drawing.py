@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.truth.oscillator import LAWS, Oscillator
-from validation.truth.rivals import loss_rate
 
 EPSILON = 0.02
 """Width of the smoothed sign in Coulomb friction, if it is smoothed, as a share of the peak velocity."""
@@ -70,6 +69,18 @@ class Draw:
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     """Draw a number whose logarithm is uniform between those of low and high."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> float | np.ndarray:
+    """Return a term's equivalent damping ratio per unit of its coefficient, for a harmonic motion.
+
+    term: "viscous", "coulomb" or "quadratic". amplitude: in rad. frequency: in rad/s.
+    """
+    if term == "viscous":
+        return 1 / frequency + 0 * amplitude
+    if term == "coulomb":
+        return 2 / (np.pi * frequency**2 * amplitude)
+    return 4 * amplitude / (3 * np.pi)
 
 
 def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, taken: float = 0.0) -> Draw:

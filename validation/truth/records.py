@@ -139,11 +139,7 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
 
 def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
     """Simulate the record of a draw. Raises NoMotionError if it breaks a rule that `case` states."""
-    ahead = nats_ahead(
-        draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
-        draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
-    )  # fmt: skip
-    if (nats := min(ahead.values())) < NATS:
+    if (nats := nats_ahead(draw)) < NATS:
         raise NoMotionError("another sum fits as well")
     observe = Motion.displacements
     if kind != FAMILY:

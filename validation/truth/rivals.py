@@ -5,58 +5,27 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from validation.truth.oscillator import LAWS, TERMS, Oscillator
+from validation.truth.drawing import Draw, loss_rate
+from validation.truth.oscillator import LAWS, TERMS
 from validation.truth.trajectory import trajectory
 
 PER_CYCLE, STEPS = 24, 3
 """Number of samples in a cycle at which trajectories are compared, and of solver steps between two of these samples."""
 
 
-def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> float | np.ndarray:
-    """Return a term's equivalent damping ratio per unit of its coefficient, for a harmonic motion.
-
-    term: "viscous", "coulomb" or "quadratic". amplitude: in rad. frequency: in rad/s.
-    """
-    if term == "viscous":
-        return 1 / frequency + 0 * amplitude
-    if term == "coulomb":
-        return 2 / (np.pi * frequency**2 * amplitude)
-    return 4 * amplitude / (3 * np.pi)
-
-
-def nats_ahead(
-    truth: Oscillator, theta0: float, omega0: float, amplitude: float, left: float, frequency: float, duration: float,
-    samples: int, noise_sd: float,
-) -> dict[str, float]:  # fmt: skip
-    """Return for each true term by how many nats the truth is ahead of the best sum without this term.
+def nats_ahead(draw: Draw) -> float:
+    """Return by how many nats the true sum of a draw is ahead of the best sum that lacks one of its terms.
 
     The trajectories of these rivals are fitted to the true trajectory by least squares, without discrepancy and with an
     exact sign. Nats are half the smallest sum of squares over the variance of the noise. A sum with all true terms is
     not a rival, because it fits equally well. All sums without a term are special cases of the sum with all other
     terms, so this sum has the smallest residual.
-
-    Parameters
-    ----------
-    truth : Oscillator
-        The true oscillator.
-    theta0, omega0 : float
-        State at the start, rad and rad/s.
-    amplitude, left, frequency : float
-        First amplitude (rad), ratio of the last amplitude to it, and frequency (rad/s) of the motion.
-    duration : float
-        Length of the record, s.
-    samples, noise_sd : int, float
-        Number of samples of the record, and the noise of each, rad.
-
-    Returns
-    -------
-    dict
-        Nats by the term that the rival lacks.
     """
+    truth, amplitude, frequency = draw.oscillator, draw.amplitude, draw.frequency
     law = list(LAWS).index(truth.restoring)
     names = LAWS[truth.restoring]
     step = 2 * np.pi / frequency / (PER_CYCLE * STEPS)
-    out = np.empty((max(int(duration / (STEPS * step)), 2) + 1, 2))
+    out = np.empty((max(int(draw.duration / (STEPS * step)), 2) + 1, 2))
 
     def motion(law_values: np.ndarray, damping: np.ndarray, start: np.ndarray) -> np.ndarray:
         padded = np.zeros(3)
@@ -66,10 +35,10 @@ def nats_ahead(
 
     law_true = np.array([truth.parameters[name] for name in names])
     true = np.array([truth.damping.get(term, 0.0) for term in TERMS])
-    start = np.array([theta0, omega0])
+    start = np.array([truth.equilibrium() + draw.displacement, 0.0])
     path = motion(law_true, true, start).copy()
 
-    grid = np.geomspace(left, 1.0, 24) * amplitude
+    grid = np.geomspace(draw.left, 1.0, 24) * amplitude
     rates = np.column_stack([loss_rate(term, grid, frequency) for term in TERMS])
     total = rates @ true
     unit = 1 / rates[12]
@@ -79,7 +48,7 @@ def nats_ahead(
     ])  # fmt: skip
     shift = np.concatenate([law_scale, amplitude * np.array([1.0, frequency])])
     origin = np.concatenate([law_true, start])
-    nats = {}
+    costs = []
     for term in truth.damping:
         others = [i for i, other in enumerate(TERMS) if other != term]
         guess = nnls(rates[:, others] * unit[others] / total[:, None], np.ones(grid.size))[0]
@@ -90,7 +59,7 @@ def nats_ahead(
             damping = np.zeros(3)
             damping[others] = x[-2:] * unit[others]
             rival = motion(moved[: law_true.size], damping, moved[law_true.size :])
-            return (rival[:, 0] - path[:, 0]) / noise_sd
+            return (rival[:, 0] - path[:, 0]) / (draw.noise * amplitude)
 
         low = np.concatenate([np.full(shift.size, -np.inf), np.zeros(2)])
         scale = np.concatenate([np.full(shift.size, 1e-2), np.full(2, total.mean())])
@@ -98,5 +67,5 @@ def nats_ahead(
             residual, np.concatenate([np.zeros(shift.size), guess]), bounds=(low, np.inf), x_scale=scale, ftol=1e-3,
             xtol=1e-7, gtol=1e-12, max_nfev=40,
         )  # fmt: skip
-        nats[term] = float(best.cost * samples / len(out))
-    return nats
+        costs.append(float(best.cost))
+    return min(costs) * int(draw.cycles * draw.per_cycle) / len(out)

@@ -13,9 +13,10 @@ import pandas as pd
 from validation.reports.contradictions import (
     Quoted,
     contradictions,
+    intervals_of_many,
     misses,
+    names_of_many,
     of_document,
-    of_rows,
 )
 from validation.truth.oscillator import Oscillator
 from validation.truth.ratio import true_ratio
@@ -127,8 +128,8 @@ def test_chance_is_allowed() -> None:
     }] * 20)  # fmt: skip
     wrong = right.assign(right=0, true_probability=0.03)
     some = pd.concat([right.iloc[:17], wrong.iloc[:1], *[right] * 4])
-    assert of_rows(some, "x") == []
-    assert "named wrongly" in of_rows(right.assign(right=0), "x")[0]
-    assert "exclude the true damping" in of_rows(right.assign(true_probability=0.03), "x")[0]
+    assert names_of_many(some, "x") == []
+    assert "named wrongly" in names_of_many(right.assign(right=0), "x")[0]
+    assert "exclude the true damping" in names_of_many(right.assign(true_probability=0.03), "x")[0]
     far = right.assign(record=[str(i) for i in range(20)], true_1=2.5)
-    assert len(of_rows(far, "x")) == 20
+    assert len(misses(intervals_of_many(far))) == 20
