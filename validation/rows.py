@@ -49,9 +49,15 @@ def where(rows: pd.DataFrame, mask: ArrayLike = True, /, **values: object) -> pd
     return rows.iloc[np.flatnonzero(chosen)]
 
 
+def numbers(rows: pd.DataFrame, column: str) -> np.ndarray:
+    """Return the values of a column of numbers in the rows that have one, (n,)."""
+    values = rows[column].to_numpy(float)
+    return values[np.isfinite(values)]
+
+
 def total(rows: pd.DataFrame, column: str) -> int:
     """Return the sum of a column of whole numbers or booleans."""
-    return int(rows[column].sum())
+    return int(numbers(rows, column).sum())
 
 
 def complete_rows(

@@ -18,7 +18,7 @@ from scipy.stats import norm
 from bayesdamp.formatting import markdown_table
 from bayesdamp.types import OK, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
-from validation.rows import total, where
+from validation.rows import numbers, total, where
 from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
@@ -219,13 +219,13 @@ def _percent(values: np.ndarray, level: float = 0.5) -> str:
 
 
 def _median_seconds(rows: pd.DataFrame) -> str:
-    seconds = rows["seconds"].astype(float).median()
-    return "–" if math.isnan(seconds) else f"{seconds:.2g}"
+    seconds = numbers(rows, "seconds")
+    return f"{np.median(seconds):.2g}" if seconds.size else "–"
 
 
 def _true_probability(rows: pd.DataFrame) -> str:
-    p = rows["true_probability"].astype(float).dropna()
-    return f"{p.mean():.3f} ± {p.sem():.3f}" if len(p) > 1 else "–"
+    p = numbers(rows, "true_probability")
+    return f"{p.mean():.3f} ± {p.std(ddof=1) / math.sqrt(p.size):.3f}" if p.size > 1 else "–"
 
 
 def answered(rows: pd.DataFrame) -> pd.DataFrame:

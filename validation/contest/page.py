@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 from scipy.stats import t as student
@@ -84,7 +86,7 @@ def _table(rows: pd.DataFrame) -> str:
     """Return the Markdown table of the scores of all methods on the records of these rows, a line for each method."""
     ours = where(rows, peer=OURS)
     scores = ["records", "answered", "median error", "90 % quantile", "coverage", "CPU seconds"]
-    if rows["damping"].notna().any():  # the true damping of measured records is unknown
+    if rows["damping"].notna().to_numpy().any():  # the true damping of measured records is unknown
         scores[-1:-1] = "named outright", "of these correctly"
     return score_table(
         groups_of(rows, "peer", ROSTER),
@@ -100,7 +102,7 @@ def paired(theirs: pd.DataFrame, ours: pd.DataFrame) -> str:
     these ratios are normal. Above 1, bayesdamp is nearer to the truth. A dash stands for fewer than two records.
     """
     means = (pd.Series(errors(rows).mean(axis=1), rows["record"]) for rows in (theirs, ours))
-    logs = np.log(next(means) / next(means)).dropna()
+    logs = (next(means) / next(means)).dropna().map(math.log)
     if len(logs) < 2 or not logs.any():
         return "–"
     half = student.ppf(0.975, len(logs) - 1) * logs.sem()

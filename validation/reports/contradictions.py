@@ -22,7 +22,7 @@ from scipy.stats import binom, poisson
 
 from bayesdamp.priors import odds
 from bayesdamp.types import OK
-from validation.rows import read_rows, where
+from validation.rows import numbers, read_rows, where
 from validation.scoring import terms_of
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 from validation.truth.ratio import true_ratio
@@ -235,14 +235,14 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
     rows: the answered records, with columns of `validation.scoring`. name: of the report, for the sentences.
     """
     decided = where(rows.dropna(subset=["named"]), decided=1)
-    wrong, expected = len(where(decided, right=0)), float((1 - decided["probability"]).sum())
+    wrong, expected = len(where(decided, right=0)), float(np.sum(1 - numbers(decided, "probability")))
     sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
         sentences.append(
             f"{name}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
         )
-    stated = rows["true_probability"].dropna()
-    excluded = int((stated < EXCLUDED).sum())
+    stated = numbers(rows, "true_probability")
+    excluded = int(np.sum(stated < EXCLUDED))
     if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
         sentences.append(f"{name}: {excluded} of {len(stated)} exclude the true damping")
     return sentences
@@ -250,7 +250,7 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
 
 def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
     """Return the intervals of a table at the middle one of three amplitudes, or at the only one."""
-    at = 2 if rows["low_2"].notna().any() else 1
+    at = 2 if numbers(rows, "low_2").size else 1
     known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
     columns = (
         known["record"] + "/" + known["peer"],
