@@ -30,18 +30,6 @@ from bayesdamp.types import InputError
 
 T = TypeVar("T")
 
-GROUPS = {
-    "bayesdamp.physics.damping": "bayesdamp.damping",
-    "bayesdamp.physics.restoring": "bayesdamp.restoring",
-    "bayesdamp.estimators.methods": "bayesdamp.estimators",
-    "bayesdamp.inference.samplers": "bayesdamp.samplers",
-    "bayesdamp.inference.evidence": "bayesdamp.evidence",
-    "bayesdamp.inference.noise": "bayesdamp.noise",
-    "bayesdamp.records.readers": "bayesdamp.readers",
-    "bayesdamp.report.sections": "bayesdamp.sections",
-}
-"""Group of entry points under which installed packages offer plug-ins, by the package of ours that contains the shipped
-plug-ins of this kind."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
 """Prefixes of the modules whose `lru_cache` functions may hold results under names of plug-ins. Their caches are
@@ -106,14 +94,16 @@ class Registry(Generic[T]):
         """Return the modules of shipped plug-ins, by name."""
         path = importlib.import_module(self.package).__path__
         modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
-        names = {module.rpartition(".")[2]: module for module in modules}
-        return {name: module for name, module in names.items() if not name.startswith("_")}
+        return {m.rpartition(".")[2]: m for m in modules if "._" not in m}
 
     @cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
-        """Return the entry points of installed packages, by name; they cannot replace shipped plug-ins."""
-        group = GROUPS.get(self.package)
-        entries = _entry_points(tuple(sys.path)).select(group=group) if group else ()
+        """Return the entry points of installed packages, by name; they cannot replace shipped plug-ins.
+
+        Their group is `bayesdamp.` and the last name of the registry's package, such as `bayesdamp.damping`.
+        """
+        group = f"bayesdamp.{self.package.removesuffix('.methods').rpartition('.')[2]}"
+        entries = _entry_points(tuple(sys.path)).select(group=group)
         return {e.name: e for e in entries if e.name not in self._modules}
 
     def ships(self, name: str) -> bool:
@@ -202,11 +192,49 @@ def use_modules(modules: Sequence[PluginModule]) -> None:
     try:
         for module in modules:
             _USED.append(module)
-            for registry, name, plugin in _load_plugins(module):
-                registry.add(name, plugin, module.source)
+            loaded = _run(module)
+            plugins = [
+                *getattr(loaded, "PLUGINS", ()),
+                *([loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []),
+            ]
+            if not plugins:
+                raise InputError(
+                    "contains neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()",
+                    f"plug-in {module.file}",
+                )
+            for plugin in plugins:
+                _register(plugin, module)
     except BaseException:
         _forget()
         raise
+
+
+def _register(plugin: Any, module: PluginModule) -> None:
+    """Register a plug-in of a user's module. Raises InputError if it or its name is not valid."""
+    where = f"plug-in {module.file}"
+    if isinstance(plugin, type):
+        raise InputError(f"{plugin.__name__} is a class; give an instance, {plugin.__name__}()", where)
+    homes = [f"{cls.__module__}." for cls in type(plugin).__mro__]
+    registries = sorted(_REGISTRIES.values(), key=lambda r: -len(r.home))
+    registry = next(
+        (r for r in registries if any(h.startswith((f"{r.home}.", f"{r.package}.")) for h in homes)), None
+    )
+    if registry is None:
+        raise InputError(
+            f"PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from one such as "
+            "bayesdamp.physics.damping.DampingTerm",
+            where,
+        )
+    name = getattr(plugin, "name", None)
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise InputError(
+            f"the name of a {registry.kind} is {name!r}; it must be letters, digits and _", where
+        )
+    if registry.ships(name):
+        raise InputError(f"a {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
+    if name in registry.added():
+        raise InputError(f"there is another {registry.kind} {name!r}; give it another name", where)
+    registry.add(name, plugin, module.source)
 
 
 def _forget() -> None:
@@ -220,46 +248,6 @@ def _forget() -> None:
         # Compare types, because isinstance may run code of the object.
         if type(value) is functools._lru_cache_wrapper and (value.__module__ or "").startswith(_COMPILED):
             value.cache_clear()
-
-
-def _load_plugins(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:
-    """Run a module; return registry, name and object of each of its plug-ins.
-
-    Raises InputError if it cannot be run, or if a plug-in or its name is not valid.
-    """
-    loaded = _run(module)
-    plugins: list[object] = list(getattr(loaded, "PLUGINS", ()))
-    plugins += [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []
-    where = f"plug-in {module.file}"
-    if not plugins:
-        raise InputError(f"{where}: contains neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()")
-    checked: list[tuple[Registry[Any], str, Any]] = []
-    for plugin in plugins:
-        if isinstance(plugin, type):
-            raise InputError(f"{where}: {plugin.__name__} is a class; give an instance, {plugin.__name__}()")
-        homes = [f"{cls.__module__}." for cls in type(plugin).__mro__]
-        registries = sorted(_REGISTRIES.values(), key=lambda r: -len(r.home))
-        registry = next(
-            (r for r in registries if any(h.startswith((f"{r.home}.", f"{r.package}.")) for h in homes)), None
-        )
-        if registry is None:
-            raise InputError(
-                f"{where}: PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from "
-                "one such as bayesdamp.physics.damping.DampingTerm"
-            )
-        name = getattr(plugin, "name", None)
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise InputError(
-                f"{where}: the name of a {registry.kind} is {name!r}; it must be letters, digits and _"
-            )
-        if registry.ships(name):
-            raise InputError(
-                f"{where}: a {registry.kind} {name!r} ships with bayesdamp; give yours another name"
-            )
-        if (registry, name) in [(r, n) for r, n, _ in checked] or name in registry._added:
-            raise InputError(f"{where}: there is another {registry.kind} {name!r}; give it another name")
-        checked.append((registry, name, plugin))
-    return checked
 
 
 def _run(module: PluginModule) -> ModuleType:
@@ -279,13 +267,12 @@ def _run(module: PluginModule) -> ModuleType:
         raise
     except SyntaxError as error:
         raise InputError(
-            f"plug-in {module.file}, line {error.lineno}: {error.msg}; correct it there"
+            f"{error.msg}; correct it there", f"plug-in {module.file}", f"line {error.lineno}"
         ) from error
     except Exception as error:
         frames = inspect.getinnerframes(error.__traceback__)[::-1] if error.__traceback__ else []
-        line = next((frame.lineno for frame in frames if frame.filename == module.file), None)
-        at = f", line {line}" if line else ""
-        raise InputError(f"plug-in {module.file}{at}: {_in_one_line(error)}; correct it there") from error
+        at = next((f"line {frame.lineno}" for frame in frames if frame.filename == module.file), "")
+        raise InputError(f"{_in_one_line(error)}; correct it there", f"plug-in {module.file}", at) from error
     return loaded
 
 
@@ -324,7 +311,7 @@ def has_added_plugins() -> bool:
     return bool(_EXTENDED)
 
 
-def nearest(name: str, valid: list[str]) -> str:
+def nearest(name: object, valid: list[str]) -> str:
     """Return a clause for the end of a message: the most similar valid name, or all valid names if none is similar."""
-    close = get_close_matches(name, valid, n=1, cutoff=0.6)
+    close = get_close_matches(str(name), valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

@@ -161,15 +161,10 @@ class Normal(_Prior):
         return -self.score(x) / self.sd
 
 
-class HalfNormal(_Prior):
-    """Half-normal distribution, |N(0, scale²)|. In the score z, zero is not a boundary."""
+class _Reflected(_Prior):
+    """Base class of half-normal priors, whose only number is the value at a score of 1."""
 
-    prior: Literal["halfnormal"] = "halfnormal"
-    scale: PositiveFloat = Field(description="a number above 0")
     reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
-
-    def __init__(self, scale: float) -> None:
-        self._begin(scale=scale)
 
     @staticmethod
     def transform(z: Any, scale: Scalar) -> Any:
@@ -184,7 +179,17 @@ class HalfNormal(_Prior):
     def score(self, x: ArrayLike) -> np.ndarray:
         """Return |x|/scale; infinite or nan if the scale is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):  # the coefficient of an absent term has scale 0
-            return np.asarray(np.abs(x) / self.scale)
+            return np.asarray(np.abs(x) / self.numbers[0])
+
+
+class HalfNormal(_Reflected):
+    """Half-normal distribution, |N(0, scale²)|. In the score z, zero is not a boundary."""
+
+    prior: Literal["halfnormal"] = "halfnormal"
+    scale: PositiveFloat = Field(description="a number above 0")
+
+    def __init__(self, scale: float) -> None:
+        self._begin(scale=scale)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
         """Return log(2 N(x; 0, scale²)) at x ≥ 0, −∞ below."""
@@ -197,7 +202,7 @@ class HalfNormal(_Prior):
         return -np.asarray(x, float) / self.scale**2
 
 
-class SharedHalfNormal(_Prior):
+class SharedHalfNormal(_Reflected):
     """Half-normal prior of an equivalent damping ratio, with an unknown scale that all terms of a model share.
 
     The scale is one of `SHARED_SCALES`, all equally probable, so that the evidence does not depend on how small the
@@ -212,37 +217,25 @@ class SharedHalfNormal(_Prior):
 
     prior: Literal["shared_halfnormal"] = "shared_halfnormal"
     per_ratio: PositiveFloat
-    reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     def __init__(self, per_ratio: float) -> None:
         self._begin(per_ratio=per_ratio)
 
-    @staticmethod
-    def transform(z: Any, per_ratio: Scalar) -> Any:
-        """Return the coefficient at a score z: its damping ratio is |z| · `SCORE_RATIO`."""
-        return SCORE_RATIO * per_ratio * abs(z)
-
-    @staticmethod
-    def derivative(z: Any, per_ratio: Scalar) -> Any:
-        """Return the derivative of `transform`: the coefficient at z = 1, with the sign of z."""
-        return SCORE_RATIO * per_ratio * np.sign(z)
-
-    def score(self, x: ArrayLike) -> np.ndarray:
-        """Return the score of the coefficient x: its damping ratio divided by `SCORE_RATIO`."""
-        # The coefficient of an absent term has `per_ratio` 0.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.abs(x) / (SCORE_RATIO * self.per_ratio))
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the coefficient at a score of 1, where the damping ratio is `SCORE_RATIO`."""
+        return (SCORE_RATIO * self.per_ratio,)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
         """Return the marginal log density of one coefficient x, with the shared scale summed out; −∞ below 0."""
         x = np.asarray(x, float)
-        inside = shared_log_density(self.score(x) ** 2, 1) - math.log(SCORE_RATIO * self.per_ratio)
+        inside = shared_log_density(self.score(x) ** 2, 1) - math.log(self.numbers[0])
         return np.where(x >= 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
         """Return the derivative of `log_density` at x ≥ 0."""
         z = self.score(x)
-        return -shared_precision(z**2, 1) * z / (SCORE_RATIO * self.per_ratio)
+        return -shared_precision(z**2, 1) * z / self.numbers[0]
 
     def describe(self) -> str:
         """Return the prior in words, for tables; it is the same text for every coefficient."""
@@ -337,7 +330,7 @@ def joint_log_density(
         safe = np.where(inside, column, 1.0)
         if isinstance(prior, SharedHalfNormal):
             squares = squares + prior.score(safe) ** 2
-            total = total + np.where(inside & (safe >= 0), -math.log(SCORE_RATIO * prior.per_ratio), -np.inf)
+            total = total + np.where(inside & (safe >= 0), -math.log(prior.numbers[0]), -np.inf)
         else:
             total = total + np.where(inside, prior.log_density(safe), -np.inf)
     if shared:
@@ -351,7 +344,7 @@ def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHAR
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
     return np.array(
         [
-            -precision * scores[i] / (SCORE_RATIO * prior.per_ratio)
+            -precision * scores[i] / prior.numbers[0]
             if isinstance(prior, SharedHalfNormal)
             else float(prior.slope(x[i]))
             for i, prior in enumerate(priors)

@@ -28,10 +28,6 @@ _IMPORT = re.compile(
     re.M,
 )
 _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M)
-_TEXTS: dict[str, str | None] = {}
-"""Source of each module when it was first requested; a later change of the file does not affect this process."""
-_IMPORTED: dict[str, frozenset[str]] = {}
-"""Results of `direct_imports`, by module."""
 
 
 @cache
@@ -77,28 +73,29 @@ def _is_outside(name: str) -> bool:
     return any(name == module or name.startswith(f"{module}.") for module in UNRELATED_MODULES)
 
 
+@cache
 def direct_imports(name: str) -> frozenset[str]:
     """Return the modules of the package that a module imports directly, at its top or in functions.
 
     Imports under `if TYPE_CHECKING` are left out.
     """
-    if name not in _IMPORTED:
-        text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
-        for base, names, plain in _IMPORT.findall(text):
-            modules.add(plain or base)
-            parts = (part.split("#")[0].split() for part in re.split(r"[,\n]", names.strip("()")))
-            below = {f"{base}.{part[0].strip('()')}" for part in parts if part}
-            modules |= {module for module in below if _text(module) is not None}
-        _IMPORTED[name] = frozenset(modules)
-    return _IMPORTED[name]
+    text, modules = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
+    for base, names, plain in _IMPORT.findall(text):
+        modules.add(plain or base)
+        parts = (part.split("#")[0].split() for part in re.split(r"[,\n]", names.strip("()")))
+        below = {f"{base}.{part[0].strip('()')}" for part in parts if part}
+        modules |= below & _files().keys()
+    return frozenset(modules)
 
 
+@cache
 def _text(name: str) -> str | None:
-    """Return the source of a module; None if the package has no such module."""
-    if name not in _TEXTS:
-        file = _files().get(name)
-        _TEXTS[name] = file.read_text(encoding="utf-8") if file else None
-    return _TEXTS[name]
+    """Return the source of a module; None if the package has no such module.
+
+    A change of the file after the first call does not affect this process.
+    """
+    file = _files().get(name)
+    return file.read_text(encoding="utf-8") if file else None
 
 
 @cache

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
@@ -24,6 +23,7 @@ from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
 from bayesdamp.inference.deviation.specimen import OtherForm, RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
+from bayesdamp.interface.arguments import check_deviation
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -194,8 +194,7 @@ def answer(
     InputError
         If an argument is invalid, or an amplitude is far outside the range of the record.
     """
-    if deviation not in DEVIATIONS:
-        raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
+    check_deviation("compare", deviation)
     wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
     if wrong:
         raise InputError(

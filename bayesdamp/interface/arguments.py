@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.inference.noise import GAUSSIAN, NOISES
 from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -17,17 +18,15 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
-_TEXT = "is text; give numbers, for example numpy.asarray(values, float)"
-_DATES = "contains dates or durations; give seconds: (t - t[0]) / numpy.timedelta64(1, 's')"
 _NOT_NUMBERS = {
-    "b": "contains true and false; give the recorded numbers",
-    "c": "contains complex numbers; give their real part, or another real quantity",
-    "M": _DATES,
-    "m": _DATES,
-    "S": _TEXT,
-    "U": _TEXT,
+    "b": "true and false",
+    "c": "complex numbers",
+    "M": "dates",
+    "m": "durations",
+    "S": "text",
+    "U": "text",
 }
-"""Errors by NumPy's code for the type of the elements, for types that NumPy would silently convert to numbers."""
+"""Contents that NumPy would silently convert to numbers, by NumPy's code for the type of the elements."""
 KINDS = get_args(get_args(GivenPrior)[0])
 """The classes of priors that a user may specify."""
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
@@ -58,15 +57,16 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
     """
     try:
         array = np.asanyarray(given)
-        kinds = {np.asarray(element).dtype.kind for element in array.flat} if array.dtype.kind == "O" else ()
-        refused = next((_NOT_NUMBERS[k] for k in (array.dtype.kind, *kinds) if k in _NOT_NUMBERS), None)
-        numbers = np.array(array, float) if refused is None else np.empty(0)
+        kinds = (
+            {np.asarray(element).dtype.kind for element in array.flat} if array.dtype.kind == "O" else set()
+        )
+        for kind in _NOT_NUMBERS.keys() & {array.dtype.kind, *kinds}:
+            right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
+            raise InputError(f"{what} contains {_NOT_NUMBERS[kind]}; {right}", where)
+        numbers = np.array(array, float)
     except (TypeError, ValueError):
-        refused, array, numbers = "must be an array of numbers", np.empty(0), np.empty(0)
-    if refused is not None:
-        raise InputError(f"{what} {refused}", where)
-    masked = np.count_nonzero(np.ma.getmaskarray(array)) if isinstance(array, np.ma.MaskedArray) else 0
-    if masked:
+        raise InputError(f"{what} must be an array of numbers", where) from None
+    if masked := np.count_nonzero(np.ma.getmaskarray(array)):
         raise InputError(f"{what} has {masked} masked values; remove these samples from t and y", where)
     return numbers
 
@@ -183,6 +183,12 @@ def check_priors(
             right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
             raise InputError(f"{who}: the prior of {name!r} allows values below zero; it must be {right}")
     return dict(given)
+
+
+def check_deviation(who: str, deviation: object) -> None:
+    """Raise InputError unless an argument `deviation` is one of `DEVIATIONS`."""
+    if deviation not in DEVIATIONS:
+        raise InputError(f"{who}: unknown deviation {deviation!r}{nearest(deviation, list(DEVIATIONS))}")
 
 
 def check_sensor(who: str, sensor: object) -> None:

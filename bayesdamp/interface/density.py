@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.result import Result, ResultView
+from bayesdamp.interface.result import Result, ResultView, frame_table
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
@@ -115,33 +115,35 @@ class Density(ResultView):
 
     def log_prior(self, x: ArrayLike) -> float:
         """Return the normalised log density of the prior at x, (d,); −∞ outside its support."""
-        return float(self._log_priors(self._vector(x)[None])[0])
+        return float(joint_log_density(list(self.priors.values()), self._vector(x), self.target.scales))
 
     def log_likelihood(self, x: ArrayLike) -> float:
         """Return the log density of the record in nats at x, (d,).
 
         It is −∞ if the motion escapes, and outside the support of the prior.
         """
-        return float(self._log_likelihoods(self._vector(x)[None])[0])
+        x = self._vector(x)
+        return (
+            self._likelihood.log_likelihood_of(self._parameters(x))
+            if np.isfinite(self.log_prior(x))
+            else -np.inf
+        )
 
     def log_posterior(self, x: ArrayLike) -> float:
         """Return log prior plus log likelihood at x, (d,), not normalised; −∞ outside the support of the prior."""
-        return float(self.log_posteriors(self._vector(x)[None])[0])
+        return self.log_prior(x) + self.log_likelihood(x)
 
     def log_posteriors(self, x: ArrayLike) -> Vector:
         """Return `log_posterior` at each of m vectors x, (m, d), as an array (m,)."""
         many = np.array(x, float)
         if many.ndim != 2 or many.shape[1] != len(self.names):
             raise InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
-        prior = self._log_priors(many)
-        return prior + np.where(np.isfinite(prior), self._log_likelihoods(many), -np.inf)
+        return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:
         """Return the gradient of the log posterior in natural units at x, (d,); zeros if the log posterior is −∞."""
         x = self._vector(x)
-        if not np.isfinite(self._log_priors(x[None])[0]):
-            return np.zeros_like(x)
-        value, slopes = self._slopes(x)
+        value, slopes = self._slopes(x) if np.isfinite(self.log_prior(x)) else (-np.inf, x)
         if not np.isfinite(value):
             return np.zeros_like(x)
         return slopes + joint_slope(list(self.priors.values()), x, self.target.scales)
@@ -188,25 +190,9 @@ class Density(ResultView):
             raise InputError(f"density: x has shape {vector.shape}; it must be {right}")
         return vector
 
-    def _log_priors(self, x: Vector) -> Vector:
-        """Return the log prior densities at each of m vectors x, (m, d), as an array (m,)."""
-        return joint_log_density(list(self.priors.values()), x, self.target.scales)
-
-    def _log_likelihoods(self, x: Vector) -> Vector:
-        """Return the log likelihoods at m vectors x, (m, d), as an array (m,); −∞ outside the prior's support."""
-        values = np.full(len(x), -np.inf)
-        for i in np.flatnonzero(np.isfinite(self._log_priors(x))):
-            values[i] = self._likelihood.log_likelihood_of(self._parameters(x[i]))
-        return values
-
     def _table(self) -> Table:
-        rows = [
-            (n, self.units[n], compact(self.values[n], 6), prior.describe())
-            for n, prior in self.priors.items()
-        ]
         name = candidate_name("+".join(self.target.oscillator.damping), self.target.oscillator.restoring)
-        title = f"Posterior density of {name} on {self.signal.name}"
-        return Table(("parameter", "unit", "best fit", "prior"), rows, caption=title)
+        return frame_table(self.summary(), f"Posterior density of {name} on {self.signal.name}")
 
 
 def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:

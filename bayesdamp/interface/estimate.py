@@ -11,10 +11,10 @@ import numpy as np
 from bayesdamp import types
 from bayesdamp.estimators import STAGES, run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.density import units_of
 from bayesdamp.interface.model import Case, Model, check_signal
-from bayesdamp.interface.result import BLUE, INK, QUIET, Result, get_axes
+from bayesdamp.interface.result import BLUE, INK, QUIET, Result, frame_table, get_axes, label_axes
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
@@ -68,15 +68,12 @@ class Estimate(Result):
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each parameter: value and standard error at both stages, and unit."""
-        columns = [f"{what}_{stage}" for stage in STAGES for what in ("value", "stderr")]
-        rows: dict[str, dict[str, object]] = {}
-        for name in {**self.initial.values, **self.refined.values}:
-            rows[name] = {}
-            for stage in (self.initial, self.refined):
-                rows[name][f"value_{stage.stage}"] = stage.values.get(name, np.nan)
-                rows[name][f"stderr_{stage.stage}"] = stage.stderr.get(name, np.nan)
-            rows[name]["unit"] = self.units[name]
-        return data_frame(rows.values(), [*columns, "unit"], index=rows)
+        columns = {
+            f"{what}_{stage.stage}": [values.get(name, np.nan) for name in self.units]
+            for stage in (self.initial, self.refined)
+            for what, values in (("value", stage.values), ("stderr", stage.stderr))
+        }
+        return data_frame({**columns, "unit": list(self.units.values())}, index=self.units)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the record with the motion of each stage that has values, and return the axes.
@@ -99,25 +96,12 @@ class Estimate(Result):
             if stage.values and all(n in values for n in oscillator.parameters):
                 motion = simulate(oscillator, values, t, self.signal.quantity, precision)
                 ax.plot(t, unit.scale * motion, dashes, color=colour, lw=1.0, label=stage.stage)
-        ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{unit.quantity_name(self.signal.quantity)} / {unit.of(self.signal.quantity)}")
-        ax.set_title(f"{self.estimator}, {self.model.name}", fontsize="small", loc="left")
-        ax.legend(loc="upper right")
+        label_axes(ax, unit, self.signal.quantity, f"{self.estimator}, {self.model.name}")
         return ax
 
     def _table(self) -> Table:
-        rows: list[tuple[str, ...]] = []
-        for name in {**self.initial.values, **self.refined.values}:
-            row = [name, self.units[name]]
-            for stage in (self.initial, self.refined):
-                row += [
-                    compact(stage.values.get(name, np.nan), 6),
-                    compact(stage.stderr.get(name, np.nan), 2),
-                ]
-            rows.append(tuple(row))
-        columns = ("parameter", "unit", "initial", "stderr", "refined", "stderr")
         title = f"Estimate of {self.model.name} on {self.signal.name} by {self.estimator}"
-        return Table(columns, rows, caption=title, notes=self._failures)
+        return frame_table(self.summary(), title, self._failures)
 
 
 def estimate(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.posterior import TEMPERED, Array, Posterior, sample
-from bayesdamp.interface.result import Result, outcome_notes
+from bayesdamp.interface.result import Result, frame_table, outcome_notes
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:
@@ -52,13 +52,9 @@ class Evidence(Result, types.Evidence):
         return data_frame([{n: v for n, v in vars(self).items() if n != "arrays"}])
 
     def _table(self) -> Table:
-        rows = (
-            ("log evidence", f"{compact(self.log_evidence, 8)} nat"),
-            ("standard error", f"{compact(self.stderr, 2)} nat"),
-            ("diagnostic", self.diagnostic or "–"),
-        )
         title = f"Evidence of {self.model} on {self.signal} by {self.method}"
-        return Table(("", "value"), rows, caption=title, notes=outcome_notes(self.outcome))
+        shown = self.summary()[["log_evidence", "stderr", "diagnostic"]].T.set_axis(["value"], axis=1)
+        return frame_table(shown, title, outcome_notes(self.outcome))
 
 
 def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 0) -> Evidence:

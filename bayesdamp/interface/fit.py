@@ -28,6 +28,7 @@ from bayesdamp.interface.result import (
     QUIET,
     GivenAxes,
     Result,
+    frame_table,
     get_axes,
     list_axes,
     outcome_notes,
@@ -102,12 +103,9 @@ class Prediction(Result):
         return ax
 
     def _table(self) -> Table:
-        some = np.unique(np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int))
-        columns = (self.t[some].tolist(), self.value[some].tolist(), self.sd[some].tolist())
-        rows = tuple((compact(t), compact(v, 5), compact(sd, 2)) for t, v, sd in zip(*columns, strict=True))
-        notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
-        heads = ("time / s", f"{self.quantity} / {self.unit}", "sd")
-        return Table(heads, rows, caption="Predicted motion", notes=notes)
+        shown = self.summary()[:: -(-self.t.size // PRINTED_TIMES) or 1]
+        caption = f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times"
+        return frame_table(shown, caption)
 
 
 @dataclass(frozen=True)
@@ -163,8 +161,8 @@ class Fit(Result, Storable):
         "ok", or a sentence that says why there is no fit.
     notes
         Sentences on the choice of the noise model and of the width of friction.
-    target, mode
-        The posterior and its mode, from which samplers start; None without a fit, or if laws may hold approximately.
+    mode
+        The posterior mode, from which samplers start; None without a fit, or if laws may hold approximately.
     sd_noise, sd_law
         If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest.
     deviation, frequency_deviation
@@ -173,7 +171,7 @@ class Fit(Result, Storable):
         from its law, with means ḡ and h̄. Otherwise None.
     law
         If laws may hold approximately: the fit with deviations, linearised about the best motion, from which samplers
-        start instead of target and mode; otherwise None.
+        start instead of `mode`; otherwise None.
     """
 
     _STORED = StoredFit
@@ -190,7 +188,6 @@ class Fit(Result, Storable):
     log_posterior: float = float("nan")
     outcome: str = OK
     notes: tuple[str, ...] = ()
-    target: Target | None = None
     mode: Mode | None = None
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sd_noise: Mapping[str, float] = field(default_factory=dict)
@@ -205,16 +202,20 @@ class Fit(Result, Storable):
         return Density.at(self.signal, self.model, self.engine[1])
 
     @property
+    def target(self) -> Target | None:
+        """The posterior from whose mode samplers start; None without a fit, or if laws may hold approximately."""
+        return None if self.mode is None else self.mode.likelihood.target
+
+    @property
     def engine(self) -> tuple[Target, Mode]:
         """The posterior that samplers use, and its mode; deviations, if allowed, are integrated out.
 
         Raises Refusal with the outcome if there is no fit.
         """
-        if self.law is not None:
-            return self.law.mode.likelihood.target, self.law.mode
-        if self.target is None or self.mode is None:
+        mode = self.mode if self.law is None else self.law.mode
+        if mode is None:
             raise Refusal(self.outcome)
-        return self.target, self.mode
+        return mode.likelihood.target, mode
 
     @property
     def priors(self) -> Mapping[str, Prior]:
@@ -275,29 +276,21 @@ class Fit(Result, Storable):
         wanted = quantity or self.signal.quantity
         times = check_times(t, wanted)
         if self.law is not None:
-            return predict_approximate(self.law, self.signal, times, wanted)
-        return predict_exact(*self.engine, self.signal, times, wanted)
+            value, sd = predict_approximate(self.law, times, wanted)
+        else:
+            value, sd = predict_exact(*self.engine, self.signal, times, wanted)
+        return Prediction(times, value, sd, wanted, UNITS[self.signal.unit].of(wanted))
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
 
         If laws may hold approximately, the table also has the parts of the sd. Without a fit it has no rows.
         """
-        columns = ["value", "sd", *(["sd_noise", "sd_law"] if self.law is not None else []), "low", "high"]
-        rows = {
-            n: {
-                "value": v,
-                "sd": self.sd[n],
-                "sd_noise": self.sd_noise.get(n),
-                "sd_law": self.sd_law.get(n),
-                "low": self.intervals[n][0],
-                "high": self.intervals[n][1],
-                "unit": self.units[n],
-                "prior": self.priors[n].describe(),
-            }
-            for n, v in self.values.items()
-        }
-        return data_frame(rows.values(), [*columns, "unit", "prior"], index=rows)
+        parts = {"sd_noise": self.sd_noise, "sd_law": self.sd_law} if self.law is not None else {}
+        low, high = ({n: ends[i] for n, ends in self.intervals.items()} for i in (0, 1))
+        priors = {n: self.priors[n].describe() for n in self.values}
+        columns = {"value": self.values, "sd": self.sd, **parts, "low": low, "high": high, "unit": self.units}
+        return data_frame({**columns, "prior": priors}, index=self.values)
 
     def plot(self, ax: GivenAxes = None, until: float | None = None) -> tuple[Axes, ...]:
         """Plot the record with the fit, and the residuals below.
@@ -355,18 +348,7 @@ class Fit(Result, Storable):
             unit = self.signal.own_unit
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
             title += f": {self.noise} noise, residual {compact(rms, 3)} {unit.of(self.signal.quantity)} rms"
-        approximate = self.law is not None
-        parts = (self.sd_noise, self.sd_law) if approximate else (self.sd,)
-        spreads = ("sd noise", "sd law", "95 %") if approximate else ("sd",)
-        rows = [
-            (n, self.units[n], compact(v, 6), *(compact(p[n], 2) for p in parts))
-            for n, v in self.values.items()
-        ]
-        if approximate:
-            ends = [f"{compact(low, 4)} to {compact(high, 4)}" for low, high in self.intervals.values()]
-            rows = [(*row, end) for row, end in zip(rows, ends, strict=True)]
-        empty = ("",) * (len(spreads) - 1)
-        rows += [(n, "", compact(v, 6), "known", *empty) for n, v in self.known.items()]
+        known = ", ".join(f"{n} = {compact(v, 6)}" for n, v in self.known.items())
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
             f"No deviation of the {what} from its law is detected (95 %: below {percentage(q.high)} %)."
@@ -375,8 +357,10 @@ class Fit(Result, Storable):
             for what, q in both
             if q is not None
         )
-        notes = outcome_notes(self.outcome, (*self.notes, *deviates))
-        return Table(("parameter", "unit", "value", *spreads), rows, caption=title, notes=notes)
+        notes = outcome_notes(
+            self.outcome, (*([f"Known: {known}."] if known else []), *self.notes, *deviates)
+        )
+        return frame_table(self.summary().drop(columns="prior"), title, notes)
 
     def _reduced(self) -> StoredFit:
         target = self.target
@@ -421,7 +405,6 @@ class Fit(Result, Storable):
             residuals=left,
             log_posterior=density.log_prior(density.vector()) + mode.likelihood.log_noise(left, mode.z),
             notes=notes,
-            target=target,
             mode=mode,
         )
 
@@ -545,7 +528,9 @@ def check_times(t: ArrayLike, quantity: str) -> Vector:
     return times
 
 
-def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
+def predict_exact(
+    target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str
+) -> tuple[Vector, Vector]:
     """Predict the motion of the best fit and its standard deviation, for a fit that assumes exact laws.
 
     times: (m,), in s from the first sample, within the record, after it, or before it. wanted: the quantity to predict,
@@ -568,10 +553,10 @@ def predict_exact(target: Target, mode: Mode, signal: Signal, times: Vector, wan
         motion = Trajectories(osc, grid, wanted, single, precision)
         value[chosen] = (way if wanted == "velocity" else 1.0) * motion.record(single)[at[1:]]
         sd[chosen] = motion.many(many).std(axis=0)[at[1:]]
-    return Prediction(times, value, sd, wanted, UNITS[signal.unit].of(wanted))
+    return value, sd
 
 
-def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
+def predict_approximate(law: Single, times: Vector, wanted: str) -> tuple[Vector, Vector]:
     """Predict the motion of the best fit and its standard deviation, for a fit with deviations from the laws.
 
     times: (m,), in s from the first sample. wanted: the quantity to predict, "angle", "velocity" or "acceleration".
@@ -579,7 +564,7 @@ def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str)
     """
     end = float(law.knots[-1])
     if not times.size:
-        return Prediction(times, times, times, wanted, UNITS[signal.unit].of(wanted))
+        return times, times
     if times.min() < 0 or times.max() > end:
         raise InputError(
             f"predict: t goes from {times.min():.6g} to {times.max():.6g} s, but the fit covers 0 to {end:.6g} s, and "
@@ -589,5 +574,4 @@ def predict_approximate(law: Single, signal: Signal, times: Vector, wanted: str)
     motions = law.motions(
         np.concatenate([law.best, law.scores[:: len(law.scores) // BAND_DRAWS]]), grid, wanted
     )
-    band = np.nanstd(motions[1:], axis=0)
-    return Prediction(times, motions[0][at], band[at], wanted, UNITS[signal.unit].of(wanted))
+    return motions[0][at], np.nanstd(motions[1:], axis=0)[at]

@@ -16,7 +16,6 @@ from bayesdamp import types
 from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import canonical_model
-from bayesdamp.config.study import DEVIATIONS
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
 from bayesdamp.formatting import Table, data_frame
@@ -35,6 +34,7 @@ from bayesdamp.inference.search import find_mode, prior_starts
 from bayesdamp.interface.arguments import (
     POSITIVE,
     by_parameter,
+    check_deviation,
     check_known,
     check_noise,
     check_priors,
@@ -43,7 +43,7 @@ from bayesdamp.interface.arguments import (
     number,
 )
 from bayesdamp.interface.density import Density
-from bayesdamp.interface.result import Result
+from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
@@ -134,12 +134,8 @@ class Model(Result):
             damping = canonical_model(self.damping, "damping")
         except StudyError as error:
             raise InputError(f"Model: {error}") from None
-        for what, given, valid in (
-            ("restoring law", self.restoring, LAWS.names()),
-            ("deviation", self.deviation, list(DEVIATIONS)),
-        ):
-            if given not in valid:
-                raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
+        LAWS.get(self.restoring)
+        check_deviation("Model", self.deviation)
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
         check_noise("Model", self.noise)
@@ -161,11 +157,7 @@ class Model(Result):
                 raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
 
     def __hash__(self) -> int:
-        mappings = (
-            tuple(sorted(self.known.items())),
-            tuple(sorted(self.priors.items(), key=lambda item: item[0])),
-        )
-        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor, *mappings))
+        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor))
 
     @property
     def name(self) -> str:
@@ -244,12 +236,9 @@ class Model(Result):
         return data_frame(rows, ["parameter", "known", "prior"]).set_index("parameter")
 
     def _table(self) -> Table:
-        rows = [("damping", self.damping), ("restoring", self.restoring)]
-        rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
-        rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
-        rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
-        rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
-        return Table(("", ""), rows, caption=f"Model {self.name}")
+        noise = self.noise if isinstance(self.noise, str) else " or ".join(self.noise)
+        laws = f", deviation {self.deviation}, sensor {self.sensor:.3g}" if self.approximate else ""
+        return frame_table(self.summary().fillna(""), f"Model {self.name}, {noise} noise{laws}")
 
 
 Model.__init__ = checked_call(Model.__init__, "Model")
@@ -320,14 +309,7 @@ class Case:
         system = self.model.system
         if epsilon is not None:
             system = replace(system, known={**system.known, "epsilon": epsilon})
-        return build_target(
-            self.signal,
-            self.model.terms,
-            system,
-            self.features,
-            self.reference,
-            noise=noise,
-        )
+        return build_target(self.signal, self.model.terms, system, self.features, self.reference, noise=noise)
 
     def mode(
         self,

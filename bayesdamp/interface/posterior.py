@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, derive_quantities, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit, tabulate_ratios
-from bayesdamp.interface.result import QUIET, GivenAxes, Result, get_axes, outcome_notes
+from bayesdamp.interface.result import QUIET, GivenAxes, Result, frame_table, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
+from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
@@ -50,12 +50,6 @@ SUMMARY_COLUMNS = (
 """Columns of the table of `Posterior.summary`."""
 MOST_VALUES = 20_000_000
 """Largest number of values in a group of variables along the record (160 MB); with more, draws are thinned evenly."""
-VALUES_AT_ONCE = 500_000
-"""Number of values along the record that are computed at a time, which limits the memory."""
-GROUP_ORDER = (
-    "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
-)  # fmt: skip
-"""Order of the groups in `Posterior.data`."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
 """Names of the variables in `Posterior.data` with the relative deviations of damping and frequency from their laws, at
 times along the record. With the suffix `_size` they name the mean size of each deviation over the record."""
@@ -69,12 +63,6 @@ EXACT_SAMPLER = "nuts"
 """Default sampler if the fit assumes exact laws."""
 DEFAULT_DRAWS = 1000
 """Default number of draws of each chain (conventional)."""
-_OF_THE_MOTION = {
-    "theta0": "displacement at the first sample",
-    "omega0": "velocity at the first sample",
-    "epsilon": "velocity over which friction changes its sign: tanh(velocity/epsilon); 0: the sign function",
-}
-"""Definitions of parameters that belong neither to a damping term nor to a restoring law."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,13 +168,11 @@ class Posterior(Result, types.Posterior):
             "posterior": own,
             "prior": prior,
             **_pointwise(self),
-            "observed_data": _along(self, {RECORD: (("time",), y, attributes)}),
-            "constant_data": _along(self, known),
             "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
+            "observed_data": ({RECORD: (("time",), y, attributes)}, _times(self)),
+            "constant_data": (known, _times(self)),
         }
-        tree = xr.DataTree.from_dict(
-            {name: xr.Dataset(*groups[name]) for name in GROUP_ORDER if name in groups}
-        )
+        tree = xr.DataTree.from_dict({name: xr.Dataset(*group) for name, group in groups.items()})
         tree.attrs |= {
             "inference_library": "bayesdamp",
             "inference_library_version": __version__,
@@ -311,12 +297,11 @@ class Posterior(Result, types.Posterior):
             raise Refusal(self.outcome)
 
     def _table(self) -> Table:
-        columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
-        rows = [(n, self.fit.units[n], *(compact(s[c]) for c in columns)) for n, s in self.summaries.items()]
+        columns = ["mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat", "unit"]
         title = f"Posterior of {self.fit.model.name} on {self.fit.signal.name} by {self.sampler}"
         if self.names:
             title += f": {self.draws.shape[0]} chains of {self.draws.shape[1]} draws"
-        return Table(("parameter", "unit", *columns), rows, caption=title, notes=outcome_notes(self.outcome))
+        return frame_table(self.summary(derived=False)[columns], title, outcome_notes(self.outcome))
 
 
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
@@ -340,11 +325,11 @@ def _definition(name: str, fit: Fit) -> str:
     def first_line(thing: object) -> str:
         return (inspect.getdoc(type(thing)) or "").partition("\n")[0]
 
-    if name in _OF_THE_MOTION:
-        return _OF_THE_MOTION[name]
     for term in fit.oscillator.terms:
         if term.parameter == name:
             return f"coefficient of {term.name} damping: {first_line(term)}"
+    if (symbol := parameter_symbol(name)) is not None:
+        return symbol.meaning
     law = fit.oscillator.law
     if name in law.parameters:
         return f"{name} of the restoring law {law.name}: {first_line(law)}"
@@ -391,17 +376,15 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
         noise = np.sqrt(law.comparison.variance) * rng.standard_normal((chains, numbers.size, n))
         replications = motions + noise.reshape(motions.shape)
         definition = "log density of each value that was fitted; they sum to the log likelihood"
-    coords = {"chain": np.arange(chains), "draw": numbers}
-
-    def group(values: np.ndarray, unit: str, text: str) -> Group:
-        values = values.reshape(chains, numbers.size, -1)
-        variable = (("chain", "draw", "time"), values, {"units": unit, "definition": text})
-        return _along(post, {RECORD: variable}, coords)
-
-    groups = {"log_likelihood": group(likelihoods, "nat", definition)}
+    rows = {"log_likelihood": (likelihoods, "nat", definition)}
     if replications is not None:
         text = "motion of a posterior draw with simulated noise added"
-        groups["posterior_predictive"] = group(replications, post.fit.signal.y_unit, text)
+        rows = {"posterior_predictive": (replications, post.fit.signal.y_unit, text), **rows}
+    coords = {"chain": np.arange(chains), "draw": numbers, **_times(post)}
+    groups = {}
+    for name, (values, unit, text) in rows.items():
+        shaped, attributes = values.reshape(chains, numbers.size, -1), {"units": unit, "definition": text}
+        groups[name] = {RECORD: (("chain", "draw", "time"), shaped, attributes)}, coords
     return groups
 
 
@@ -412,38 +395,27 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     cannot be simulated.
     """
     target, mode = post.fit.engine
-    n, noise = post.fit.signal.t.size, NOISES.get(target.noise)
+    noise = NOISES.get(target.noise)
     draws = post.draws[:, numbers].reshape(-1, len(post.names))
     values = {**{k: np.full(len(draws), float(v)) for k, v in target.known.items()}}
     values |= {name: draws[:, i] for i, name in enumerate(post.names)}
     gaps, rng = np.diff(post.fit.signal.t), np.random.default_rng([post.seed, 2])
-    likelihoods, replications = np.empty((len(draws), n)), np.empty((len(draws), n))
-    drawn = True
-    for rows in np.array_split(np.arange(len(draws)), max(1, len(draws) * n // VALUES_AT_ONCE)):
-        some = {name: v[rows] for name, v in values.items()}
-        motion = mode.likelihood.motions.many(some)
-        of_noise = {name: some[name] for name in (*noise.parameters, *noise.constants)}
-        likelihoods[rows] = noise.log_likelihoods(post.fit.signal.y - motion, gaps, of_noise)
-        try:
-            for i, row in enumerate(rows):
-                own = {name: float(v[i]) for name, v in of_noise.items()}
-                replications[row] = motion[i] + noise.draw(rng, gaps, own)
-        except Refusal:
-            drawn = False
-    return likelihoods, replications if drawn else None
+    motions = mode.likelihood.motions.many(values)
+    of_noise = {name: values[name] for name in (*noise.parameters, *noise.constants)}
+    likelihoods = noise.log_likelihoods(post.fit.signal.y - motions, gaps, of_noise)
+    try:
+        for i, motion in enumerate(motions):
+            motion += noise.draw(rng, gaps, {name: float(v[i]) for name, v in of_noise.items()})
+    except Refusal:
+        return likelihoods, None
+    return likelihoods, motions
 
 
-def _along(
-    post: Posterior, variables: dict[str, Any], coords: Mapping[str, np.ndarray] = MappingProxyType({})
-) -> Group:
-    """Return variables and coordinates of a group, with the coordinate `time` added, in s from the first sample.
-
-    It contains the times of the record; for a fit with deviations from the laws, those of the data that were fitted.
-    """
+def _times(post: Posterior) -> dict[str, Any]:
+    """Return the coordinate `time`: of the record or, with deviations from the laws, of the data that were fitted."""
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
-    times = ("time", t, {"units": "s", "definition": "time from the first sample"})
-    return variables, {**coords, "time": times}
+    return {"time": ("time", t, {"units": "s", "definition": "time from the first sample"})}
 
 
 def sample(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.formatting import Table, compact
-from bayesdamp.interface.result import Result, get_axes
+from bayesdamp.interface.result import Result, get_axes, label_axes
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.names import unit_by_name
@@ -123,12 +123,7 @@ class Record(Result):
         for run, raw in zip(self.runs, self.raw, strict=True):
             times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
             ax.plot(times, raw.y, lw=0.8, label=f"run {run}")
-        ax.set_xlabel("time / s")
-        unit = UNITS[self.unit]
-        ax.set_ylabel(f"{unit.quantity_name(self.quantity)} / {unit.of(self.quantity)}")
-        ax.set_title(self.path.name, fontsize="small", loc="left")
-        if len(self.raw) > 1:
-            ax.legend(loc="upper right")
+        label_axes(ax, UNITS[self.unit], self.quantity, self.path.name)
         return ax
 
     def _table(self) -> Table:

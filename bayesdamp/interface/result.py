@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,13 +13,15 @@ import numpy as np
 
 from bayesdamp import __version__
 from bayesdamp.calls import CheckedMethods
-from bayesdamp.formatting import Table
+from bayesdamp.formatting import Table, compact
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import READ_ERRORS, pack, save_bytes, unpack
 from bayesdamp.types import InputError
+from bayesdamp.units import Unit
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
@@ -75,7 +75,12 @@ class Result(ResultView):
         InputError
             If the file does not contain a result of this class.
         """
-        return _read(path, cls)
+        result = _read(path)
+        if not isinstance(result, cls):
+            raise InputError(
+                f"{path}: contains a {type(result).__name__}, not a {cls.__name__}; use bayesdamp.load"
+            )
+        return result
 
 
 def load(path: str | Path) -> Any:
@@ -96,11 +101,11 @@ def load(path: str | Path) -> Any:
         from bayesdamp.verdict.types import Verdict
 
         return Verdict.load(path)
-    return _read(path, None)
+    return _read(path)
 
 
-def _read(path: str | Path, cls: type[Any] | None) -> Any:
-    """Load a result from a file. If `cls` is given, the result must be of this class.
+def _read(path: str | Path) -> Any:
+    """Load a result from a file.
 
     Raises InputError if the file is missing, damaged, or contains something else.
     """
@@ -114,20 +119,25 @@ def _read(path: str | Path, cls: type[Any] | None) -> Any:
         raise InputError(
             f"{path}: is not a result of bayesdamp, or is damaged; give a file that save() wrote"
         ) from None
-    if cls is not None and kind != cls.__name__:
-        raise InputError(f"{path}: contains a {kind}, not a {cls.__name__}; use bayesdamp.load")
-    if cls is None:
-        if kind not in KINDS:
-            raise InputError(
-                f"{path}: contains a {kind!r}, which this version does not know{nearest(kind, list(KINDS))}"
-            )
-        cls = getattr(import_module("bayesdamp"), kind)
+    if kind not in KINDS:
+        raise InputError(
+            f"{path}: contains a {kind!r}, which this version does not know{nearest(kind, list(KINDS))}"
+        )
     try:
-        return join(cls, head["value"], arrays)
+        return join(getattr(import_module("bayesdamp"), kind), head["value"], arrays)
     except READ_ERRORS:
         raise InputError(
             f"{path}: was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
         ) from None
+
+
+def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> Table:
+    """Return a data frame as a table to print: its index, then its columns, numbers with up to five digits."""
+    lines = [
+        [str(name), *(compact(v, 5) if isinstance(v, float) else str(v) for v in row)]
+        for name, *row in frame.astype(object).itertuples()
+    ]
+    return Table([str(frame.index.name or ""), *map(str, frame.columns)], lines, caption=caption, notes=notes)
 
 
 def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
@@ -135,8 +145,6 @@ def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
     return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)
 
 
-INVISIBLE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
-"""Backends of Matplotlib that do not show figures."""
 INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
 """Colours of plots: three greys from dark to light, and blue."""
 
@@ -171,10 +179,18 @@ def get_axes(
         return given
     import matplotlib.pyplot as plt
 
-    show_in_notebook()
     figure = plt.figure(figsize=size, layout="constrained")
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, height_ratios=heights)
     return tuple(grid.ravel().tolist())
+
+
+def label_axes(ax: Axes, unit: Unit, quantity: str, title: str = "") -> None:
+    """Label axes with a recorded quantity against time, in the unit of the file; show the legend of labelled lines."""
+    ax.set_xlabel("time / s")
+    ax.set_ylabel(f"{unit.quantity_name(quantity)} / {unit.of(quantity)}")
+    ax.set_title(title, fontsize="small", loc="left")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="upper right")
 
 
 def list_axes(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
@@ -186,19 +202,3 @@ def list_axes(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
         if not isinstance(element, Axes):
             raise InputError(f"plot: ax contains a {type(element).__name__}; it must contain Matplotlib axes")
     return tuple(elements)
-
-
-def show_in_notebook() -> None:
-    """Make a notebook show figures below the cell, even if MPLBACKEND names a backend that does not show figures.
-
-    This variable is set on many servers. A backend that was chosen in the notebook is not changed. Do not call this
-    inside `rc_context`, which would restore the backend at its end.
-    """
-    import matplotlib as mpl
-
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    named = os.environ.get("MPLBACKEND", "").lower()
-    if shell is None or not hasattr(shell, "kernel") or named not in INVISIBLE_BACKENDS:
-        return
-    if mpl.get_backend().lower() == named:
-        shell.run_line_magic("matplotlib", "inline")

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.arguments import numbers_of
-from bayesdamp.interface.result import FAINT, INK, Result, get_axes
+from bayesdamp.interface.result import FAINT, INK, Result, frame_table, get_axes, label_axes
 from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.names import unit_by_name
@@ -104,26 +104,13 @@ class Signal(Result, types.Signal):
         if self.whole_t.size:
             ax.plot(self.whole_t, self.whole_y * unit.scale, color=FAINT, lw=1.0, label="cut away")
         ax.plot(self.t + begun, self.y * unit.scale, color=INK, lw=0.8, label="kept")
-        ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{unit.quantity_name(self.quantity)} / {unit.of(self.quantity)}")
-        notes = textwrap.wrap(" ".join(self.notes), 110)
-        ax.set_title("\n".join([self.name, *notes]), fontsize="x-small", loc="left")
-        if self.whole_t.size:
-            ax.legend(loc="upper right")
+        notes = textwrap.wrap(" ".join(self.notes), 90)
+        label_axes(ax, unit, self.quantity, "\n".join([self.name, *notes]))
         return ax
 
     def _table(self) -> Table:
-        unit, n, length = self.own_unit, self.t.size, float(self.t[-1])
-        low, high = (float(end) * unit.scale for end in (self.y.min(), self.y.max()))
-        rate = f"{compact((n - 1) / length, 5)} Hz"
-        rows = (
-            ("samples", str(n)),
-            ("length", f"{compact(length, 5)} s"),
-            ("sampling rate", rate if self.uniform else f"{rate}, uneven"),
-            ("quantity", f"{unit.quantity_name(self.quantity)} in {unit.of(self.quantity)}"),
-            ("range", f"{compact(low)} to {compact(high)}"),
-        )
-        return Table(("", "value"), rows, caption=f"Signal {self.name}", notes=self.notes)
+        shown = self.summary().drop(columns="record").T.set_axis(["value"], axis=1)
+        return frame_table(shown, f"Signal {self.name}", self.notes)
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
@@ -191,13 +178,12 @@ def signal(
     if rate is not None:
         if t is not None and y is not None:
             raise InputError("signal: give times or rate, not both")
-        only = t if y is None else y
-        y = numbers_of(() if only is None else only, "y", name)
+        y = t if y is None else y
         if not (np.isfinite(rate) and SLOWEST_RATE <= rate <= FASTEST_RATE):
             raise InputError(
                 f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST_RATE:g} to {FASTEST_RATE:g}"
             )
-        t = np.arange(y.size) / rate
+        t = np.arange(np.size(y)) / rate  # type: ignore[arg-type]
     if t is None or y is None:
         raise InputError(
             "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"

@@ -100,32 +100,29 @@ def simulate(
     >>> signal.t[-1].item(), round(signal.y[0].item(), 3)
     (6.0, 0.3)
     """
-    if restoring not in LAWS.names():
-        raise InputError(f"simulate: unknown restoring law {restoring!r}{nearest(restoring, LAWS.names())}")
-    for term in damping:
-        if term not in TERMS.names():
-            raise InputError(f"simulate: unknown damping term {term!r}{nearest(term, TERMS.names())}")
-    needed = LAWS.get(restoring).parameters
-    keys = {term: name for name, term in term_keys(needed).items()}
-    damping = {keys[term]: value for term, value in damping.items()}
-    further = [n for term in keys if keys[term] in damping for n in TERMS.get(term).further if n != "rest"]
-    numbers = (*needed, *START, "noise_time", "noise_dof", *further)
+    needed, terms = LAWS.get(restoring).parameters, [TERMS.get(term) for term in damping]
+    numbers = (
+        *needed,
+        *START,
+        "noise_time",
+        "noise_dof",
+        *(n for t in terms for n in t.further if n != "rest"),
+    )
     for key in parameters:
         if key not in numbers:
             raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")
     given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
-    own = {p.name: term for term in keys if keys[term] in damping for p in TERMS.get(term).inferred}
+    own = {p.name: term.name for term in terms for p in term.inferred}
     for parameter, what in {**dict.fromkeys(needed, restoring), **own}.items():
         if parameter not in given:
             raise InputError(f"simulate: {what} also needs {parameter}; give {parameter}=NUMBER")
-    options = {"duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise}
-    options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
-    options |= {"quantity": quantity, "unit": unit}
-    entry = {
-        "name": "simulated",
-        "simulate": {**damping, **given, **options},
-        "system": {"restoring": restoring},
-    }
+    keys = {term: key for key, term in term_keys(needed).items()}
+    options = {
+        **{keys[term]: value for term, value in damping.items()}, **given,
+        "duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise,
+        "outliers": float(outliers), "gaps": gaps, "quantum": float(quantum), "quantity": quantity, "unit": unit,
+    }  # fmt: skip
+    entry = {"name": "simulated", "simulate": options, "system": {"restoring": restoring}}
     try:  # validated as a study's own simulation
         source = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:

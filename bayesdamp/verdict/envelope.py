@@ -188,88 +188,64 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
 
-def _coefficients_of(
-    decay: Decay, ranking: Ranking, draws: RateDraws, plain: RateDraws
-) -> tuple[Coefficient, ...]:
-    """Return the coefficients of the terms in the most probable damping sum.
+def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple[Coefficient, ...]:
+    """Return the coefficients and further parameters of the terms in the most probable damping sum.
 
     Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no scale, the
-    coefficients are in units of the amplitude at the start. draws: draws of the rates with deviations from the laws and
-    the sensor's error; plain: draws with neither.
+    coefficients are in units of the amplitude at the start. If the frequency is not known, the result has the decay
+    rate at the start in place of the coefficient of a term that is not a power of the amplitude, and only those further
+    parameters whose unit contains no time. draws: draws of the rates with deviations from the laws and the sensor's
+    error, and draws with neither.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
     unit = record.unit.replace("^2", "").replace("2", "")
     if record.logarithmic or record.unit in ("W", "mW", "uW", "nW", "pW"):
         unit = "A_start" if record.logarithmic else f"√{record.unit}"
-    results: list[Coefficient] = []
-    for term in best.terms:
-        if term in POWERS:
-            whole, exact = draws.rates[term], plain.rates[term]
-            name, values, of = coefficient_from_rate(term, whole, amplitude, omega)
-            same = coefficient_from_rate(term, exact, amplitude, omega)[1] if exact.size else values
-            results.append(_coefficient(name, of.format(unit), values, same))
-        else:
-            results += _coefficients_with_own(term, ranking, (draws, plain), amplitude, omega, unit)
-    return tuple(results)
-
-
-def _coefficients_with_own(
-    name: str,
-    ranking: Ranking,
-    draws: tuple[RateDraws, RateDraws],
-    amplitude: float,
-    omega: float | None,
-    unit: str,
-) -> list[Coefficient]:
-    """Return the coefficient and all further parameters of the term `name`, which is not a power of the amplitude.
-
-    omega: frequency in rad/s. If it is None, the result has the term's decay rate at the start of the record in place
-    of the coefficient, and only those further parameters whose unit contains no time. draws: draws of the rates with
-    deviations from the laws and the sensor's error, and draws with neither. amplitude: amplitude to which the
-    amplitudes in the fit are relative. unit: unit of the amplitudes.
-    """
-    best = ranking.best
-    term = best.each[best.terms.index(name)]
     scale = Scale(amplitude * float(np.exp(best.start)), omega or 1.0)
+    own_unit = unit
     if best.scale.amplitude != 1.0:  # the record has a scale of its own
         scale = Scale(best.scale.amplitude, scale.frequency)
-        unit = "rad" if unit in ("rad", "mrad", "deg") else "m"
-    by_name = {s.name: s for s in ranking.sums}
-    own, units = {}, {}
-    for k, candidate in enumerate(ranking.candidates):
-        if name not in candidate.terms:
+        own_unit = "rad" if unit in ("rad", "mrad", "deg") else "m"
+    sums = {s.name: s for s in ranking.sums}
+    results: list[Coefficient] = []
+
+    def add(name: str, unit: str, values: Callable[[RateDraws], np.ndarray]) -> None:
+        """Add a parameter. values: function that returns its draws; without those of exact laws, all are used."""
+        whole, exact = map(values, draws)
+        results.append(Coefficient(name, *astuple(estimate_of(whole, exact if exact.size else whole, unit))))
+
+    for place, term in enumerate(best.terms):
+        if term in POWERS:
+            name, _, of = coefficient_from_rate(term, np.empty(0), amplitude, omega)
+            add(
+                name,
+                of.format(unit),
+                lambda d, term=term: coefficient_from_rate(term, d.rates[term], amplitude, omega)[1],
+            )
             continue
-        place, sum_ = candidate.terms.index(name), by_name[candidate.name]
-        own[k] = sum_.scores_of(candidate.scores, place)
-        log_rate = sum_.unit_rate(place, own[k], scale)
-        at_start = float(np.log(candidate.law.shapes(np.array([sum_.start]))[place, 0]))
-        units[k] = at_start if omega is None else -log_rate
+        scores, factors = {}, {}  # of the term, by number of the candidate
+        for k, c in enumerate(ranking.candidates):
+            if term in c.terms:
+                at, sum_ = c.terms.index(term), sums[c.name]
+                scores[k] = sum_.scores_of(c.scores, at)
+                log_factor = -sum_.unit_rate(at, scores[k], scale)
+                if omega is None:
+                    log_factor = np.log(c.law.shapes(np.array([sum_.start]))[at, 0])
+                factors[k] = float(np.exp(log_factor))
 
-    def over_candidates(
-        parameter_name: str, of: str, value: Callable[[int], float], rates: bool = False
-    ) -> Coefficient:
-        values = []
-        for some in draws:
-            places = some.candidate[np.isin(some.candidate, list(own))]
-            each = np.array([value(int(k)) for k in places])
-            values.append(each * some.rates[name] if rates else each)
-        return _coefficient(parameter_name, of, values[0], values[1] if values[1].size else values[0])
+        def each(d: RateDraws, values: Mapping[int, float]) -> np.ndarray:
+            """Return the value of the candidate of each draw, for the candidates in `values`."""
+            return np.array([values[k] for k in d.candidate.tolist() if k in values])
 
-    parameter_name, of = (
-        (f"rate_{name}", "1/s") if omega is None else (term.parameter, term.unit.replace("rad", unit))
-    )
-    results = [over_candidates(parameter_name, of, lambda k: float(np.exp(units[k])), rates=True)]
-    for i, p in enumerate(term.inferred):
-        of = p.unit.replace("rad", unit)
-        if omega is not None or "s" not in p.unit.replace("rad", ""):
-            results.append(over_candidates(p.name, of, lambda k, i=i, p=p: parameter(p, own[k][i], scale)))
-    return results
-
-
-def _coefficient(name: str, unit: str, draws: np.ndarray, plain: np.ndarray) -> Coefficient:
-    """Return the coefficient `name` from draws of it: median, interval and parts of its sd, as from `estimate_of`."""
-    return Coefficient(name, *astuple(estimate_of(draws, plain, unit)))
+        kind = best.each[place]
+        name, of = (kind.parameter, kind.unit) if omega is not None else (f"rate_{term}", "1/s")
+        add(name, of.replace("rad", own_unit), lambda d, f=factors, t=term: each(d, f) * d.rates[t])
+        for i, p in enumerate(kind.inferred):
+            if omega is not None or "s" not in p.unit.replace("rad", ""):
+                values = {k: parameter(p, z[i], scale) for k, z in scores.items()}
+                add(p.name, p.unit.replace("rad", own_unit), lambda d, values=values: each(d, values))
+    return tuple(results)
 
 
 def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:

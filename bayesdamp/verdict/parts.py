@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
@@ -221,27 +220,6 @@ class MotionKind(StrEnum):
     BEATS = "beats"
     TWO_MODES = "two modes"
     DRIVEN = "driven"
-
-
-@dataclass(frozen=True)
-class Column:
-    """How a field of `Verdict` is written to verdicts.csv and shown to the user.
-
-    An instance is in the metadata of each field that has columns in verdicts.csv.
-
-    Attributes
-    ----------
-    label, unit
-        Label and unit of the field's value in terminal and report; without a label it is not shown there.
-    names, cells
-        Names of the field's columns, and the function that converts its value to cells by column. They are needed only
-        for values other than numbers, intervals and texts.
-    """
-
-    label: str = ""
-    unit: str = ""
-    names: tuple[str, ...] = ()
-    cells: Callable[[Any], dict[str, object]] | None = None
 
 
 def quality_of(r: DampingRatio) -> str:

@@ -13,7 +13,7 @@ from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
 from bayesdamp.priors import Prior
-from bayesdamp.types import NORMAL_95
+from bayesdamp.types import NORMAL_95, candidate_name, sum_probabilities
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of, twin_pairs
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
@@ -78,14 +78,13 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     cumulative = np.cumsum(weight)
     spread, below, above = (float(np.interp(q, cumulative, spreads)) for q in (0.5, 0.025, 0.975))
     width = np.sqrt(1 / total + spreads**2 + np.median(sds) ** 2)
-    ends = []
-    for q in (0.025, 0.975):  # quantiles of a mixture of normal distributions, by bisection
-        low, high = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
-        for _ in range(80):
-            middle = 0.5 * (low + high)
-            share = float(weight @ scipy.special.ndtr((middle - means) / width))
-            low, high = (middle, high) if share < q else (low, middle)
-        ends.append(0.5 * (low + high))
+    outside = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
+
+    def excess(x: float, q: float) -> float:
+        """Return the distribution function of one more value, a mixture of normal distributions, at x, minus q."""
+        return float(weight @ scipy.special.ndtr((x - means) / width)) - q
+
+    ends = (scipy.optimize.brentq(excess, *outside, (q,), xtol=1e-12 * sd) for q in (0.025, 0.975))
     return PooledMean(mean, sd, spread, below, above, *ends)
 
 
@@ -250,20 +249,13 @@ def specimen_probabilities(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probabilities of damping sums, of restoring laws and of other forms, for all records together.
 
-    Other forms are forms of damping outside the compared sums (the rivals). Each dictionary is by name, the most
-    probable first. The probability of a law is summed over all dampings, the rivals included.
+    Other forms are forms of damping outside the compared sums (the rivals). Each dictionary is by name; of sums and
+    laws the most probable is first. The probability of a law is summed over all dampings, the rivals included.
     """
-    other_forms = {form.damping for r in comparison.records for form in r.others}
-    by_damping: dict[str, float] = {}
-    by_law: dict[str, float] = {}
-    for (damping, law), p in comparison.probability.items():
-        by_damping[damping] = by_damping.get(damping, 0.0) + p
-        by_law[law] = by_law.get(law, 0.0) + p
-    damping, laws = (
-        dict(sorted(shares.items(), key=lambda item: -item[1])) for shares in (by_damping, by_law)
-    )
-    sums = {n: p for n, p in damping.items() if n not in other_forms}
-    return sums, laws, {n: p for n, p in damping.items() if n in other_forms}
+    others = comparison.others()
+    every = {candidate_name(*model): p for model, p in comparison.probability.items()}
+    sums = {n: p for n, p in sum_probabilities(every).items() if n not in others}
+    return sums, sum_probabilities(every, part=1), others
 
 
 def spread_of(comparison: SpecimenComparison) -> Interval:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
-from enum import StrEnum
+from dataclasses import dataclass, field, fields
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.calls import CheckedMethods
-from bayesdamp.formatting import data_frame, with_interval
+from bayesdamp.formatting import data_frame
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import save_bytes, write_json
 from bayesdamp.store.tables import write_table
@@ -22,7 +21,6 @@ from bayesdamp.verdict.parts import (
     Averages,
     Bound,
     Coefficient,
-    Column,
     DampingRatio,
     FrequencyAt,
     Grade,
@@ -43,65 +41,36 @@ if TYPE_CHECKING:
 
 VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
 """Names of the files of a run that contain its verdicts."""
-COLUMN = {"column": Column()}
-"""Metadata of a field of `Verdict` that has columns in verdicts.csv named after the field, and is not shown on a line
-of its own."""
-_ENDS = {
-    "Interval": ("", "_low", "_high"),
-    "FrequencyAt": ("", "_low", "_high"),
-    "MeasuredNumber": ("", "_low", "_high", "_sd_noise", "_sd_law"),
-}
-"""Suffixes of the names of a field's columns in verdicts.csv, by the type of the field; fields of other types have one
-column."""
+_PARTS = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
+"""Suffixes of the columns in verdicts.csv of a number with an interval, and the attributes with their values."""
 _RATIOS = 3
 """Number of damping ratios in verdicts.csv."""
-_TERMS = ("viscous", "coulomb", "quadratic")
-"""Terms that always have a column in verdicts.csv."""
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
-    """Return the cells of a number: its value, and its interval and parts of its standard deviation if it has them.
-
-    The names are `name` and `name` with the suffixes _low, _high, _sd_noise, _sd_law. {} for a plain number or text.
-    """
-    ends = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
-    return {name + end: getattr(value, part) for end, part in ends.items() if hasattr(value, part)}
-
-
-def _ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
-    """Return the columns of up to three damping ratios: amplitude, unit, value, interval and parts of the sd."""
-    cells: dict[str, object] = {}
-    for i, r in enumerate(ratios[:_RATIOS], 1):
-        cells |= {f"amplitude_{i}": r.amplitude, f"unit_{i}": r.unit, **_cells(f"ratio_{i}", r)}
-    return cells
-
-
-def _next_ratios(ratios: tuple[DampingRatio, ...]) -> dict[str, object]:
-    """Return the columns with the ends of the intervals of one more record's damping ratios, up to three."""
-    cells: dict[str, object] = {}
-    for i, r in enumerate(ratios[:_RATIOS], 1):
-        cells |= {f"ratio_{i}_next_low": r.low, f"ratio_{i}_next_high": r.high}
-    return cells
-
-
-def _energy(shares: tuple[Share, ...]) -> dict[str, object]:
-    text = " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in shares)
-    return {"energy": text, **{s.term: s.probability for s in shares}}
-
-
-def _other_forms(bounds: tuple[Bound, ...]) -> dict[str, object]:
-    return {"other_forms": " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in bounds)}
-
-
-def _rivals(rivals: tuple[Rival, ...]) -> dict[str, object]:
-    return {"rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in rivals)}
-
-
-def _window(window: UsedWindow) -> dict[str, object]:
-    return {"start": window.start, "stop": window.stop, "cycles": window.cycles}
-
-
-_UNKNOWN = (DampingRatio(NAN, "", NAN, NAN, NAN, NAN, NAN),) * _RATIOS
+    """Return the cells of verdicts.csv, by column, for the value of the field `name`."""
+    match name:
+        case "rivals":
+            return {name: " ".join(f"{r.damping}:{r.probability:.4g}" for r in value)}
+        case "other_forms":
+            return {name: " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in value)}
+        case "energy":
+            text = " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in value)
+            return {name: text, **{s.term: s.probability for s in value}}
+        case "damping_ratio" | "next_record":
+            cells: dict[str, object] = {}
+            for i, r in enumerate(value[:_RATIOS], 1):
+                if name == "next_record":
+                    cells |= {f"ratio_{i}_next_low": r.low, f"ratio_{i}_next_high": r.high}
+                else:
+                    cells |= {f"amplitude_{i}": r.amplitude, f"unit_{i}": r.unit, **_cells(f"ratio_{i}", r)}
+            return cells
+        case "window":
+            return {"start": value.start, "stop": value.stop, "cycles": value.cycles}
+        case "remarks":
+            return {name: " ".join(value)}
+    parts = {name + end: getattr(value, part) for end, part in _PARTS.items() if hasattr(value, part)}
+    return parts or {name: value}
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,51 +149,36 @@ class Verdict(CheckedMethods):
         How the verdict was computed; not stored.
     """
 
-    record: str = field(metadata=COLUMN)
-    grade: Grade = field(metadata=COLUMN)
-    decided: bool = field(metadata=COLUMN)
-    damping: str = field(metadata=COLUMN)
-    probability: float = field(metadata=COLUMN)
-    rivals: tuple[Rival, ...] = field(
-        default=(), metadata={"column": Column(names=("rivals",), cells=_rivals)}
-    )
-    restoring: str = field(default="", metadata=COLUMN)
-    restoring_probability: float = field(default=NAN, metadata=COLUMN)
-    quantity: str = field(default="angle", metadata=COLUMN)
-    frequency: Interval | None = field(default=None, metadata=COLUMN)
-    frequency_at: FrequencyAt | None = field(default=None, metadata=COLUMN)
-    exponent: Interval | None = field(default=None, metadata=COLUMN)
-    damping_ratio: tuple[DampingRatio, ...] = field(
-        default=(), metadata={"column": Column(names=tuple(_ratios(_UNKNOWN)), cells=_ratios)}
-    )
-    next_record: tuple[DampingRatio, ...] = field(
-        default=(), metadata={"column": Column(names=tuple(_next_ratios(_UNKNOWN)), cells=_next_ratios)}
-    )
-    rate: MeasuredNumber | None = field(default=None, metadata=COLUMN)
-    quality_factor: MeasuredNumber | None = field(default=None, metadata=COLUMN)
-    energy: tuple[Share, ...] = field(
-        default=(), metadata={"column": Column(names=("energy", *_TERMS), cells=_energy)}
-    )
-    other_forms: tuple[Bound, ...] = field(
-        default=(), metadata={"column": Column(names=("other_forms",), cells=_other_forms)}
-    )
-    power_law: float = field(default=NAN, metadata=COLUMN)
-    probability_exact: float = field(default=NAN, metadata=COLUMN)
-    deviation: Interval | None = field(default=None, metadata=COLUMN)
-    unnamed: Interval | None = field(default=None, metadata=COLUMN)
-    spread: Interval | None = field(default=None, metadata=COLUMN)
-    unexplained_pct: float = field(default=NAN, metadata=COLUMN)
-    noise_pct: float = field(
-        default=NAN, metadata={"column": Column(label="noise", unit="% of the first amplitude")}
-    )
-    midline_drift_pct: float = field(default=NAN, metadata=COLUMN)
-    window: UsedWindow | None = field(
-        default=None, metadata={"column": Column(names=("start", "stop", "cycles"), cells=_window)}
-    )
-    remarks: tuple[str, ...] = field(
-        default=(), metadata={"column": Column(names=("remarks",), cells=lambda r: {"remarks": " ".join(r)})}
-    )
-    sentence: str = field(default="", metadata=COLUMN)
+    record: str
+    grade: Grade
+    decided: bool
+    damping: str
+    probability: float
+    rivals: tuple[Rival, ...] = ()
+    restoring: str = ""
+    restoring_probability: float = NAN
+    quantity: str = "angle"
+    frequency: Interval | None = None
+    frequency_at: FrequencyAt | None = None
+    exponent: Interval | None = None
+    damping_ratio: tuple[DampingRatio, ...] = ()
+    next_record: tuple[DampingRatio, ...] = ()
+    rate: MeasuredNumber | None = None
+    quality_factor: MeasuredNumber | None = None
+    energy: tuple[Share, ...] = ()
+    other_forms: tuple[Bound, ...] = ()
+    power_law: float = NAN
+    probability_exact: float = NAN
+    deviation: Interval | None = None
+    unnamed: Interval | None = None
+    spread: Interval | None = None
+    unexplained_pct: float = NAN
+    noise_pct: float = field(default=NAN, metadata={"label": "noise", "unit": "% of the first amplitude"})
+    midline_drift_pct: float = NAN
+    window: UsedWindow | None = None
+    remarks: tuple[str, ...] = ()
+    sentence: str = ""
+    # The fields up to here have columns in verdicts.csv, in this order.
     restoring_deviation: Interval | None = None
     law_free: bool = False
     contradicted: bool = False
@@ -255,29 +209,21 @@ class Verdict(CheckedMethods):
     def row(self) -> dict[str, object]:
         """Return the row of verdicts.csv by column, without the columns of fields that are None."""
         row: dict[str, object] = {}
-        for f in _columns():
-            value, cells = getattr(self, f.name), f.metadata["column"].cells
-            if value is None:
-                continue
-            single = str(value) if isinstance(value, StrEnum) else value
-            row |= cells(value) if cells else _cells(f.name, value) or {f.name: single}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            row |= {} if value is None else _cells(f.name, value)
+            if f.name == "sentence":
+                break
         return row
 
     @property
     def facts(self) -> dict[str, str]:
-        """Return the known values that terminal and report show on lines of their own, by label."""
-        facts: dict[str, str] = {}
-        for f in _columns():
-            value: Any = getattr(self, f.name)
-            column = f.metadata["column"]
-            if not column.label or value in (None, "", ()) or value != value:
-                continue
-            if hasattr(value, "low"):
-                shown = with_interval(value.value, value.low, value.high)
-            else:
-                shown = f"{value:.2g}" if isinstance(value, float) else str(value)
-            facts[column.label] = f"{shown} {column.unit}".rstrip()
-        return facts
+        """Return the known numbers that terminal and report show on lines of their own, by label.
+
+        These are the fields with a label and a unit in their metadata.
+        """
+        labelled = [(f.metadata, getattr(self, f.name)) for f in fields(self) if f.metadata]
+        return {about["label"]: f"{x:.2g} {about['unit']}" for about, x in labelled if isfinite(x)}
 
     def _repr_html_(self) -> str:
         return ratios_table(self.damping_ratio, self.sentence).__html__()
@@ -343,18 +289,21 @@ class Verdict(CheckedMethods):
         return chosen[0]
 
 
-def _columns() -> list[Field[Any]]:
-    """Return the fields that have columns in verdicts.csv."""
-    return [f for f in fields(Verdict) if "column" in f.metadata]
+_INTERVAL, _NUMBER = Interval(NAN, NAN, NAN), MeasuredNumber(NAN, NAN, NAN, NAN, NAN)
+_RATIO = DampingRatio(NAN, "", NAN, NAN, NAN, NAN, NAN)
+_FULL = Verdict(
+    "", Grade.EXACT, False, "", NAN,
+    frequency=_INTERVAL, frequency_at=FrequencyAt(NAN, "", NAN, NAN, NAN), exponent=_INTERVAL,
+    damping_ratio=(_RATIO,) * _RATIOS, next_record=(_RATIO,) * _RATIOS, rate=_NUMBER, quality_factor=_NUMBER,
+    energy=tuple(Share(term, NAN, NAN, NAN, NAN) for term in ("viscous", "coulomb", "quadratic")),
+    deviation=_INTERVAL, unnamed=_INTERVAL, spread=_INTERVAL, window=UsedWindow(NAN, NAN, NAN, ""),
+)  # fmt: skip
+"""A verdict that has a value in every column of verdicts.csv; other terms have columns only where they occur."""
 
 
 def columns() -> tuple[str, ...]:
     """Return the names of the columns of verdicts.csv, in the order of the fields."""
-    names: list[str] = []
-    for f in _columns():
-        ends = _ENDS.get(str(f.type).split(" ")[0], ("",))
-        names += f.metadata["column"].names or [f.name + end for end in ends]
-    return tuple(names)
+    return tuple(_FULL.row())
 
 
 def _plain(value: object) -> object:

@@ -16,9 +16,9 @@ REFUSED = {
     "y > 0": (TIMES, Y > 0, "y contains true and false"),
     "times that are true or false": (TIMES > 3, Y, "t contains true and false"),
     "complex": (TIMES, Y + 1j, "y contains complex numbers"),
-    "text as objects": (TIMES, Y.astype(str).astype(object), "y is text"),
-    "bytes": (TIMES.astype("S"), Y, "t is text"),
-    "dates": (STAMPS, Y, "t contains dates or durations; give seconds"),
+    "text as objects": (TIMES, Y.astype(str).astype(object), "y contains text"),
+    "bytes": (TIMES.astype("S"), Y, "t contains text"),
+    "dates": (STAMPS, Y, "t contains dates; give real numbers, and times in s"),
     "masked": (TIMES, np.ma.masked_greater(Y, 0.2), "y has .* masked values"),
     "a table": ({}, Y, "t must be an array of numbers"),
 }

@@ -117,7 +117,7 @@ def test_records_of_one_specimen_share_a_damping() -> None:
 
 WRONG: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
-    ({"deviation": "no"}, "auto"),
+    ({"deviation": "no"}, "did you mean 'none'"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, "unknown parameter 'cubic'"),
     ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
