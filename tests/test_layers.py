@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Container, Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGE = ROOT / "bayesdamp"
 OUTSIDE = "validation"
 """The folder that judges the package from outside: it may import the package, and the package never imports it."""
 
@@ -56,20 +56,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "calibrate": _BELOW
     | {"config", "estimators", "inference", "store", "interface", "pipeline", "report", "calibrate"},
     "claims": _BELOW | {"estimators", "report", "claims"},
-    "validation.reports": NEUTRAL
-    | {"calibrate", "interface", "pipeline", "records", "store", "report", "verdict", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
-    "validation.experiments": _BELOW
-    | {"inference", "interface", "verdict", "validation.experiments"}
-    | {"validation.rows", "validation.scoring", "validation.truth"},
-    "validation.misfit": {
-        "formatting", "types", "cli.records", "interface", "verdict", "validation.misfit", "validation.rows",
-        "validation.scoring", "validation.truth",
-    },
-    "validation.measured": {
-        "formatting", "types", "cli.records", "interface", "store", "verdict", "validation.measured",
-    },
-    "validation": NEUTRAL | {"verdict.types", "validation"},
     "interface": NEUTRAL
     | {
         "physics", "records", "config", "estimators", "inference", "store", "verdict", "report", "interface",
@@ -77,24 +64,28 @@ MAY_IMPORT: dict[str, set[str]] = {
     "pipeline": _BELOW
     | {"config", "estimators", "inference", "store", "verdict", "report", "interface", "pipeline"},
 }  # fmt: skip
-ACROSS = {"cli", "", "__main__"}
-"""The commands and the list of public names import what they join."""
+ACROSS = {"cli", "", "__main__", OUTSIDE}
+"""The commands, the list of public names and the evaluation from outside import what they join."""
 
 
-def imported(source: str, module: str) -> set[str]:
-    """Modules of the package and of `validation` that a module's source imports, without the package's own name."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+def imports(tree: ast.AST, module: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the module and the name, which may be a module too, of each import of a source; "" for a plain import."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            yield from ((alias.name, "") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             above = module.split(".")[: -node.level] if node.level else []
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            found |= {base} | (
-                {f"{base}.{alias.name}" for alias in node.names} if base == "bayesdamp" else set()
-            )
-    within = {name.removeprefix("bayesdamp.") for name in found if name.startswith("bayesdamp.")}
-    return {name for name in within | {n for n in found if inside(n, OUTSIDE)} if not name.startswith("__")}
+            base = ".".join([*above, *filter(None, [node.module])])
+            yield from ((base, alias.name) for alias in node.names)
+
+
+def imported(source: str, module: str, known: Container[str]) -> set[str]:
+    """Return the `known` modules that a source imports: at once, when it is called, or for type checkers."""
+    found = {
+        f"{base}.{name}" if f"{base}.{name}" in known else base
+        for base, name in imports(ast.parse(source), module)
+    }
+    return {name for name in found if name in known and name != module}
 
 
 def inside(name: str, unit: str) -> bool:
@@ -104,33 +95,32 @@ def inside(name: str, unit: str) -> bool:
 def backward(source: str, module: str) -> list[str]:
     """What a module imports and may not: `module -> imported`."""
     name = module.removeprefix("bayesdamp").removeprefix(".")
-    if name.partition(".")[0] in ACROSS:
-        outside = sorted(other for other in imported(source, module) if inside(other, OUTSIDE))
-        return [f"{module} -> {other}" for other in outside]
+    others = sorted(other.removeprefix("bayesdamp.") for other in imported(source, module, MODULES))
     units = [unit for unit in MAY_IMPORT if inside(name, unit)]
+    if not units and name.partition(".")[0] in ACROSS:
+        return [f"{module} -> {o}" for o in others if inside(o, OUTSIDE) and not inside(name, OUTSIDE)]
     assert units, f"{module} is in no layer: give {name} one in {Path(__file__).name}"
     unit = max(units, key=len)
-    allowed = MAY_IMPORT[unit]
+    allowed = MAY_IMPORT[unit] | {"bayesdamp"}
     whole = allowed - REGISTRIES if unit == "config" else allowed
     return [
         f"{module} -> {other}"
-        for other in sorted(imported(source, module))
+        for other in others
         if other not in allowed and not any(inside(other, one) for one in whole)
     ]
 
 
-def modules() -> list[tuple[str, Path]]:
-    found = []
-    for path in (*sorted(PACKAGE.rglob("*.py")), *sorted((ROOT / OUTSIDE).rglob("*.py"))):
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        found.append((".".join(part for part in parts if part != "__init__"), path))
-    return found
+MODULES = {
+    ".".join(part for part in path.relative_to(ROOT).with_suffix("").parts if part != "__init__"): path
+    for folder in ("bayesdamp", OUTSIDE)
+    for path in sorted((ROOT / folder).rglob("*.py"))
+}
+"""The files of all modules, by their names."""
 
 
 def test_no_import_goes_backward() -> None:
-    found = modules()
-    assert len(found) > 20
-    faults = [fault for name, path in found for fault in backward(path.read_text(encoding="utf-8"), name)]
+    assert len(MODULES) > 20
+    faults = [f for name, path in MODULES.items() for f in backward(path.read_text(encoding="utf-8"), name)]
     assert not faults, "\n".join(faults)
 
 
@@ -165,18 +155,8 @@ DOOR = "bayesdamp"
 
 
 def graph_of(sources: dict[str, str]) -> dict[str, set[str]]:
-    """Module to the modules of the package that it imports: at once, when it is called, or for type checkers alone."""
-    graph: dict[str, set[str]] = {}
-    for module, source in sources.items():
-        found: set[str] = set()
-        for node in ast.walk(ast.parse("" if module == DOOR else source)):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                below = {f"{node.module}.{alias.name}" for alias in node.names}
-                found |= {name if name in sources else node.module for name in below}
-            elif isinstance(node, ast.Import):
-                found |= {alias.name for alias in node.names}
-        graph[module] = (found & set(sources)) - {module}
-    return graph
+    """Return the modules that each module imports, by its name."""
+    return {m: imported("" if m == DOOR else source, m, sources) for m, source in sources.items()}
 
 
 def circle(graph: dict[str, set[str]]) -> set[str]:
@@ -190,12 +170,11 @@ def circle(graph: dict[str, set[str]]) -> set[str]:
 
 def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
     """The same between folders: one without folders in it is one node; elsewhere each module is its own."""
-    packages = {path.parent for _, path in modules()}
-    inner = {path.parent for path in packages}
-    leaf = {}
-    for name, path in modules():
-        whole = ".".join(path.parent.relative_to(ROOT).parts)
-        leaf[name] = name if path.parent in inner else whole
+    inner = {path.parent.parent for path in MODULES.values()}
+    leaf = {
+        name: name if path.parent in inner else ".".join(path.parent.relative_to(ROOT).parts)
+        for name, path in MODULES.items()
+    }
     grouped: dict[str, set[str]] = {}
     for name, others in graph.items():
         grouped.setdefault(leaf[name], set()).update({leaf[o] for o in others} - {leaf[name]})
@@ -203,7 +182,7 @@ def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 
 
 def test_no_circle_of_modules_nor_of_folders() -> None:
-    graph = graph_of({name: path.read_text(encoding="utf-8") for name, path in modules()})
+    graph = graph_of({name: path.read_text(encoding="utf-8") for name, path in MODULES.items()})
     assert circle(graph) == circle(folders_of(graph)) == set()
 
 

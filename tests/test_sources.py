@@ -15,7 +15,7 @@ import pytest
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
 from tests.studies import COMPARED, study_text
-from tests.test_layers import modules
+from tests.test_layers import MODULES as EVERY, imports
 
 SCRIPT = """
 import json, sys
@@ -42,21 +42,14 @@ AFTER_SINDY = tuple(f"{kind}/one/0/viscous" for kind in ("mode", "posterior", "e
 """The sparse regression has all terms in its library, and a mode is looked for from every estimate."""
 
 
-MODULES = {name: path for name, path in modules() if name.startswith("bayesdamp")}
+MODULES = {name: path for name, path in EVERY.items() if name.startswith("bayesdamp")}
 
 
 def by_parser(path: Path) -> set[str]:
     """What a module imports of the package, but for what stands under TYPE_CHECKING, by Python's own parser."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
-    found: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            assert not node.level, f"{path}: a relative import"
-            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return found & set(MODULES)
+    return {name for base, below in imports(tree) for name in (base, f"{base}.{below}")} & set(MODULES)
 
 
 def test_imports_are_found_as_the_parser_finds_them():

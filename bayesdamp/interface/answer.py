@@ -15,7 +15,6 @@ import numpy as np
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
-from bayesdamp.inference.deviation.linear import DampingLikelihood
 from bayesdamp.inference.deviation.model_comparison import BEHIND, CandidateResult, Known, ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of
@@ -29,7 +28,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
-from bayesdamp.serial import split
+from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
@@ -54,6 +53,11 @@ OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
 law."""
 RUN = "run/"
 """Prefix of the arrays that describe each model's likelihood, for a verdict on several records."""
+RUN_ARRAYS = {
+    **dict.fromkeys(("coefficients", "mode", "per_unit", "growth")),
+    "likelihood": dict.fromkeys(("log", "slope", "information")),
+}
+"""The fields of a model's likelihood that are stored as arrays, in the form that `serial.join` takes."""
 JOINABLE = 40.0
 """For a verdict on several records, the likelihood of each compared damping sum is stored. That of another form of
 damping is stored only if its log evidence is less than this many nats below the largest (conventional)."""
@@ -100,14 +104,10 @@ class Answer:
         top = max(map(log_of, rows))
         runs = {}
         for row in (*rows, *rivals):
-            prefix = f"{RUN}{row.damping}@{row.restoring}/"
-            own = {n.removeprefix(prefix): a for n, a in self.arrays.items() if n.startswith(prefix)}
-            if "log" in own:
-                likelihood = DampingLikelihood(own["log"] - top, own["slope"], own["information"])
-                coefficients = own["coefficients"].astype(bool)
-                runs[row.damping, row.restoring] = RatioLikelihood(
-                    row.parameters, coefficients, own["mode"], likelihood, own["per_unit"], own["growth"]
-                )
+            name = f"{RUN}{row.damping}@{row.restoring}"
+            if f"{name}/mode" in self.arrays:
+                run = join(RatioLikelihood, {"names": row.parameters, **RUN_ARRAYS}, self.arrays, name)
+                runs[row.damping, row.restoring] = run.plus_nats(-top)
         comparison = RunComparison(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
             tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
@@ -434,13 +434,8 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
     top = max(r.log_evidence for r in compared)
     for r in compared:
         needed = r in comparison.results or r.log_evidence > top - JOINABLE
-        run = ratio_likelihood(r, amplitudes) if needed else None
-        if run is None:
-            continue
-        own = {n: getattr(run, n) for n in ("coefficients", "mode", "per_unit", "growth")}
-        name = f"{RUN}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}"
-        for part, values in (own | vars(run.likelihood)).items():
-            arrays[f"{name}/{part}"] = np.asarray(values, float)
+        if needed and (run := ratio_likelihood(r, amplitudes)) is not None:
+            split(run, arrays, f"{RUN}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}")
     return arrays
 
 

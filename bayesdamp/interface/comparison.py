@@ -54,24 +54,23 @@ class Comparison(Result):
         The answer on each record, in base units: rad, m or the unit of the sensor.
     units
         The unit of each recorded file.
-    quantities
-        The recorded quantity of each record: "angle" (any displacement), "velocity", "acceleration" or "envelope".
     """
 
     verdict: Verdict
     answers: tuple[Answer, ...]
     units: tuple[str, ...]
-    quantities: tuple[str, ...]
 
     @cached_property
     def records(self) -> tuple[Comparison, ...]:
         """The comparison on each record alone; empty if there is only one record."""
         if len(self.answers) == 1:
             return ()
-        return tuple(
-            Comparison(in_unit(a.verdict, unit_named(u)), (a,), (u,), (q,))
-            for a, u, q in zip(self.answers, self.units, self.quantities, strict=True)
-        )
+        return tuple(Comparison(in_unit(a.verdict, unit), (a,), (unit.name,)) for a, unit in self._each())
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The quantity of each record: "angle" (any displacement), "velocity", "acceleration" or "envelope"."""
+        return tuple(a.verdict.quantity for a in self.answers)
 
     @property
     def outcome(self) -> str:
@@ -188,7 +187,7 @@ class Comparison(Result):
             three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
             draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
             return three
-        recorded = unit.of(self.quantities[first])
+        recorded = unit.of(answer.verdict.quantity)
         with rc_context(RC):
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)
@@ -205,8 +204,8 @@ class Comparison(Result):
             for a in self.answers
         ]
         about = {
-            a.verdict.record: {"unit": unit, "quantity": quantity}
-            for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
+            a.verdict.record: {"unit": unit, "quantity": a.verdict.quantity}
+            for a, unit in zip(self.answers, self.units, strict=True)
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
         page, _ = page_of(RunFolder.of_results(info, cells))
@@ -325,13 +324,12 @@ def compare(
         for option, is_given in given_options.items():
             if is_given:
                 raise InputError(f"compare: {option} does not apply to envelopes; remove it")
-        units, quantities = tuple(r.unit for r in envelopes), ("envelope",) * len(envelopes)
+        units = tuple(r.unit for r in envelopes)
         compared_sums = [parse_model(sum_) for sum_ in sums or all_sums()]
         answers = tuple(answer_envelope(r, None, compared_sums, seed, len(every) > 1) for r in envelopes)
         together = specimen_of_envelopes(name, answers) if len(every) > 1 else None
     else:
         units = tuple(Signal.of(s).own_unit.name for s in motions)
-        quantities = tuple(s.quantity for s in motions)
         answers = tuple(
             answer(
                 s,
@@ -357,4 +355,4 @@ def compare(
     verdict, own = together or answers[0].verdict, [unit_named(unit) for unit in units]
     if len({unit.displacement.name for unit in own}) == 1:
         verdict = in_unit(verdict, own[0])
-    return Comparison(verdict, answers, units, quantities)
+    return Comparison(verdict, answers, units)

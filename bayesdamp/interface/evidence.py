@@ -52,7 +52,7 @@ class Evidence(Result, types.Evidence):
         return data_frame([{n: v for n, v in vars(self).items() if n != "arrays"}])
 
     def _table(self) -> Table:
-        title = f"Evidence of {self.model} on {self.signal} by {self.method}"
+        title = f"Log evidence in nats of {self.model} on {self.signal} by {self.method}"
         shown = self.summary()[["log_evidence", "stderr", "diagnostic"]].T.set_axis(["value"], axis=1)
         return frame_table(shown, title, outcome_notes(self.outcome))
 

@@ -103,7 +103,7 @@ class Prediction(Result):
         return ax
 
     def _table(self) -> Table:
-        shown = self.summary()[:: -(-self.t.size // PRINTED_TIMES) or 1]
+        shown = self.summary().take(range(0, self.t.size, -(-self.t.size // PRINTED_TIMES) or 1))
         caption = f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times"
         return frame_table(shown, caption)
 

@@ -301,7 +301,7 @@ class Posterior(Result, types.Posterior):
         title = f"Posterior of {self.fit.model.name} on {self.fit.signal.name} by {self.sampler}"
         if self.names:
             title += f": {self.draws.shape[0]} chains of {self.draws.shape[1]} draws"
-        return frame_table(self.summary(derived=False)[columns], title, outcome_notes(self.outcome))
+        return frame_table(self.summary(derived=False).filter(columns), title, outcome_notes(self.outcome))
 
 
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:

@@ -110,7 +110,7 @@ class Signal(Result, types.Signal):
 
     def _table(self) -> Table:
         shown = self.summary().drop(columns="record").T.set_axis(["value"], axis=1)
-        return frame_table(shown, f"Signal {self.name}", self.notes)
+        return frame_table(shown, f"Signal {self.name}, with length in s and rate in Hz", self.notes)
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:

@@ -145,8 +145,6 @@ class Verdict(CheckedMethods):
         intervals are honest.
     remarks, sentence
         Reservations, the largest first; and the answer in one sentence.
-    provenance
-        How the verdict was computed; not stored.
     """
 
     record: str
@@ -192,7 +190,6 @@ class Verdict(CheckedMethods):
     next_value: Interval | None = None
     standardised: float = NAN
     records: int = 1
-    provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return self.sentence
@@ -229,10 +226,8 @@ class Verdict(CheckedMethods):
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """Return JSON values with the version of the schema, without provenance; nan and infinities are None."""
-        fields = {"schema": VERDICT_SCHEMA, **split(self)}
-        fields.pop("provenance")
-        return _plain(fields)  # type: ignore[return-value]
+        """Return JSON values with the version of the schema; nan and infinities are None."""
+        return _plain({"schema": VERDICT_SCHEMA, **split(self)})  # type: ignore[return-value]
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
@@ -254,7 +249,7 @@ class Verdict(CheckedMethods):
         return save_bytes(path, f"{self.to_json()}\n".encode())
 
     @classmethod
-    def load(cls, path: str | Path, record: str | None = None) -> Self:
+    def load(cls, path: str | Path, record: str | None = None) -> Verdict:
         """Read a verdict that `save` wrote, or one of those in a run's verdict.json.
 
         Parameters
@@ -270,8 +265,7 @@ class Verdict(CheckedMethods):
             Where the file contains no verdict, or several and `record` does not name one of them.
         """
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
-            verdicts = [cls.from_dict(v) for v in (content if isinstance(content, list) else [content])]
+            verdicts = load_verdicts(Path(path))
         except FileNotFoundError:
             raise InputError(
                 f"{path}: no such file; give a file that a verdict's save() or a run wrote"
@@ -318,7 +312,7 @@ def _plain(value: object) -> object:
 
 
 def load_verdicts(path: Path) -> list[Verdict]:
-    """Read a verdict.json that `save_verdicts` wrote.
+    """Read the verdicts in a file that `save_verdicts` or `Verdict.save` wrote.
 
     Raises
     ------
@@ -327,7 +321,8 @@ def load_verdicts(path: Path) -> list[Verdict]:
     AttributeError, KeyError, TypeError, ValueError
         Where the file does not contain verdicts.
     """
-    return [Verdict.from_dict(entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return [Verdict.from_dict(v) for v in (content if isinstance(content, list) else [content])]
 
 
 def save_verdicts(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:

@@ -12,6 +12,8 @@ import bayesdamp as bd
 
 TRUTH = {"zeta": 0.05, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
 NOISE = 0.003
+KNOWN = {n: v for n, v in TRUTH.items() if n != "zeta"} | {"noise_sd": NOISE}
+"""All parameters but the damping."""
 TIMES = np.linspace(0.0, 6.0, 150)
 MODEL = bd.Model("viscous", "linear", noise="gaussian")
 

@@ -66,14 +66,6 @@ def test_log_likelihood_is_the_one_worked_out_by_hand(damping, true, priors, kno
     assert depths[0] - min(depths) > 1.0
 
 
-def test_log_prior_of_one_term_is_the_sum_of_the_priors() -> None:
-    density = fit().density
-    x = density.vector()
-    expected = sum(float(p.log_density(v)) for p, v in zip(density.priors.values(), x, strict=True))
-    assert density.log_prior(x) == pytest.approx(expected)
-    assert density.log_posterior(x) == pytest.approx(density.log_prior(x) + density.log_likelihood(x))
-
-
 def differences(x: np.ndarray) -> np.ndarray:
     """The gradient by central differences of the closed form's posterior."""
     density = fit().density
@@ -88,6 +80,7 @@ def differences(x: np.ndarray) -> np.ndarray:
 def test_gradient() -> None:
     density = fit().density
     sds = np.array([fit().sd[n] for n in density.names])
+    assert density.log_posteriors(points(3)) == pytest.approx([density.log_posterior(x) for x in points(3)])
     for x in points(3):
         assert density.gradient(x) * sds == pytest.approx(differences(x) * sds, abs=1e-4)
     # The negative control: a tenth of an sd away.
@@ -116,12 +109,6 @@ def test_outside_the_support() -> None:
         assert density.log_prior(outside) == density.log_posterior(outside) == -np.inf
         assert density.log_likelihood(outside) == -np.inf
         assert np.array_equal(density.gradient(outside), np.zeros(x.size))
-
-
-def test_many_at_once() -> None:
-    density, many = fit().density, points(7)
-    many[3, 0] = -1.0
-    assert density.log_posteriors(many) == pytest.approx([density.log_posterior(x) for x in many])
 
 
 def test_a_motion_that_escapes_has_no_likelihood() -> None:

@@ -12,14 +12,13 @@ from scipy.special import logsumexp
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.linear import grid_of
-from tests.interface.problems import NOISE, TRUTH, closed_form, record
+from tests.interface.problems import KNOWN, NOISE, TRUTH, closed_form, record
 
 MODEL = bd.Model("viscous", "linear", deviation="law")
 SCALE, DRIFT = 0.5, 0.15
 KNOTS = np.linspace(0.0, 20.0, 8)
 """Of a record of 20 s and 14.2 cycles: one for two cycles, and one more."""
 LONG = np.linspace(0.0, 20.0, 400)
-KNOWN = {n: v for n, v in TRUTH.items() if n != "zeta"} | {"noise_sd": NOISE}
 
 
 @lru_cache

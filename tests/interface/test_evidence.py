@@ -10,10 +10,9 @@ from scipy import stats
 from scipy.integrate import quad
 
 import bayesdamp as bd
-from tests.interface.problems import NOISE, TIMES, TRUTH, closed_form, fit, posterior, record
+from tests.interface.problems import KNOWN, NOISE, TIMES, TRUTH, closed_form, fit, posterior, record
 
 SCALE = 0.5
-KNOWN = {n: v for n, v in TRUTH.items() if n != "zeta"} | {"noise_sd": NOISE}
 
 
 def by_quadrature(scale: float) -> float:

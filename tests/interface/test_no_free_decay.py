@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +22,16 @@ from tests.records.oscillation.test_modes import OMEGA, sum_of
 from tests.studies import study_text
 
 
+def verdict_on(
+    *modes: tuple[float, float, float], samples: int | None = None, noise: float = 0.003, **how: Any
+) -> Verdict:
+    """The verdict, without sampling, on the first samples of a sum of (amplitude, frequency, damping ratio)."""
+    t, y = sum_of(*modes, noise=noise)
+    return answer(Signal(t[:samples], y[:samples]), sample=False, **how).verdict
+
+
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
-    t, y = sum_of((0.3, 1.0, 0.01), (0.1, 1.12, 0.01))
-    verdict = answer(Signal(t, y)).verdict
+    verdict = verdict_on((0.3, 1.0, 0.01), (0.1, 1.12, 0.01))
     assert verdict.grade is Grade.NO_FREE_DECAY
     assert verdict.motion is MotionKind.BEATS
     assert not verdict.decided
@@ -35,8 +43,8 @@ def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
 
 
 def test_a_small_second_mode_is_a_remark_and_no_more() -> None:
-    t, y = sum_of((0.3, 1.0, 0.01), (0.009, 2.7, 0.01), noise=0.001)
-    verdict = answer(Signal(t, y), damping=["viscous", "coulomb"], restoring=["linear"], sample=False).verdict
+    how: dict[str, Any] = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "noise": 0.001}
+    verdict = verdict_on((0.3, 1.0, 0.01), (0.009, 2.7, 0.01), **how)
     assert verdict.grade is not Grade.NO_FREE_DECAY
     assert verdict.damping == "viscous"
     assert any("second oscillation" in r and "1.719 Hz" in r for r in verdict.remarks)
@@ -49,12 +57,10 @@ def test_a_close_second_oscillation_counts_if_no_law_fits(
     second: tuple[float, float, float], kind: MotionKind
 ) -> None:
     """The amplitude of neither record rises. Without the second oscillation it is viscous damping."""
-    t, y = sum_of((0.3, 1.0, 0.01), second, noise=0.001)
-    verdict = answer(Signal(t[:1000], y[:1000]), sample=False).verdict
+    verdict = verdict_on((0.3, 1.0, 0.01), second, samples=1000, noise=0.001)
     assert verdict.motion is kind
     assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
-    t, y = sum_of((0.3, 1.0, 0.01), noise=0.001)
-    assert answer(Signal(t[:1000], y[:1000]), sample=False).verdict.damping == "viscous"
+    assert verdict_on((0.3, 1.0, 0.01), samples=1000, noise=0.001).damping == "viscous"
 
 
 def test_compare_tells_it_in_python(tmp_path: Path) -> None:
@@ -70,8 +76,7 @@ def test_compare_tells_it_in_python(tmp_path: Path) -> None:
 
 def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     """The limit is that of the rate, whose standard error in white noise is sqrt(24) sd / (A T^1.5 rate^.5)."""
-    t, y = sum_of((0.3, 1.0, 0.0))
-    verdict = answer(Signal(t, y)).verdict
+    verdict = verdict_on((0.3, 1.0, 0.0))
     assert verdict.motion is MotionKind.STEADY
     assert verdict.damping_ratio == ()
     one = verdict.modes[0]
@@ -84,8 +89,8 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
 def test_a_second_mode_near_a_harmonic_is_named() -> None:
     """It decays like a nonlinear oscillator's harmonic, and bends every law that is fitted to the record."""
     multiple, share = 3.0, 0.1
-    t, y = sum_of((0.3, 1.0, 0.015), (0.3 * share, multiple, 0.015), noise=0.0003)
-    verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
+    modes = (0.3, 1.0, 0.015), (0.3 * share, multiple, 0.015)
+    verdict = verdict_on(*modes, noise=0.0003, restoring=["linear", "duffing"])
     assert verdict.motion is MotionKind.TWO_MODES
     assert verdict.modes[0].low < 0.015 < verdict.modes[0].high
     assert verdict.modes[1].frequency == pytest.approx(multiple * OMEGA / (2 * np.pi), rel=0.02)

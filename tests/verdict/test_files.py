@@ -30,7 +30,7 @@ def faults(kind: Any, value: Any, at: str = "verdict") -> list[str]:
         return [text for i, one in enumerate(value) for text in faults(each[0], one, f"{at}[{i}]")]
     one = each[0] if each else kind
     if is_dataclass(one):
-        hints = {f.name: get_type_hints(one)[f.name] for f in fields(one) if f.name != "provenance"}
+        hints = {f.name: get_type_hints(one)[f.name] for f in fields(one)}
         given = {k: v for k, v in value.items() if k != "schema"}
         found = [f"{at}.{name}: missing" for name in hints.keys() - given]
         found += [f"{at}.{name}: unknown" for name in given.keys() - hints]

@@ -202,12 +202,11 @@ def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
     """As for one record; a single record that excludes the twin decides for all."""
     structural = ("structural", "linear")
     for limits, decided in [((0.6, 0.4), False), ((0.6, 0.05), True)]:
-        records = [answered(n, 0.01, {V: 0.0, structural: -8.0}) for n in "ab"]
-        bounds = [(Bound("structural", limit),) for limit in limits]
-        records = [
-            replace(r, verdict=replace(r.verdict, other_forms=bound))
-            for r, bound in zip(records, bounds, strict=True)
-        ]
+        records = []
+        for name, limit in zip("ab", limits, strict=True):
+            one = answered(name, 0.01, {V: 0.0, structural: -8.0})
+            bounds = (Bound("structural", limit),)
+            records.append(replace(one, verdict=replace(one.verdict, other_forms=bounds)))
         verdict = specimen("rig", records)
         assert verdict.decided is decided
         remark = "No record can distinguish viscous damping from structural"
@@ -216,26 +215,27 @@ def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
 
 def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
     """The interval is that of the mean; control: that of one more record is wider (`pooled` has tests of its own)."""
-    one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
-    places, sd = [2.0, 2.3], 0.1 / 1.959963984540054
-    second = replace(two, verdict=replace(two.verdict, frequency=Interval(2.3, 2.2, 2.4, "Hz")))
-    expected = pool_records(np.array(places), np.full(2, sd))
-    frequency = specimen("rig", [one, second]).frequency
+
+    def with_frequencies(*frequencies: Interval | None) -> Verdict:
+        """A specimen whose records have these natural frequencies."""
+        each = [answered(n, 0.01, {V: 0.0}) for n in "ab"]
+        pairs = zip(each, frequencies, strict=True)
+        return specimen("rig", [replace(a, verdict=replace(a.verdict, frequency=f)) for a, f in pairs])
+
+    sd, first = 0.1 / 1.959963984540054, Interval(2.0, 1.9, 2.1, "Hz")
+    expected = pool_records(np.array([2.0, 2.3]), np.full(2, sd))
+    frequency = with_frequencies(first, Interval(2.3, 2.2, 2.4, "Hz")).frequency
     half = 1.959963984540054 * expected.sd
     ends = (expected.mean, expected.mean - half, expected.mean + half)
     assert (frequency.value, frequency.low, frequency.high) == pytest.approx(ends, rel=1e-9)
     assert expected.low < frequency.low < frequency.high < expected.high
     assert frequency.unit == "Hz"
-    other = specimen(
-        "rig", [one, replace(two, verdict=replace(two.verdict, frequency=Interval(4.0, 3.9, 4.1, "Hz")))]
-    )
+    other = with_frequencies(first, Interval(4.0, 3.9, 4.1, "Hz"))
     assert other.frequency is None
     assert other.remarks[0].startswith("The natural frequencies of the records differ, from 2 to 4 Hz")
     given = Interval(2.0, 2.0, 2.0, "Hz")
-    stated = [replace(a, verdict=replace(a.verdict, frequency=given)) for a in (one, two)]
-    assert specimen("rig", stated).frequency == given
-    unknown = [replace(a, verdict=replace(a.verdict, frequency=None)) for a in (one, two)]
-    assert specimen("rig", unknown).frequency is None
+    assert with_frequencies(given, given).frequency == given
+    assert with_frequencies(None, None).frequency is None
 
 
 def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
@@ -248,12 +248,8 @@ def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
     assert not found.decided
     assert found.deviation == Interval(0.04, 0.0, 0.1)
     assert found.unnamed == Interval(0.3, 0.2, 0.4)
-    worst = Interval(0.0, 0.0, 0.2)
-    undetected = [
-        replace(r.verdict, deviation=d)
-        for r, d in zip(records, (Interval(0.0, 0.0, 0.1), worst), strict=True)
-    ]
-    assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == worst
+    undetected = [replace(records[0].verdict, deviation=Interval(0.0, 0.0, high)) for high in (0.1, 0.2)]
+    assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == undetected[1].deviation
     own = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]
     assert [(s.term, s.share, s.low, s.high) for s in found.energy] == own
 

@@ -38,25 +38,21 @@ MISFIT = replace(
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
-    one = replace(SURE, damping_ratio=(RATIO,), records=10)
-    one = replace(one, sentence=sentence(one))
+    at, eleven = FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2), pytest.approx(math.degrees(0.2))
+    one = replace(SURE, damping_ratio=(RATIO,), records=10, over_law=OVER, frequency_at=at)
     shown = in_unit(one, UNITS["deg"])
-    assert shown.damping_ratio == (replace(RATIO, amplitude=pytest.approx(math.degrees(0.2)), unit="deg"),)
+    assert shown.damping_ratio == (replace(RATIO, amplitude=eleven, unit="deg"),)
+    assert shown.over_law == replace(OVER, amplitude=eleven, unit="deg")
+    assert shown.frequency_at == replace(at, amplitude=eleven, unit="deg")
     assert "at 11 deg" in shown.sentence
     assert "rad" not in shown.sentence
     assert shown.sentence.startswith("10 records: ")
     for unit in ("rad", "rpm", "mm"):  # a unit of velocity or of another kind changes nothing
         assert in_unit(one, UNITS[unit]) is one
-
-
-def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
-    mode, at = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad"), FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2)
-    one = replace(DECLINED, motion=MotionKind.GROWING, modes=(mode,), over_law=OVER, frequency_at=at)
-    shown, eleven = in_unit(one, UNITS["deg"]), pytest.approx(math.degrees(0.2))
-    assert shown.modes == (replace(mode, first=eleven, last=pytest.approx(math.degrees(0.1)), unit="deg"),)
-    assert shown.over_law == replace(OVER, amplitude=eleven, unit="deg")
-    assert shown.frequency_at == replace(at, amplitude=eleven, unit="deg")
-    assert "from 11 to 5.7 deg" in shown.sentence
+    mode = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
+    grows = in_unit(replace(DECLINED, motion=MotionKind.GROWING, modes=(mode,)), UNITS["deg"])
+    assert grows.modes == (replace(mode, first=eleven, last=pytest.approx(math.degrees(0.1)), unit="deg"),)
+    assert "from 11 to 5.7 deg" in grows.sentence
 
 
 NEAR_COULOMB = (0.07, 0.0, 0.38)
