@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.answer import Answer, answer
 from bayesdamp.interface.arguments import check_noise, check_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
-from bayesdamp.interface.result import GivenAxes, Result, get_axes
+from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_notebook
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
@@ -188,6 +188,7 @@ class Comparison(Result):
             draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
             return three
         recorded = unit.of(answer.verdict.quantity)
+        show_in_notebook()
         with rc_context(RC):
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)

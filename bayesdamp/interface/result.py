@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -145,6 +147,8 @@ def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
     return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)
 
 
+INVISIBLE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+"""Backends of Matplotlib that do not show figures."""
 INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
 """Colours of plots: three greys from dark to light, and blue."""
 
@@ -179,6 +183,7 @@ def get_axes(
         return given
     import matplotlib.pyplot as plt
 
+    show_in_notebook()
     figure = plt.figure(figsize=size, layout="constrained")
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, height_ratios=heights)
     return tuple(grid.ravel().tolist())
@@ -202,3 +207,19 @@ def list_axes(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
         if not isinstance(element, Axes):
             raise InputError(f"plot: ax contains a {type(element).__name__}; it must contain Matplotlib axes")
     return tuple(elements)
+
+
+def show_in_notebook() -> None:
+    """Make a notebook show figures below the cell, even if MPLBACKEND names a backend that does not show figures.
+
+    This variable is set on many servers. A backend that was chosen in the notebook is not changed. Do not call this
+    inside `rc_context`, which would restore the backend at its end.
+    """
+    import matplotlib as mpl
+
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    named = os.environ.get("MPLBACKEND", "").lower()
+    if shell is None or not hasattr(shell, "kernel") or named not in INVISIBLE_BACKENDS:
+        return
+    if mpl.get_backend().lower() == named:
+        shell.run_line_magic("matplotlib", "inline")
