@@ -67,10 +67,7 @@ def _check() -> int:
     lines.append(
         f"{len(old)} of {len(RECIPES)} are stale; to make them takes about {left} minutes on two cores"
     )
-    try:
-        print("\n".join(lines), flush=True)
-    except BrokenPipeError:  # the reader of a pipe, such as `head`, has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    print("\n".join(lines))
     return STALE if old else 0
 
 
