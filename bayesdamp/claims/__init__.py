@@ -3,7 +3,7 @@
 from bayesdamp.claims import accuracy, mechanisms
 from bayesdamp.claims.judge import Claim, Judgement, judge_all, write_page
 
-CLAIMS: tuple[Claim, ...] = (*mechanisms.CLAIMS, *accuracy.CLAIMS, *accuracy.IN_NOISE, *accuracy.TIMES)
+CLAIMS: tuple[Claim, ...] = (*mechanisms.CLAIMS, *accuracy.CLAIMS)
 """All claims of the paper that are judged, in the order of the page: mechanisms, errors on records without noise,
 errors on noisy records, times."""
 

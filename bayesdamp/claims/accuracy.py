@@ -37,8 +37,6 @@ from bayesdamp.report.results.estimators import (
 )
 
 CLAIMS: list[Claim] = []
-IN_NOISE: list[Claim] = []
-"""`CLAIMS` are the claims on the errors of estimators on records without noise, `IN_NOISE` those on noisy records."""
 HYBRID = 0.1
 """Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
 estimate is refined by a least-squares fit of the trajectory."""
@@ -216,7 +214,7 @@ def _size(along: ErrorSeries, method: str, level: float) -> str:
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
 
 
-@claim(IN_NOISE, "Noisy data: use weak SINDy.", "5.5")
+@claim(CLAIMS, "Noisy data: use weak SINDy.", "5.5")
 def _weak(runs: Runs) -> Judgement:
     parts, best, worst = [], [], []
     for along in runs.along_noise:
@@ -241,7 +239,7 @@ def _weak(runs: Runs) -> Judgement:
     )
 
 
-@claim(IN_NOISE, "In noise, the weak form is better than SINDy because it uses no derivative.", "3.9")
+@claim(CLAIMS, "In noise, the weak form is better than SINDy because it uses no derivative.", "3.9")
 def _sindy(runs: Runs) -> Judgement:
     better, parts = [], []
     for along in runs.along_noise:
@@ -265,7 +263,7 @@ def _sindy(runs: Runs) -> Judgement:
     return Judgement(verdict, f"Weak SINDy against SINDy: {'; '.join(parts)}.")
 
 
-@claim(IN_NOISE, "Hybrid methods are the most accurate in noise too.", "5.2, 6")
+@claim(CLAIMS, "Hybrid methods are the most accurate in noise too.", "5.2, 6")
 def _bound(runs: Runs) -> Judgement:
     parts, good = [], []
     for along in runs.along_noise:
@@ -319,7 +317,7 @@ def _time(method: str, comparison: EstimatorComparison) -> Judgement:
     return Judgement(verdict_of(own, *PRINTED_TIMES[method][1:]), measured)
 
 
-TIMES = [
+CLAIMS.extend(
     Claim(f"Table 3, {words.method(m)}: {printed}.", "Table 3", on_clean(partial(_time, m)))
     for m, (printed, _, _) in PRINTED_TIMES.items()
-]
+)

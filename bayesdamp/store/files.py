@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import stat
 import struct
 import uuid
 import zipfile
@@ -100,15 +99,11 @@ def create(path: Path, content: bytes) -> None:
 
 def special_kind(path: Path) -> str | None:
     """Return "a link", "a folder" or "a device"; None if the path is a regular file or does not exist."""
-    try:
-        mode = path.lstat().st_mode
-    except FileNotFoundError:
-        return None
-    if stat.S_ISREG(mode):
-        return None
-    if stat.S_ISLNK(mode):
+    if path.is_symlink():
         return "a link"
-    return "a folder" if stat.S_ISDIR(mode) else "a device"
+    if path.is_file() or not path.exists():
+        return None
+    return "a folder" if path.is_dir() else "a device"
 
 
 def refuse_special(path: Path) -> None:

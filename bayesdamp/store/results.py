@@ -8,12 +8,11 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -80,9 +79,10 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
         with suppress(FileExistsError):
             create(folder / MARK_FILE, MARK_TEXT.encode())
-    if not _is_marked(folder):
-        raise InputError(f"{folder / MARK_FILE}: was not written by bayesdamp; {_ELSEWHERE}, or remove it")
-    for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
+    mark = folder / MARK_FILE
+    if not is_regular(mark) or mark.read_bytes() != MARK_TEXT.encode():
+        raise InputError(f"{mark}: was not written by bayesdamp; {_ELSEWHERE}, or remove it")
+    for entry in (folder / name for name in sorted({*FILES, *tables})):
         kind = special_kind(entry)
         if kind is not None:
             raise InputError(f"{entry}: is {kind}, {_FOREIGN}")
@@ -92,21 +92,9 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
                 raise InputError(f"{entry}: is a link, {_FOREIGN}")
 
 
-def _is_marked(folder: Path) -> bool:
-    """Return whether a folder has the mark of a run."""
-    path = folder / MARK_FILE
-    if not is_regular(path):
-        return False
-    with path.open("rb") as handle:
-        return handle.read(len(MARK_TEXT)) == MARK_TEXT.encode()
-
-
 def is_regular(path: Path) -> bool:
     """Return whether a path is an existing regular file, not a link or a device."""
-    try:
-        return stat.S_ISREG(path.lstat().st_mode)
-    except OSError:
-        return False
+    return path.is_file() and not path.is_symlink()
 
 
 def _entries(top: Path) -> Iterator[Path]:
@@ -129,27 +117,6 @@ def remove_temporary(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def remove_results(folder: Path) -> None:
-    """Remove the stored results of a run, but no other files in their folder.
-
-    Do nothing if the run's folder has no mark, or if the folder of the results contains a link.
-    """
-    top = folder / "cells"
-    entries = list(_entries(top))
-    if not _is_marked(folder) or any(path.is_symlink() for path in entries):
-        return
-    for path in entries:
-        if path.suffix != ".npz" or not is_regular(path):
-            continue
-        # A stored result begins with its own name, even if the file is truncated.
-        name = path.relative_to(top).as_posix().removesuffix(".npz")
-        beginning = f'{HEAD_MEMBER}{{"name": {json.dumps(name)},'.encode()
-        with path.open("rb") as handle:
-            is_cell = handle.read(_ZIP_HEADER + len(beginning))[_ZIP_HEADER:] == beginning
-        if is_cell:
-            path.unlink(missing_ok=True)
-
-
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
     """Remove the regular files with the listed names directly in a folder, unless the folder is a link."""
     if folder.is_symlink():
@@ -158,19 +125,6 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
         path = folder / name
         if path.name == name and is_regular(path):
             path.unlink(missing_ok=True)
-
-
-def open_lock(folder: Path) -> IO[str]:
-    """Return the lock file, opened for reading and writing; it is created if it is missing.
-
-    Raises InputError if it is a link (also a hard link) or a device, and OSError if it cannot be opened.
-    """
-    path = folder / LOCK
-    if not os.path.lexists(path):
-        path.touch()
-    if not is_regular(path) or path.lstat().st_nlink > 1:
-        raise InputError(f"{path}: is a link or not a regular file; {_ELSEWHERE}, or remove it")
-    return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
 
 
 @dataclass(frozen=True)
@@ -292,8 +246,13 @@ class Store:
         return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
-        """Remove all stored results of a marked folder, but no other files."""
-        remove_results(self.folder)
+        """Remove all stored results, but no other files in their folder; to be called under the `lock`."""
+        for path in list(self._results.rglob("*.npz")):
+            # A stored result begins with its own name, even if the file is truncated.
+            name = path.relative_to(self._results).as_posix().removesuffix(".npz")
+            beginning = f'{HEAD_MEMBER}{{"name": {json.dumps(name)},'.encode()
+            if is_regular(path) and path.read_bytes()[_ZIP_HEADER:].startswith(beginning):
+                path.unlink()
 
     @contextmanager
     def lock(self) -> Iterator[None]:
@@ -304,7 +263,7 @@ class Store:
         """
         try:
             claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
-            handle = open_lock(self.folder)
+            handle = (self.folder / LOCK).open("a+")
         except OSError as fault:
             if is_disk_full(fault):
                 raise
