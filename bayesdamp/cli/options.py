@@ -32,43 +32,6 @@ def option(group: str, text: str, *names: str, **more: Any) -> Any:
 
 
 StudyFile = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]
-Angle = Annotated[str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")]
-Time = Annotated[str | None, option(READING, "Column of the times, by name or number.")]
-TimeUnit = Annotated[str | None, option(READING, "Unit of the times: s, ms, us, ns or min.")]
-Rate = Annotated[float | None, option(READING, "Sampling rate in Hz, for a file without times.")]
-Unit = Annotated[
-    str | None,
-    option(
-        READING,
-        "Unit of the displacement: rad, deg, m, mm, V and others (a wrong one lists them), or g, rpm, dps. By default "
-        "from the file; otherwise rad, or deg or counts where the values are too large for rad.",
-    ),
-]
-Quantity = Annotated[
-    str | None,
-    option(
-        READING,
-        "angle (any displacement), velocity or acceleration; for compare and look also envelope (amplitude, power "
-        "or level alone). By default from the file; otherwise angle.",
-    ),
-]
-Clock = Annotated[
-    str,
-    option(
-        READING,
-        "How the times of samples are found: as_logged (the time stamps), uniform (equal steps, rebuilt from the time "
-        "stamps), or auto.",
-    ),
-]
-Start = Annotated[str, option(READING, "Start of the free decay in s, or auto.")]
-Stop = Annotated[str, option(READING, "End of the free decay in s, or auto.")]
-Runs = Annotated[
-    str | None, option(READING, "Runs to use of a file with several runs, such as 1,3-5; by default all.")
-]
-Channels = Annotated[
-    list[str] | None,
-    option(READING, "A channel to use of a file with several channels; may be repeated.", "--channel"),
-]
 Plugins = Annotated[
     list[Path] | None,
     option(COMPARED, "A Python file with plug-ins of your own; may be repeated.", "--plugin"),

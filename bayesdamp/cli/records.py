@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-from bayesdamp.cli.options import invalid_value, parse_time
+from bayesdamp.cli.options import READING, invalid_value, option, parse_time
 from bayesdamp.records.cleaning.clean import clean, decimate
 from bayesdamp.records.files.names import SECONDS, unit_by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
@@ -44,19 +45,54 @@ single command that provides all of them."""
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """The options of the command line on how to read files; see the help of `bayesdamp compare`."""
+    """The options of the command line on how to read files, with their help (`with_reading_options`).
 
-    time: str | None = None
-    angle: str | None = None
-    rate: float | None = None
-    time_unit: str | None = None
-    unit: str | None = None
-    quantity: str | None = None
-    clock: str = "auto"
-    start: float | str = "auto"
-    stop: float | str = "auto"
-    runs: str | None = None
-    channels: Sequence[str] = ()
+    start, stop: times in s as numbers, or "auto".
+    """
+
+    angle: Annotated[
+        str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")
+    ] = None
+    time: Annotated[str | None, option(READING, "Column of the times, by name or number.")] = None
+    time_unit: Annotated[str | None, option(READING, "Unit of the times: s, ms, us, ns or min.")] = None
+    rate: Annotated[float | None, option(READING, "Sampling rate in Hz, for a file without times.")] = None
+    unit: Annotated[
+        str | None,
+        option(
+            READING,
+            "Unit of the displacement: rad, deg, m, mm, V and others (a wrong one lists them), or g, rpm, dps. By "
+            "default from the file; otherwise rad, or deg or counts where the values are too large for rad.",
+        ),
+    ] = None
+    quantity: Annotated[
+        str | None,
+        option(
+            READING,
+            "angle (any displacement), velocity or acceleration; for compare and look also envelope (amplitude, power "
+            "or level alone). By default from the file; otherwise angle.",
+        ),
+    ] = None
+    clock: Annotated[
+        str,
+        option(
+            READING,
+            "How the times of samples are found: as_logged (the time stamps), uniform (equal steps, rebuilt from the "
+            "time stamps), or auto.",
+        ),
+    ] = "auto"
+    start: Annotated[
+        Any, option(READING, "Start of the free decay in s, or auto.", parser=str, metavar="<str>")
+    ] = "auto"
+    stop: Annotated[
+        Any, option(READING, "End of the free decay in s, or auto.", parser=str, metavar="<str>")
+    ] = "auto"
+    runs: Annotated[
+        str | None, option(READING, "Runs to use of a file with several runs, such as 1,3-5; by default all.")
+    ] = None
+    channels: Annotated[
+        list[str] | None,
+        option(READING, "A channel to use of a file with several channels; may be repeated.", "--channel"),
+    ] = None
 
     def __post_init__(self) -> None:
         """Convert the values and check them. Raises InputError if a value is invalid."""
@@ -89,7 +125,7 @@ class ReadingOptions:
             value=self.angle,
             rate=self.rate,
             runs=self.runs,
-            channels=self.channels,
+            channels=self.channels or (),
             time_unit=self.time_unit,
         )
 
@@ -108,6 +144,16 @@ class ReadingOptions:
         `unit` and `quantity` are those that `interpret` returns.
         """
         return self.unit is None and not raw.unit and (unit, quantity) == ("rad", "angle")
+
+
+def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
+    """Give a command the options of `ReadingOptions`; it gets their values as further keyword arguments."""
+    *own, _ = signature(command, eval_str=True).parameters.values()
+    added = signature(ReadingOptions, eval_str=True).parameters.values()
+    first = [parameter for parameter in own if parameter.default is Parameter.empty]
+    rest = [parameter for parameter in own if parameter.default is not Parameter.empty]
+    command.__signature__ = Signature([*first, *added, *rest])  # type: ignore[attr-defined]
+    return command
 
 
 @dataclass(frozen=True)
@@ -407,5 +453,5 @@ def _command(path: Path, options: ReadingOptions, answers: Mapping[str, str]) ->
         del given["time"]
     values = {name: str(value) for name, value in given.items() if value not in (None, "auto")}
     words = [word for name, value in (values | dict(answers)).items() for word in (f"--{name}", value)]
-    words += [word for channel in options.channels for word in ("--channel", channel)]
+    words += [word for channel in options.channels or () for word in ("--channel", channel)]
     return shlex.join(["bayesdamp", "compare", str(path), *words])

@@ -17,16 +17,14 @@ from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store import Store, write_json
+from tests.records.tables import write_table
 
 
-def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
+def write(path: Path, columns: int = 2) -> Path:
     t = np.arange(300) / 50
     y = 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)
     other = 0.2 * np.exp(-0.1 * t) * np.cos(5 * t + 1)
-    names = ",".join(header.split(",")[:columns])
-    rows = (",".join(map(str, row)) for row in np.stack([t, y, other], axis=1)[:, :columns])
-    path.write_text("\n".join([names, *rows]) + "\n", encoding="utf-8")
-    return path
+    return write_table(path, ",".join(("t", "angle", "other")[:columns]), *(t, y, other)[:columns])
 
 
 def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -> None:
@@ -137,7 +135,7 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
     clean = write(tmp_path / "clean.csv")
     t, y = np.loadtxt(clean, delimiter=",", skiprows=1).T
     y = y + 0.001 * np.random.default_rng(1).standard_normal(y.size)
-    np.savetxt(tmp_path / "noisy.csv", np.stack([t, y], axis=1), delimiter=",", header="t,angle", comments="")
+    write_table(tmp_path / "noisy.csv", "t,angle", t, y)
     found = {}
     for name in ("clean", "noisy"):
         study = comparison([{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"}])

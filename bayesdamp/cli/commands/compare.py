@@ -33,25 +33,15 @@ MOST_ENVELOPES_HERE = 6
 """Largest number of envelopes that are computed in this process: starting a second process takes longer (measured)."""
 
 
+@r.with_reading_options
 def compare(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
-    angle: o.Angle = None,
-    time: o.Time = None,
-    rate: o.Rate = None,
-    unit: o.Unit = None,
-    quantity: o.Quantity = None,
     frequency: Annotated[
         float | None,
         o.option(
             READING, "Frequency of the oscillation in Hz, for an envelope; by default from the file's header."
         ),
     ] = None,
-    clock: o.Clock = "auto",
-    start: o.Start = "auto",
-    stop: o.Stop = "auto",
-    runs: o.Runs = None,
-    channel: o.Channels = None,
-    time_unit: o.TimeUnit = None,
     restoring: Annotated[
         list[str] | None,
         o.option(
@@ -117,6 +107,7 @@ def compare(
     ] = SENSOR,
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
+    **reading: Any,
 ) -> int:
     """Find the kind of damping in records, how large it is, how well its law holds, and how certain that is."""
     check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
@@ -129,28 +120,26 @@ def compare(
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
     use_modules(plugins)  # they may contain readers
-    chosen, reading = r.SelectedRecords([], [], [], []), r.ReadingOptions()
-    envelopes = are_envelopes(records, angle, unit, quantity)
+    chosen, options = r.SelectedRecords([], [], [], []), r.ReadingOptions()
+    envelopes = are_envelopes(records, reading["angle"], reading["unit"], reading["quantity"])
     if envelopes:
-        given = {"restoring": restoring, "exact": exact, "runs": runs, "channel": channel}
-        given |= {"time-unit": time_unit, "deviation": deviation != "auto", "noise": noise != "auto"}
+        given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
+        given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
+        given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
         given |= {"sensor": sensor != SENSOR}
         for name, value in given.items():
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
-        ends = {"start": o.parse_time(start, "--start"), "stop": o.parse_time(stop, "--stop")}
-        signals, failed = _envelopes(
-            records, unit, time=time, angle=angle, rate=rate, frequency=frequency, **ends
-        )
+        keys = {name: reading[name] for name in ("time", "angle", "rate")} | {"frequency": frequency}
+        keys |= {end: o.parse_time(reading[end], f"--{end}") for end in ("start", "stop")}
+        signals, failed = _envelopes(records, reading["unit"], **keys)
     else:
         if frequency is not None:
             raise InputError("--frequency: applies to envelopes only; give --quantity envelope, or remove it")
-        reading = r.ReadingOptions(
-            time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
-        )
-        chosen = r.select_records(records, reading)
+        options = r.ReadingOptions(**reading)
+        chosen = r.select_records(records, options)
         failed = chosen.failed
-        signals = r.study_signals(chosen.records, reading)
+        signals = r.study_signals(chosen.records, options)
     if repeats and failed and len(signals) == 1:
         raise InputError(f"--repeats: there is one usable record; {failed[0]}")
     # A single record is computed by the threads of this process; more processes would not make it faster.
@@ -168,9 +157,9 @@ def compare(
     )
     if not quiet:
         few = 0 < len(chosen.records) <= MOST_EARLY_LINES
-        first = early_lines(read_by_study(chosen.records, study), reading) if few else []
+        first = early_lines(read_by_study(chosen.records, study), options) if few else []
         # First the lines on what may be read wrongly, last the lines on how the file was read.
-        for line in [*chosen.doubted, *first, *r.command_suggestions(chosen.records, reading), *chosen.notes]:
+        for line in [*chosen.doubted, *first, *r.command_suggestions(chosen.records, options), *chosen.notes]:
             typer.echo(line, err=True)
     # Import this here, because it is slow, and the first lines should be printed at once.
     from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
@@ -182,9 +171,9 @@ def compare(
             f"{before} contains the answer to a different question; this answer goes to {folder}", err=True
         )
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
-    options = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-    options["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)
-    return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **options)
+    running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+    running["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)
+    return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 
 
 def _envelopes(

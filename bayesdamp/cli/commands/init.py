@@ -12,9 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_names
-from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
+from bayesdamp.cli.records import ReadingOptions, select_records, study_signals, with_reading_options
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.compare import RecordOptions, comparison_tables
 from bayesdamp.config.load import resolve_study
@@ -30,18 +29,19 @@ from bayesdamp.config.study import (
 from bayesdamp.store.files import create, is_disk_full
 from bayesdamp.types import InputError
 
-_SECTIONS: dict[str, type[StudySection]] = {
-    "estimators": EstimatorsTable,
-    "models": ModelsTable,
-    "posterior": PosteriorTable,
-    "evidence": EvidenceTable,
+_TABLES: dict[str, tuple[type[StudySection], str]] = {
+    "estimators": (
+        EstimatorsTable,
+        'Estimators to run in addition to the comparison; use = "all" runs all eleven.',
+    ),
+    "models": (ModelsTable, "Which damping laws are compared."),
+    "posterior": (PosteriorTable, "How the posterior is sampled."),
+    "evidence": (
+        EvidenceTable,
+        "How damping models are compared, and when nested sampling is used as well.",
+    ),
 }
-_TABLES = {
-    "estimators": 'Estimators to run in addition to the comparison; use = "all" runs all eleven.',
-    "models": "Which damping laws are compared.",
-    "posterior": "How the posterior is sampled.",
-    "evidence": "How damping models are compared, and when nested sampling is used as well.",
-}
+"""Class and description of the tables that are written after the signals, by name."""
 
 
 def study_text(records: Sequence[RecordOptions], out: Path) -> str:
@@ -70,10 +70,9 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
             "[[signal]]",
             *(_line(SignalTable, key, value) for key, value in sorted(given.items(), key=_sort_key)),
         ]
-    for name, table in tables.items():
-        if isinstance(table, dict):
-            lines += ["", f"# {_TABLES.get(name, '')}".rstrip("# "), f"[{name}]"]
-            lines += [_line(_SECTIONS[name], key, value) for key, value in table.items()]
+    for name, (section, what) in _TABLES.items():
+        lines += ["", f"# {what}", f"[{name}]"]
+        lines += [_line(section, key, value) for key, value in tables[name].items()]
     text = "\n".join(lines) + "\n"
     resolve_study(tomllib.loads(text), out)
     return text
@@ -113,21 +112,12 @@ def to_toml(value: object) -> str:
     return repr(value)
 
 
+@with_reading_options
 def init(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Files of measured decays, all in one folder.")
     ],
-    angle: o.Angle = None,
-    time: o.Time = None,
-    time_unit: o.TimeUnit = None,
-    rate: o.Rate = None,
-    unit: o.Unit = None,
-    quantity: o.Quantity = None,
-    clock: o.Clock = "auto",
-    start: o.Start = "auto",
-    stop: o.Stop = "auto",
-    runs: o.Runs = None,
-    channel: o.Channels = None,
+    **reading: Any,
 ) -> int:
     """Write a commented study file for records, next to them; nothing is computed or overwritten."""
     check_names(files)
@@ -142,9 +132,7 @@ def init(
     taken = InputError(f"{out}: already exists and is not overwritten; move it away first")
     if os.path.lexists(out):
         raise taken
-    options = ReadingOptions(
-        time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
-    )
+    options = ReadingOptions(**reading)
     chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
 from bayesdamp.cli import looking, options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
-from bayesdamp.cli.records import ReadingOptions, command_suggestions, doubt_lines, records_in
+from bayesdamp.cli.records import (
+    ReadingOptions,
+    command_suggestions,
+    doubt_lines,
+    records_in,
+    with_reading_options,
+)
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_contents
@@ -23,21 +29,12 @@ NARROWEST_PLOT = 10
 """Smallest width of a plot in characters."""
 
 
+@with_reading_options
 def look(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of measured decays.")],
-    angle: o.Angle = None,
-    time: o.Time = None,
-    time_unit: o.TimeUnit = None,
-    rate: o.Rate = None,
-    unit: o.Unit = None,
-    quantity: o.Quantity = None,
-    clock: o.Clock = "auto",
-    start: o.Start = "auto",
-    stop: o.Stop = "auto",
-    runs: o.Runs = None,
-    channel: o.Channels = None,
     plugin: o.Plugins = None,
     html: Annotated[Path | None, typer.Option(help="Also write a page of HTML with this name.")] = None,
+    **reading: Any,
 ) -> int:
     """Show how a file is read: columns, units, clock, the free decay in it, and what looks wrong."""
     page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
@@ -56,14 +53,13 @@ def look(
         for name, value in list(content.facts.items())[:MOST_FACTS]:
             console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
 
-    if are_envelopes([file], angle, unit, quantity):
-        ends = o.parse_time(start, "--start"), o.parse_time(stop, "--stop")
-        views = [looking.view_envelope(file, (time, angle, rate, unit), ends)]
+    if are_envelopes([file], reading["angle"], reading["unit"], reading["quantity"]):
+        columns = reading["time"], reading["angle"], reading["rate"], reading["unit"]
+        ends = o.parse_time(reading["start"], "--start"), o.parse_time(reading["stop"], "--stop")
+        views = [looking.view_envelope(file, columns, ends)]
         show_file()
     else:
-        options = ReadingOptions(
-            time, angle, rate, time_unit, unit, quantity, clock, start, stop, runs, channel or ()
-        )
+        options = ReadingOptions(**reading)
         try:
             every = records_in(file, options)
         except InputError:

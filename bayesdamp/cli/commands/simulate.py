@@ -22,15 +22,9 @@ from bayesdamp.types import InputError
 
 DAMPING_DEFAULTS = {"viscous": 0.1}
 """Default damping: viscous, with a coefficient of 0.1/s, which gives a Q of about 30 at 1 Hz."""
-RESTORING_DEFAULTS = {
-    "stiffness": 40.0,
-    "gravity": 4.0,
-    "cubic": 40.0,
-    "rest_angle": 0.0,
-    "spring_angle": 0.0,
-}
-"""Default parameters of the restoring laws by name: stiffness in 1/s², gravity in rad/s², cubic in 1/(rad² s²), angles
-in rad. They give a frequency of about 1 Hz and visible nonlinearities."""
+RESTORING_DEFAULTS = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0}
+"""Default parameters of the restoring laws by name: stiffness in 1/s², gravity in rad/s², cubic in 1/(rad² s²). They
+give a frequency of about 1 Hz and visible nonlinearities."""
 NOISE_FRACTION = 0.01
 """Default sd of the noise, as a fraction of the amplitude. It is not 0, because models cannot be compared without
 noise."""
