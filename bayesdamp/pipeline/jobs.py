@@ -47,9 +47,7 @@ class CandidateSelection:
 
         Without a limit `prune` in the study, or without an answer, all are kept.
         """
-        short = None
-        if self.limit is not None:
-            short = shortlist(self.record, self.limit)
+        short = None if self.limit is None else shortlist(self.record, self.limit)
         is_in = {name: short is None or self.record.spec.parts(name) in short for name in self.names}
         return {name: "" if is_in[name] else FAR_IN_ANSWER for name in self.names}
 
@@ -57,20 +55,19 @@ class CandidateSelection:
         """Return the outcome of each candidate after Laplace's evidence.
 
         Those whose log evidence is at least the study's limit `prune` below the largest are left out, as are those
-        that were pruned before. Candidates without a finite evidence are kept.
+        that were pruned before. Candidates without a finite evidence are kept, and without a limit all.
         """
+        outcomes = dict.fromkeys(self.names, "")
+        if self.limit is None:
+            return outcomes
         laplace = {name: self._evidence(name, "laplace") for name in self.names}
-        best = max(
-            (e.log_evidence for e in laplace.values() if math.isfinite(e.log_evidence)), default=math.nan
-        )
-        outcomes = {}
+        logs = {name: e.log_evidence for name, e in laplace.items() if math.isfinite(e.log_evidence)}
+        best = max(logs.values(), default=math.nan)
+        limit = f"log Bayes factor to the best at most −{self.limit:g} by Laplace's approximation"
         for name, evidence in laplace.items():
-            behind = best - evidence.log_evidence if math.isfinite(evidence.log_evidence) else 0.0
-            outcomes[name] = ""
             if status_of(evidence.outcome) is Status.PRUNED:
                 outcomes[name] = evidence.outcome
-            elif self.limit is not None and behind >= self.limit:
-                limit = f"log Bayes factor to the best at most −{self.limit:g} by Laplace's approximation"
+            elif best - logs.get(name, best) >= self.limit:
                 outcomes[name] = Status.PRUNED.because(limit)
         return outcomes
 
@@ -272,9 +269,9 @@ def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
             if only(name) and not store.has(name, aside := digest_of(why, key)):
                 store.write(TaskResult(name, aside, outcome=why))
 
-    for outcomes_of, task_group in (
-        (CandidateSelection.outcomes_after_answer, "fit"),
-        (CandidateSelection.outcomes_after_laplace, "evidence"),
+    for outcomes_of, task_group, has_tasks in (
+        (CandidateSelection.outcomes_after_answer, "fit", True),
+        (CandidateSelection.outcomes_after_laplace, "evidence", bool(study.evidence.methods)),
     ):
         stage = []
         for selection in selections:
@@ -282,7 +279,7 @@ def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
                 job = job_of(selection, name, task_group)
                 if why:
                     leave_out(job, why, lambda task: TaskName.of(task).kind == "evidence")
-                else:
+                elif has_tasks:
                     stage.append(job)
         yield stage
     stage = []
@@ -296,4 +293,4 @@ def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
             stored = set(store.names())
             for name in set(selection.names) - set(chosen):
                 leave_out(job_of(selection, name, task_group), NOT_SAMPLED, stored.__contains__)
-    yield stage
+    yield stage if study.has_answers else []

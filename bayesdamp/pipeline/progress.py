@@ -16,35 +16,33 @@ if TYPE_CHECKING:
 
 READING = "reading"
 ACTIVITIES = {
-    "fit": "estimating and fitting",
-    "evidence": "computing the evidence of",
-    "sample": "sampling",
-    "sensitivity": "repeating with other priors and with half the record:",
+    "read": f"{READING} {{records}}",
+    "answer": "measuring the damping of {records} with {models}{laws}",
+    "sampled": "checking the answer on {records} by sampling",
+    "fit": "estimating and fitting {models} on {records}",
+    "evidence": "computing the evidence of {models} on {records}",
+    "sample": "sampling {models} on {records}",
+    "average": "averaging over damping models",
+    "specimen": "fitting the records of {specimens} together",
+    "population": "inferring the population of the specimens",
 }
-"""What a job on damping models does, by its `task_group`."""
+"""What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample"."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
     """Return a description of a stage for the user, such as "sampling 3 damping models on 1 record"."""
-    job = jobs[0]
-    records = _with_count(len({(j.signal, j.repeat) for j in jobs}), "record")
-    if job.task_group == "read":
-        return f"{READING} {records}"
-    if job.task_group == "answer":
-        specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
-        sums = _with_count(max(len(study.dampings(s)) for s in specs), "damping model")
-        laws = max(len(s.restoring) for s in specs)
-        under = f" and {_with_count(laws, 'restoring law')}" if laws else ""  # an envelope has none
-        return f"measuring the damping of {records} with {sums}{under}"
-    if job.model is not None:
-        models = _with_count(len({candidate_parts(j.model)[0] for j in jobs if j.model}), "damping model")
-        return f"{ACTIVITIES[str(job.task_group)]} {models} on {records}"
-    return {
-        "sampled": f"checking the answer on {records} by sampling",
-        "average": "averaging over damping models",
-        "specimen": f"fitting the records of {_with_count(len(jobs), 'specimen')} together",
-        "population": "inferring the population of the specimens",
-    }[str(job.task_group)]
+    names = {job.signal for job in jobs}
+    specs = [spec for spec in study.signals if spec.name in names]
+    sums = {candidate_parts(job.model)[0] for job in jobs if job.model}
+    laws = max((len(spec.restoring) for spec in specs), default=0)  # an envelope has none
+    return ACTIVITIES[str(jobs[0].task_group)].format(
+        records=_with_count(len({(job.signal, job.repeat) for job in jobs}), "record"),
+        models=_with_count(
+            len(sums) or max((len(study.dampings(spec)) for spec in specs), default=0), "damping model"
+        ),
+        laws=f" and {_with_count(laws, 'restoring law')}" if laws else "",
+        specimens=_with_count(len(jobs), "specimen"),
+    )
 
 
 def _with_count(number: int, what: str) -> str:

@@ -265,7 +265,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
     """
     record, repeat, name = key
     damping, restoring = types.candidate_parts(name)
-    mode: ModeContent | None = None
+    fit: dict[str, Any] = {}
     outcome = OK
     estimates: dict[str, tuple[types.Estimate, ...]] = {}
     posteriors: dict[str, types.Posterior] = {}
@@ -273,7 +273,10 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
     for result in results:
         kind, method = result.parts.kind, result.parts.method
         if kind == "mode":
-            mode, outcome = ModeContent.of(result) if result.outcome == OK else None, result.outcome
+            outcome = result.outcome
+            if outcome == OK:
+                mode = ModeContent.of(result)
+                fit = {name: getattr(mode, name) for name in ("values", "sd", "log_posterior")}
         elif kind == "estimate":
             stages = []
             for stage in EstimateContent.of(result).stages:
@@ -306,9 +309,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
         repeat=repeat,
         damping=damping,
         restoring=restoring or law,
-        values=mode.values if mode else {},
-        sd=mode.sd if mode else {},
-        log_posterior=mode.log_posterior if mode else math.nan,
+        **fit,
         estimates=estimates,
         posteriors=posteriors,
         evidence=evidence,

@@ -253,8 +253,10 @@ def _run_jobs(
     pickled = pickle.dumps(study)
 
     def next_task(job: Job, given_up: Collection[str]) -> str | None:
-        keys = {n: key for n, (key, _) in tasks_of(study, store, job).items() if n not in given_up}
-        return next((n for n, key in keys.items() if not _is_done(store, n, key)), None)
+        for name, (key, _) in tasks_of(study, store, job).items():
+            if name not in given_up and not _is_done(store, name, key):
+                return name
+        return None
 
     def give_up(job: Job, name: str) -> None:
         store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED_OUTCOME))

@@ -14,7 +14,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status
-from bayesdamp.sources import code_digest, import_closure
+from bayesdamp.sources import code_digest
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import is_disk_full
@@ -74,13 +74,6 @@ def digest_of(*parts: object) -> str:
 def task_key(kind: str, *parts: object) -> str:
     """Return the key of a task: the hash of `parts`, which are its inputs, and of the code that computes it."""
     return digest_of(kind, code_digest(*CODE[kind]), *parts)
-
-
-def uses_library(method: str) -> bool:
-    """Return whether an estimator also regresses on terms that it does not estimate: viscous, Coulomb and quadratic."""
-    return "bayesdamp.estimators.regression.library" in import_closure(
-        [f"bayesdamp.estimators.methods.{method}"]
-    )
 
 
 def task_seed(study: Study, name: str) -> int:

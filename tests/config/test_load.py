@@ -37,11 +37,12 @@ def truths(study: Study, *names: str) -> list[tuple[Any, ...]]:
 
 
 MEANT: dict[str, tuple[str, Callable[[Study], Any], Any]] = {
-    "default models": (GOOD, lambda s: s.models.compare, ("viscous", "coulomb", "quadratic")),
-    "default estimates": (GOOD, lambda s: (s.name, s.estimators.stages), ("study", ("initial", "refined"))),
-    "default samplers": (GOOD, lambda s: s.posterior.samplers, ("nuts", "emcee")),
-    "default draws": (GOOD, lambda s: (s.posterior.chains, s.posterior.warmup, s.posterior.draws), (4, 500, 1000)),
-    "default evidence": (GOOD, lambda s: (s.evidence.methods, s.evidence.referee), (("importance", "bridge"), "auto")),
+    "defaults": (
+        GOOD,
+        lambda s: (s.name, s.models.compare, s.estimators.stages, s.posterior.samplers, s.evidence.methods),
+        ("study", ("viscous", "coulomb", "quadratic"), ("initial", "refined"), ("nuts", "emcee"),
+         ("importance", "bridge")),
+    ),
     "known values": (
         GOOD, lambda s: dict(s.signals[0].system.known),
         {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0},

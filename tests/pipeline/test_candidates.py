@@ -113,7 +113,11 @@ def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
         EvidenceContent.of(store.read(f"evidence/rig/0/{m}/laplace")).evidence.log_evidence
         for m in ("viscous", "viscous+quadratic")
     )
-    at_limit = replace(study, models=replace(study.models, prune=one - two))
-    outcomes = CandidateSelection(at_limit, study.signals[0], 0, store).outcomes_after_laplace()
-    assert outcomes["viscous"] == ""
-    assert status_of(outcomes["viscous+quadratic"]) is Status.PRUNED
+
+    def outcomes(prune: float | None) -> dict[str, str]:
+        other = replace(study, models=replace(study.models, prune=prune))
+        return CandidateSelection(other, study.signals[0], 0, store).outcomes_after_laplace()
+
+    assert outcomes(one - two)["viscous"] == ""
+    assert status_of(outcomes(one - two)["viscous+quadratic"]) is Status.PRUNED
+    assert set(outcomes(None).values()) == {""}, "a study without a limit keeps what another has pruned"

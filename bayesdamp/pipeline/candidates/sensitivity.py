@@ -69,15 +69,11 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
         *(["noises"] if len(study.noises) < 2 or study.likelihood == "law" else []),
         *(["savage_dickey"] if len(candidate.terms) < 2 else []),
     }
-    sources = {
-        kind: source.format(candidate.path)
-        for kind, (source, _) in SENSITIVITIES.items()
-        if kind not in left_out
-    }
+    sources = {kind: source.format(candidate.path) for kind, (source, _) in SENSITIVITIES.items()}
     return {
         f"sensitivity/{candidate.path}/{kind}": keys[source]
         for kind, source in sources.items()
-        if source in keys
+        if kind not in left_out and source in keys
     }
 
 

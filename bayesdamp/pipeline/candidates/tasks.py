@@ -20,8 +20,9 @@ from bayesdamp.pipeline.candidates.evidence import compute_evidence, evidence_pa
 from bayesdamp.pipeline.candidates.modes import compute_mode
 from bayesdamp.pipeline.candidates.posteriors import compute_posterior
 from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_sources
-from bayesdamp.pipeline.tasks import Product, task_key, task_seed, uses_library
+from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.serial import split
+from bayesdamp.sources import import_closure
 from bayesdamp.store.contents import EstimateContent
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, Refusal
@@ -64,7 +65,9 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     keys: dict[str, str] = {}
     for name, options in chosen.items():
         method = use.method(name)
-        library = PAPER_TERMS if uses_library(method) else ()
+        # Some estimators regress on these terms too, although they do not estimate them.
+        modules = import_closure([f"bayesdamp.estimators.methods.{method}"])
+        library = PAPER_TERMS if "bayesdamp.estimators.regression.library" in modules else ()
         own = [ESTIMATORS.source(method), *map(TERMS.source, library), *forces]
         key = task_key("estimate", record_key, model, method, use.stages, options, own, *other)
         keys[f"estimate/{candidate.path}/{name}"] = key
