@@ -53,8 +53,6 @@ class Ringdown:
         Share of the floor's power that does not fluctuate.
     deviation, deviation_length : float
         Standard deviation of the law's relative deviation, and its correlation length in durations.
-    residual_drive : float, optional
-        Level in dB below the start of a drive that stays on; its amplitude adds in quadrature.
     top : float
         Level of the start in dB.
     """
@@ -76,7 +74,6 @@ class Ringdown:
     constant: float = 0.0
     deviation: float = 0.0
     deviation_length: float = 0.3
-    residual_drive: float | None = None
     top: float = -40.0
 
 
@@ -194,8 +191,6 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     free = free_decay(cumulative_trapezoid(1.0 + deviation, since, initial=0.0), ringdown.rates)
     signal = np.ones(t.size, complex)
     signal[after] = np.exp(free)
-    if ringdown.residual_drive is not None:
-        signal += 1j * 10.0 ** (-ringdown.residual_drive / 20.0)
 
     floor = 10.0 ** (-ringdown.fall / 10.0)
     noise = np.zeros(t.size, complex)
