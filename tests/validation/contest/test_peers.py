@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from bayesdamp.types import Refusal
 from tests.validation.answering import closed_form
 from validation.contest.peers import ROSTER, script, textbook
-from validation.contest.peers.shared import ratio
+from validation.truth.drawing import loss_rate
 
 RATIO = 0.02
 WITHIN = {
@@ -37,7 +37,7 @@ def quadratic() -> tuple[np.ndarray, np.ndarray, tuple[float, ...], tuple[float,
         lambda _, s: (s[1], -(omega**2) * s[0] - drag * s[1] * abs(s[1])), (0, 20), (0.5, 0.0), t_eval=t, rtol=1e-9,
     )  # fmt: skip
     amplitudes = (0.4, 0.2, 0.09)
-    return t, path.y[0], amplitudes, tuple(ratio(a, omega, quadratic=drag) for a in amplitudes)
+    return t, path.y[0], amplitudes, tuple(drag * loss_rate("quadratic", a, omega) for a in amplitudes)
 
 
 def test_negative_control_a_quadratic_record_fools_one_number():

@@ -1,9 +1,6 @@
-"""Provide what the peers share: even sampling, spectral peak, fits of a sinusoid, and the ratio of a damping sum."""
+"""Provide what the peers share: even sampling, spectral peak, rest position, fit of a sinusoid."""
 
 from __future__ import annotations
-
-import math
-from typing import Any
 
 import numpy as np
 
@@ -74,17 +71,3 @@ def fit_sinusoid(phase, y):
     """
     columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
     return np.linalg.lstsq(columns, y, rcond=None)[0]
-
-
-def ratio(
-    amplitude: Any, frequency: Any, viscous: Any = 0.0, coulomb: Any = 0.0, quadratic: Any = 0.0
-) -> Any:
-    """Return the equivalent damping ratio of the force 2 viscous v + coulomb sign(v) + quadratic v|v| at an amplitude.
-
-    The force is per unit of inertia, in SI units; `amplitude` is in rad, and `frequency` in rad/s.
-    """
-    return (
-        viscous / frequency
-        + 2 * coulomb / (math.pi * frequency**2 * amplitude)
-        + 4 * quadratic * amplitude / (3 * math.pi)
-    )

@@ -10,12 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import about_rest, even, ratio, segments, spectral_peak
+from validation.contest.peers.shared import about_rest, even, segments, spectral_peak
 from validation.scoring import Reply
+from validation.truth.drawing import loss_rate
+from validation.truth.oscillator import TERMS
 
 LEAST = 15
 """Least number of samples in a piece between gaps that is used; the smoothing filter of PySINDy needs eleven."""
-TERMS = ("viscous", "coulomb", "quadratic")
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
@@ -46,7 +47,8 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     if stiffness <= 0:
         raise Refusal("no spring is found")
     terms = dict(zip(TERMS, (0.5 * losses[0], losses[1], losses[2]), strict=True))
-    ratios = tuple(float(ratio(a, np.sqrt(stiffness), **terms)) for a in amplitudes)
+    frequency = float(np.sqrt(stiffness))
+    ratios = [float(sum(c * loss_rate(term, a, frequency) for term, c in terms.items())) for a in amplitudes]
     if min(ratios) <= 0:
         raise Refusal("no damping term is above its threshold")
     return Reply(ratios, named="+".join(name for name in TERMS if terms[name] > 0), decided=True)
