@@ -86,9 +86,6 @@ many line lengths, because the misfit grows towards the noise floor."""
 SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
 """A short line that falls more slowly or faster than these multiples of the rate of the lines after it is not part of
 the decay, if it also exceeds the limit of `SLOPE_CHANGES`."""
-FLAT_RATE = 0.2
-"""The level in the last part of a record counts as a constant noise floor if it falls at less than this fraction of the
-rate in the first half of the decay."""
 NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
 """The decay ends where the level scatters from block to block by more than `NOISE_SCATTER` dB (standard deviation) over
 `SCATTER_BLOCKS` blocks, as noise does: by 5.6 dB if its phase is random."""
@@ -96,9 +93,6 @@ LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
 """`_steepens` tests at least the first number of readings at the end of a record. They belong to a noise floor if their
 scatter from reading to reading is at least the second number times that in the first eighth of the decay (noise of
 random phase scatters by 5.6 dB)."""
-SMOOTHED_BLOCKS = 7
-"""Number of blocks over which the level is averaged before it is compared with the noise floor, to find the end of the
-decay."""
 LEVEL_RATE = 0.15
 """A short line that falls at less than this fraction of the rate of the lines after it is not part of the decay,
 whatever `SLOPE_CHANGES` says."""
@@ -402,7 +396,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
             )
         end, floor = _follow_on(levels, top)
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
-        return _window_of(levels, top, end, floor, begins, "ends with the record")
+        return _window_of(levels, top, end, floor, begins)
     first, last = _straightest(levels)
     core = fall_in_db(yb, first, last + 1)
     top = int(np.argmax(yb))
@@ -433,21 +427,19 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     if broken:
         at = t[int(levels.edges[begin])]
         begins = f"starts at {at:.4g} s, where the reading before it does not continue the decay"
-    return _window_of(levels, begin, end, floor, begins, "ends with the record, above any floor")
+    return _window_of(levels, begin, end, floor, begins)
 
 
-def _window_of(
-    levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str, ends: str
-) -> EnvelopeWindow:
+def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str) -> EnvelopeWindow:
     """Return the window of the blocks `begin` to `end` − 1 of `levels`.
 
-    begins, ends: the clauses on its start, and on its end if this is the end of the record. Raises Refusal if it has
-    too few readings or its level falls too little.
+    begins: the clause on its start. Raises Refusal if it has too few readings or its level falls too little.
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
         raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
     _refuse_small(fall_in_db(levels.yb, begin, end))
+    ends = "ends with the record"
     if floor is not None:
         ends = f"ends at {levels.t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
     elif stop < levels.t.size:
@@ -592,17 +584,6 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
         took = float(tb[floor_at] - tb[begin])
         rate = float(x[0] - x[floor_at - begin]) / took if took > 0 else 0.0
         measured = measure_floor(t[behind], power, rest, rate)
-    elif (part := (count - begin) // 8) >= 3:
-        # If the level no longer falls in the last part of the record, its mean power there is the floor.
-        late, level = tb[begin:], yb[begin:] - scale
-        last_power, power_before = 10.0 ** (level[-part:] / 10.0), 10.0 ** (level[-2 * part : -part] / 10.0)
-        step = float(late[-part:].mean() - late[-2 * part : -part].mean())
-        middle = slice(level.size // 2, level.size // 2 + part)
-        took = float(late[middle].mean() - late[:part].mean())
-        usual = float(level[:part].mean() - level[middle].mean()) / took
-        if 10.0 * np.log10(power_before.mean() / last_power.mean()) < FLAT_RATE * usual * step:
-            floor, floor_at = max(floor, float(last_power.mean())), count - 1
-            measured = NoiseFloor(floor)
     end, after = count, yb[begin:]
     if after.size >= 2 * SCATTER_BLOCKS:  # end the decay where levels scatter like noise
         bends = (after[1:-1] - 0.5 * (after[:-2] + after[2:])) ** 2 / 1.5
@@ -617,10 +598,6 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
     above = np.flatnonzero(np.exp(2.0 * x) < limit)
     end = min(end, begin + int(above[0])) if above.size else end
-    if end - begin > SMOOTHED_BLOCKS:
-        smooth = np.convolve(yb[begin:end], np.ones(SMOOTHED_BLOCKS) / SMOOTHED_BLOCKS, "valid")
-        below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
-        end = begin + int(below[0]) + SMOOTHED_BLOCKS // 2 if below.size else end
     return end, measured.scaled(10.0 ** (scale / 10.0))
 
 
