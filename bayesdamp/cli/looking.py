@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,9 +86,7 @@ def view_motion(record: FileRecord) -> RecordView:
     clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
     reading = f"column {value!r} as {what} in {unit}, {clock}, {raw.y.size} samples"
     about = raw.provenance if signal is None else signal.provenance
-    # `reading` already names the columns of times and values, so only the reason for this choice is added.
-    notes = (*filter(None, [raw.choice]), *(text for text in about.notes if text not in raw.why))
-    lines = list(replace(about, notes=notes).sentences)
+    lines = list(about.sentences)
     window = None
     if signal is None:
         lines.append(f"No free decay: {record.refusal}")

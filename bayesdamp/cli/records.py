@@ -326,8 +326,7 @@ def _choose(
     raw = records[0].raw
     if raw.choice:
         notes.append(f"{path.name}: {raw.choice}")
-    if raw.began:
-        notes.append(f"{path.name}: {FROM_FIRST} ({raw.began:.15g} s).")
+    notes += [f"{path.name}: {note}" for note in raw.provenance.notes if note.startswith(FROM_FIRST)]
     notes += doubt_lines(path, records, (Kind.CONSTANT,))
     doubted = doubt_lines(path, records, [kind for kind in Kind if kind is not Kind.CONSTANT])
     return records, doubted, notes
@@ -361,7 +360,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
     for record in records:
         time, angle = record.raw.columns
         specimen = ""
-        if record.several and record.raw.repeat:
+        if record.several and record.raw.run:
             channels = {other.raw.channel for other in records if other.path == record.path}
             specimen = record.path.stem if len(channels) == 1 else f"{record.path.stem} {record.raw.channel}"
         signals.append(

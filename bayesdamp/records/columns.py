@@ -15,10 +15,10 @@ from bayesdamp.records.files.names import (
     list_names,
     names_index,
     names_time,
-    quote_name,
     sampling_rate,
     seconds_of_unit,
     select_runs,
+    selector,
     split_run,
     unit_of_column,
 )
@@ -35,9 +35,6 @@ _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
 displacement."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 # The following limits are conventional.
-RATE_TOLERANCE = 0.01
-"""If a sampling rate that the user gives differs by more than this fraction from that of the file, the difference is
-reported to the user."""
 _MAX_BACKWARD = 0.02
 """In a column of times, at most this fraction of the steps goes back in time."""
 _MUCH_LARGER = 10.0
@@ -264,10 +261,6 @@ def choose_columns(
             if not home:
                 continue
             record = replace(home[0].record(column), run=run)
-            if record.time is None and record.rate is None and column.rate is None and len(columns) == 2:
-                other = next(c for c in columns if c is not column)
-                if other.values.size == column.values.size:
-                    record = replace(record, time=other)
             chosen.append(_with_clock(record, content))
         if not chosen:
             raise InputError(
@@ -295,19 +288,10 @@ def choose_columns(
     if left:
         return [_with_clock(record, content) for record in left]
     column = chosen[0].value
-    kind = unit_of_column(column)
-    axes = [
-        c
-        for c in columns
-        if c is not column and kind[0] and unit_of_column(c) == kind and _is_not_constant(c)
-    ]
-    named = f" ({', '.join(quote_name(columns, c) for c in axes[:3])})" if axes else ""
-    likely = next((c.name for c in axes if c.name and measure_oscillation(c.values).oscillates), "")
     raise InputError(
-        f"{quote_name(columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
-        f"swings at twice the frequency; give the axis along the swing{named}, or this one if it moves up and down",
+        f"{selector(columns, column)!r} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
+        "swings at twice the frequency; give the axis along the swing, or this one if it moves up and down",
         arguments=["value"],
-        likely={"value": likely} if likely else {},
     )
 
 
@@ -315,22 +299,12 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
     """Return the columns of a run and group, with their times or sampling rate if the file has these.
 
     timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives; it replaces all times.
-    Without any clock, a column that is named like times is used even if it does not increase; InputError is raised if
-    there is only one other column and it has another length.
+    Without any clock, a column that is named like times is used even if it does not increase.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
     if rate is not None:
-        time, why = _time_column(own) or _time_column(columns), ()
-        if time is not None:
-            step = float(np.median(np.diff(time.values[np.isfinite(time.values)])))
-            seconds = seconds_of_unit(time)
-            counts_samples = seconds is None and step == 1.0
-            stated = 1 / (step * (seconds or 1.0)) if step > 0 and not counts_samples else rate
-            if not abs(rate / stated - 1) < RATE_TOLERANCE:
-                read_at = f"the record is read at {rate:.6g} Hz, as specified"
-                why = (f"Times in column {time.name!r} are at {stated:.6g} Hz; {read_at}.",)
-        return _Block(run, own, None, rate, why)
+        return _Block(run, own, None, rate)
     if timed:
         mine = [c for c in timed if split_run(c)[1] == run] or timed
         return _Block(run, own, mine[0])
@@ -360,15 +334,7 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
     if any(c.rate is not None for c in own):
         return _Block(run, own)
     # Without any clock: the column that is named like times, even if it does not increase, which cleaning reports.
-    time = next((c for c in own if names_time(c) and not names_index(c)), None)
-    if time is not None and len(own) == 2 and own[0].values.size != own[1].values.size:
-        other = own[1] if time is own[0] else own[0]
-        raise InputError(
-            f"has {time.values.size} times in {time.name!r}, but {other.values.size} values in "
-            f"{other.name!r}; export it again with as many times as values, or give the rate in Hz",
-            arguments=["rate"],
-        )
-    return _Block(run, own, time)
+    return _Block(run, own, next((c for c in own if names_time(c) and not names_index(c)), None))
 
 
 def separate_clocks(content: Contents) -> Contents:
@@ -487,24 +453,20 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
         constant_columns = tuple(c.name for c in block.values if c.name and not _is_not_constant(c))
         records += [block.record(c, choice, constant_columns) for c in chosen]
     for run in dict.fromkeys(record.run for record in records):
-        of_run = [record for record in records if record.run == run]
-        columns = [record.value for record in of_run]
+        columns = [record.value for record in records if record.run == run]
         kinds = {unit_of_column(c) for c in columns}
         have_one_unit = len(kinds) == 1 and all(unit for unit, _ in kinds)
         bare, sheets = {c.name.removeprefix(f"{c.group}.") for c in columns}, {c.group for c in columns}
         are_of_sheets = len(bare) == 1 and len(sheets) == len(columns)  # the same column of several sheets
         if have_one_unit or are_of_sheets or len(columns) == 1 or content.channels or content.paired:
             continue
-        names = ", ".join(quote_name(content.columns, c) for c in columns[:3])
+        names = ", ".join(repr(selector(content.columns, c)) for c in columns[:3])
         more = f" and {len(columns) - 3} more" if len(columns) > 3 else ""
-        clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in of_run)
-        no_times = " and no times" if clockless else ""
-        also = ", and the name of the times or the rate in Hz" if clockless else ""
         raise InputError(
-            f"has {len(content.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
-            f"number of one, or of several channels{also}; columns are {list_names(content.columns)}",
-            arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
-            likely={"value": columns[0].name or quote_name(content.columns, columns[0])},
+            f"has {len(content.columns)} columns, and {names}{more} may each be the record; give the name or number of "
+            f"one, or of several channels; columns are {list_names(content.columns)}",
+            arguments=["value", "channels"],
+            likely={"value": str(selector(content.columns, columns[0]))},
         )
     return records
 
@@ -570,9 +532,9 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             left = [c for c in left if c.oscillation.size >= _MIN_RELATIVE_SIZE * max(sizes)]
     chosen = [c.column for c in left]
     if len(chosen) > 1:
-        out = ", ".join([quote_name(content.columns, c) for c in values if c not in chosen][:6])
+        out = ", ".join([repr(selector(content.columns, c)) for c in values if c not in chosen][:6])
         return chosen, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
-    used = f"Using column {quote_name(content.columns, chosen[0])}"
+    used = f"Using column {selector(content.columns, chosen[0])!r}"
     return (
         chosen,
         f"{used}: of the {len(values)} columns that change, it is the one that oscillates and decays.",

@@ -9,7 +9,6 @@ from enum import Enum
 
 import numpy as np
 
-from bayesdamp.records.columns import RATE_TOLERANCE
 from bayesdamp.records.files.names import SECONDS, sampling_rate, seconds_in
 from bayesdamp.records.oscillation.spectrum import SHORTEST_PERIOD
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
@@ -24,6 +23,8 @@ the command-line option that changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
 """Longest and shortest period of the oscillation in s; a sampling rate that gives a period outside these is doubted."""
+RATE_TOLERANCE = 0.01
+"""A sampling rate that differs by more than this fraction from that which the file states is reported to the user."""
 SLOW_PERIOD = 30.0
 """Times without a stated unit are doubted if they step by at least COARSE_STEP and the period is longer than this, in
 s."""
@@ -129,15 +130,12 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         doubts += [doubt] if doubt is not None else []
     if raw.rate is not None and raw.oscillation.oscillates:
         period = raw.oscillation.period / raw.rate
-        if raw.rate < 1:
-            sentence = (
-                f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-            )
-            rate = f"{1 / raw.rate:.6g}"
+        if raw.rate < 1 or not SHORT < period < LONGEST_PERIOD:
+            is_interval = raw.rate < 1
+            question = f"is {raw.rate:.4g} the interval in s?" if is_interval else "is the rate in Hz?"
+            rate = f"{1 / raw.rate:.6g}" if is_interval else "HZ"
+            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; {question}"
             doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate)))
-        elif not SHORT < period < LONGEST_PERIOD:
-            sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-            doubts.append(Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ")))
     by_file = sampling_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:

@@ -5,7 +5,6 @@ Readers that use compiled libraries run in a child process, because a damaged fi
 
 from __future__ import annotations
 
-import contextlib
 import json
 import pickle
 import signal
@@ -16,7 +15,7 @@ import tempfile
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -58,7 +57,7 @@ Path(out).write_bytes(pickle.dumps(result))
 
 
 def load_isolated(
-    load: Callable[..., Loaded], path: Path, patience: float = TIME_LIMIT, **options: float | str
+    load: Callable[..., Loaded], path: Path, patience: float = TIME_LIMIT, **options: bool
 ) -> Loaded:
     """Load a file in a child process.
 
@@ -152,28 +151,38 @@ def read_contents(path: Path | str, isolate: bool = True) -> Contents:
         If the file cannot be read; the message is one line of less than 300 characters.
     """
     path = Path(path)
+    reader: Reader | None = None
     try:
         reader = reader_of(path)
-        if isolate and getattr(reader, "foreign", False):
-            with _errors_in_one_line(None):
-                return load_isolated(read_in_child, path, largest=file_contents.LARGEST_FILE)
-        with _errors_in_one_line(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            content = reader.read(path)
+        if isolate and reader.foreign:
+            content = load_isolated(read_contents, path, isolate=False)
+        else:
+            with _ONE_AT_A_TIME, warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                content = reader.read(path)
+        if not content.columns:
+            right = "give a file with times and values"
+            raise InputError(f"contains no column of numbers (read as {reader.format}); {right}")
+        return content
     except InputError as error:
         raise file_error(path, error.what, error.arguments) from error.__cause__
-    if not content.columns:
-        raise file_error(
-            path,
-            f"contains no column of numbers (read as {reader.format}); give a file with times and values",
-        )
-    return content
-
-
-def read_in_child(path: Path, largest: float) -> Contents:
-    """Return the contents of a file, in a child process; `largest` is the parent's limit in bytes."""
-    file_contents.LARGEST_FILE = largest
-    return read_contents(path, isolate=False)
+    except MemoryError as error:
+        right = "give a part of it, or a lower sampling rate"
+        raise file_error(path, f"is larger than the memory; {right}") from error
+    except ImportError as error:
+        missing = error.name or "bayesdamp"
+        library = f"bayesdamp[{reader.extra}]" if reader is not None and reader.extra else missing
+        what = "cannot be read here" if reader is None else f"this is {reader.format}"
+        raise file_error(path, f'{what}: pip install "{library}"') from error
+    except Exception as error:  # a library may raise anything for a damaged file
+        if isinstance(error, OSError) and error.errno is not None:
+            what = f"cannot be read ({error.strerror or error}); correct this, or give another file"
+            raise file_error(path, what) from error
+        cause = " ".join(str(error).split())[:120] or type(error).__name__
+        what = "is damaged or not what its name says"
+        if reader is not None:
+            what = f"not readable as {reader.format}, damaged or cut off"
+        raise file_error(path, f"{what} ({cause}); export it again, or as CSV") from error
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
@@ -208,86 +217,43 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
     return results, errors
 
 
-@contextlib.contextmanager
-def _errors_in_one_line(reader: Reader | None) -> Iterator[None]:
-    """Convert any exception while a file is read to an InputError with a one-line message; pass InputErrors unchanged.
-
-    The exception is its cause, which BAYESDAMP_DEBUG shows. reader: the reader in use; None if it is not known yet.
-    """
-    try:
-        yield
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise InputError("is larger than the memory; give a part of it, or a lower sampling rate") from error
-    except ImportError as error:
-        name = error.name or "bayesdamp"
-        what = "cannot be read here"
-        if reader is not None:
-            what, name = f"this is {reader.format}", f"bayesdamp[{reader.extra}]" if reader.extra else name
-        raise InputError(f'{what}: pip install "{name}"') from error
-    except Exception as error:  # a library may raise anything for a damaged file
-        if isinstance(error, OSError) and error.errno is not None:
-            raise _unreadable_error(error) from error
-        cause = " ".join(str(error).split())[:120] or type(error).__name__
-        what = "is damaged or not what its name says"
-        if reader is not None:
-            what = f"not readable as {reader.format}, damaged or cut off"
-        raise InputError(f"{what} ({cause}); export it again, or as CSV") from error
-
-
-def _unreadable_error(error: OSError) -> InputError:
-    return InputError(f"cannot be read ({error.strerror or error}); correct this, or give another file")
-
-
 def reader_of(path: Path) -> Reader:
     """Return the first reader whose `claims` accepts the start of a file; that of text tables is asked last.
 
-    Raises InputError if none does, or if the file cannot be read or is empty.
+    Raises InputError if none does or the file is empty, OSError if it cannot be opened.
     """
     head = _read_head(path)
-    with _errors_in_one_line(None):
-        readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
-        for reader in readers.values():
-            if reader.claims(head, path):
-                return reader
-        text = READERS.get(FALLBACK)
-        if text.claims(head, path):  # text is read as a table whatever the extension
-            return text
-        named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
-        if named is not None:
-            raise InputError(
-                f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
-            )
-        raise InputError(f"a binary file of an unknown format; give {_OPEN}")
+    readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
+    text = READERS.get(FALLBACK)  # text is read as a table whatever the extension
+    claiming = next((reader for reader in (*readers.values(), text) if reader.claims(head, path)), None)
+    if claiming is not None:
+        return claiming
+    named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
+    if named is not None:
+        raise InputError(
+            f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
+        )
+    raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
 def _read_head(path: Path) -> bytes:
     """Return the first `HEAD_BYTES` bytes of a file.
 
-    Raises InputError if it is missing, unreadable, empty, larger than LARGEST_FILE or not a regular file, or if these
-    bytes are all blank.
+    Raises InputError if it is missing, empty, larger than LARGEST_FILE or not a regular file, or if these bytes are all
+    blank; OSError if it cannot be opened.
     """
     try:
         mode = path.stat().st_mode
-    except (OSError, ValueError) as error:
-        if not isinstance(error, FileNotFoundError):
-            raise InputError(f"cannot be read ({error})") from None
-        names: list[str] = []
-        with contextlib.suppress(OSError, ValueError):
-            names = [other.name for other in islice(path.parent.iterdir(), MOST_LISTED)]
+    except FileNotFoundError:
+        names = [other.name for other in islice(path.parent.glob("*"), MOST_LISTED)]
         close = get_close_matches(path.name, names, 1)
         right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
         raise InputError(f"no such file; {right}") from None
     if stat.S_ISDIR(mode):
-        try:
-            kinds = Counter(p.suffix for p in islice(path.iterdir(), MOST_LISTED) if p.suffix and p.is_file())
-        except OSError:
-            kinds = Counter[str]()
         readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
+        kinds = Counter(p.suffix for p in islice(path.iterdir(), MOST_LISTED) if p.suffix.lower() in readable)
         right = "one of the files in it"
-        readable_kinds = ((kind, count) for kind, count in kinds.most_common() if kind.lower() in readable)
-        for kind, count in islice(readable_kinds, 1):
+        for kind, count in kinds.most_common(1):
             right = f"the files in it: {str(path)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
         raise InputError(f"is a folder, not a file; give {right}")
     if not stat.S_ISREG(mode):
@@ -298,11 +264,8 @@ def _read_head(path: Path) -> bytes:
     if size > file_contents.LARGEST_FILE:
         most = f"files of more than {file_contents.LARGEST_FILE / 2**30:g} GiB are not read"
         raise InputError(f"has {size / 2**30:.1f} GiB; {most}: give a part")
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except OSError as error:
-        raise _unreadable_error(error) from None
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
         raise InputError("contains nothing but blanks; export the record again")
     return head

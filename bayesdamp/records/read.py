@@ -20,6 +20,7 @@ from bayesdamp.records.files.names import (
     DAY,
     SECONDS,
     seconds_of_unit,
+    selector,
     split_run,
     stated_unit,
     unit_of_column,
@@ -136,17 +137,16 @@ def read_records(
     try:
         values = (*([value] if value is not None else []), *channels)
         chosen = choose_columns(content, time=time, values=values, rate=rate, runs=runs)
-        return [_record(content, columns, path, time_unit, len(chosen) > 1) for columns in chosen]
+        return [_record(content, columns, path, time_unit) for columns in chosen]
     except InputError as error:
         raise file_error(path, error.what, error.arguments, error.likely) from None
 
 
-def _record(
-    content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None, several: bool
-) -> RawRecord:
+def _record(content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None) -> RawRecord:
     """Return the record in the chosen columns. Raises InputError if its times or values cannot be used."""
     value, time = chosen.value, chosen.time
-    value_name, time_name = _selector(value, content), None if time is None else _selector(time, content)
+    value_name = selector(content.columns, value)
+    time_name = None if time is None else selector(content.columns, time)
     if time is not None and time.values.size != value.values.size:
         raise InputError(
             f"the times {time_name!r} have {time.values.size} samples, but {value_name!r} has {value.values.size}; "
@@ -159,26 +159,21 @@ def _record(
         raise InputError(f"only {y.size} samples; a record needs at least {MIN_SAMPLES}")
     _refuse_unusable(y)
     notes = [*notes, *content.notes, *chosen.why]
+    unit_from = ""  # who states the unit of the times
     if t is not None and time is not None:
+        by_file = time.clock or seconds_of_unit(time) is not None
+        unit_from = "given" if time_unit is not None else "file" if by_file else ""
         t = _in_seconds(t, time, time_unit, notes)
-    rate = chosen.rate if t is None else None
+    rate = chosen.rate
     if rate is not None and not SLOWEST_RATE <= rate <= FASTEST_RATE:
         what = f"a sampling rate of {rate:g} Hz is implausible; give the right rate in Hz"
         raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
-    began = 0.0
     if t is not None and t[0] >= FIRST_EPOCH:
-        began = float(t[0])
-        t = t - began
-        notes.append(f"{FROM_FIRST} ({began:.15g} s).")
+        notes.append(f"{FROM_FIRST} ({t[0]:.15g} s).")
+        t = t - t[0]
     unit, quantity = _stated_unit(value, time, content)
-    unit_from = ""  # whether the unit of the times is given by the caller or stated by the file
-    if time is not None and time_unit is not None:
-        unit_from = "given"
-    elif time is not None and (time.clock or seconds_of_unit(time) is not None):
-        unit_from = "file"
-    base, run = split_run(value)
     provenance = Provenance(
         warnings=content.warnings,
         notes=tuple(notes),
@@ -188,7 +183,7 @@ def _record(
         value_column=value.label or f"column {value_name}",
         time_unit=unit_from,
         first_line=content.first_line,
-        constant_columns=tuple(chosen.constant_columns),
+        constant_columns=chosen.constant_columns,
         more={
             "file": path.name,
             "format": content.format,
@@ -202,23 +197,13 @@ def _record(
         rate,
         lines[complete],
         provenance,
-        run=run or chosen.run,
-        channel=base if several or run else value.name,
+        run=chosen.run,
+        channel=split_run(value)[0],
         unit=unit,
         quantity=quantity,
         columns=(time_name, value_name),
-        repeat=bool(run or chosen.run),
         choice=chosen.choice,
-        why=chosen.why,
-        began=began,
     )
-
-
-def _selector(column: Column, content: Contents) -> str | int:
-    """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1."""
-    if column.name and sum(c.name == column.name for c in content.columns) == 1:
-        return column.name
-    return next(i for i, c in enumerate(content.columns, start=1) if c is column)
 
 
 def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple[str, str]:
@@ -271,15 +256,9 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
             position = f"line {int(content.lines[row]) + content.first_line}"
         others = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
         raise InputError(f"{position}: {fault}; correct it or leave the row out{others}")
-    incomplete = np.flatnonzero(~complete)
-    if incomplete.size == 0:
-        return complete, []
-    first, last = np.flatnonzero(complete)[[0, -1]]
-    at_ends = int(np.sum((incomplete < first) | (incomplete > last)))
-    parts = [f"{at_ends} at the ends"] if at_ends else []
-    parts += [f"{incomplete.size - at_ends} in between"] if incomplete.size > at_ends else []
-    many = f"{incomplete.size} row{'s' if incomplete.size != 1 else ''}"
-    return complete, [f"{many} with an empty cell left out ({', '.join(parts)})."]
+    many = int(np.sum(~complete))
+    left_out = f"{many} row{'s' if many != 1 else ''} with an empty cell left out."
+    return complete, [left_out] if many else []
 
 
 def _refuse_unusable(y: np.ndarray) -> None:

@@ -67,14 +67,8 @@ class RawRecord:
         "angle", "velocity", "acceleration", or "" if the file does not state it.
     columns
         Columns of the times (None without times) and of the values, by name or number from 1.
-    repeat
-        Whether the file marks the record as one of several runs.
     choice
         Sentence on the choice among the file's columns; "" if there was no choice.
-    why
-        The notes that say which columns are the times and the values.
-    began
-        If the file's times count from an epoch: the time of the first sample in s, from which t counts. Else 0.
     """
 
     t: np.ndarray | None
@@ -87,10 +81,7 @@ class RawRecord:
     unit: str = ""
     quantity: str = ""
     columns: tuple[str | int | None, str | int | None] = (None, None)
-    repeat: bool = False
     choice: str = ""
-    why: tuple[str, ...] = ()
-    began: float = 0.0
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:

@@ -135,7 +135,6 @@ def arrays(**named: object) -> Callable[[Path], object]:
 _T, _Y = T.tolist(), Y.tolist()
 MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("bomb", "a.npz", bomb_zip, "GiB"), ("bomb", "a.h5", hdf(lambda file: file.create_dataset("x", **ENDLESS)), "GiB"),
-    ("bomb", "a.mat", mat_bomb, "GiB"),
     ("encrypted", "a.xlsx", partial(locked, form="xlsx"), "encrypted"),
     ("with a password", "a.xlsx", partial(compound, stream="EncryptedPackage"), "is a workbook with a password"),
     ("of 1997", "a.xls", partial(compound, stream="Workbook"), "is an Excel 97-2003 workbook (.xls), which is not read; save"),

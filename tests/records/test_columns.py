@@ -85,7 +85,7 @@ def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", {"t (ms)": 1000 * T, "left (g)": Y, "right (g)": OTHER})
     found = read_records(path)
     assert [record.channel for record in found] == ["left (g)", "right (g)"]
-    assert not any(record.repeat for record in found)
+    assert not any(record.run for record in found)
     assert read_records(path, channels=["right"])[0].y[0] == OTHER[0]
     with pytest.raises(InputError, match="contains 2 records; give the run or channel of one: 'left"):
         read_record(path)
@@ -108,19 +108,15 @@ def test_runs_of_a_file_are_repeats(tmp_path: Path, time: str, value: str) -> No
     path = write(tmp_path / "a.csv", columns)
     found = read_records(path)
     assert [record.run for record in found] == ["1", "2", "3", "4"]
-    assert all(record.repeat and record.unit == "deg" for record in found)
+    assert all(record.unit == "deg" for record in found)
     assert len({record.channel for record in found}) == 1
     for i, record in enumerate(found, start=1):
         np.testing.assert_allclose(record.y, i * Y, atol=1e-12)
     assert [r.run for r in read_records(path, runs="1,3-4")] == ["1", "3", "4"]
     assert [r.run for r in read_records(path, runs=" 4 , 2 ")] == ["4", "2"]
     assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
-    for wrong, said in (
-        ("7", "no runs .7.; there are runs 1, 2, 3, 4"),
-        ("3-1", "numbers"),
-        ("", "select none"),
-    ):
-        with pytest.raises(InputError, match=said):
+    for wrong in ("7", "3-1", "", "a"):
+        with pytest.raises(InputError, match=f"no runs '{wrong}'; give numbers .*there are runs 1, 2, 3, 4"):
             read_records(path, runs=wrong)
 
 
@@ -157,10 +153,8 @@ def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(tmp_path: Pat
         write(tmp_path / "alone.csv", {"t (s)": t, y: columns[y]}),
         write(tmp_path / "b.csv", {"t (s)": t, y: columns[y], z: columns[z]}),
     ):
-        with pytest.raises(InputError, match=r"contains gravity .*it swings at twice the freq") as error:
+        with pytest.raises(InputError, match=r"contains gravity .*it swings at twice the freq.* \(--angle\)"):
             read_record(path)
-        assert error.value.arguments == ("value",)
-    assert error.value.likely == {}
     assert read_record(path, value=y).channel == y
 
 

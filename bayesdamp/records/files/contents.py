@@ -118,11 +118,13 @@ class Reader(Protocol):
 
     format: name of the format with its article, as in "this is an Excel file". extensions: file extensions in small
     letters, with the dot. extra: the extra of this package that installs the library; "" if it is always installed.
+    foreign: whether `read` uses a compiled library, which a damaged file may crash: it then runs in a child process.
     """
 
     format: str
     extensions: tuple[str, ...]
     extra: str = ""
+    foreign: bool = False
 
     def claims(self, head: bytes, path: Path) -> bool:
         """Return whether the first bytes, up to 64 KiB, show that the file is of this format."""

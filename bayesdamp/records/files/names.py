@@ -279,11 +279,14 @@ def names_index(column: Column) -> bool:
     return bool(_INDEX.match(split_run(column)[0].rpartition(".")[2].strip()))
 
 
-def quote_name(columns: Sequence[Column], column: Column) -> str:
-    """Return a column's name in quotes, or its number from 1 if it has no name."""
-    if column.name:
-        return repr(column.name[:60])
-    return str(next(i for i, c in enumerate(columns, start=1) if c is column))
+def selector(columns: Sequence[Column], column: Column) -> str | int:
+    """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1.
+
+    In messages, `repr` of the result quotes a name.
+    """
+    if column.name and sum(c.name == column.name for c in columns) == 1:
+        return column.name
+    return next(i for i, c in enumerate(columns, start=1) if c is column)
 
 
 def list_names(columns: Sequence[Column]) -> str:
@@ -366,28 +369,19 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
     Raises
     ------
     InputError
-        If the text is not a valid selection, or selects no run.
+        If a part of the text is not a label or a range, or selects no run.
     """
-    more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
-    choice = "there are " + (
-        f"runs {', '.join(labels[:MOST_NAMES])}{more}" if labels else "none to choose from"
-    )
     wanted: list[str] = []
-    for part in filter(None, (piece.strip() for piece in text.split(","))):
-        if part in labels:
-            wanted.append(part)
-            continue
+    for part in [piece.strip() for piece in text.split(",") if piece.strip()] or [""]:
         at = re.fullmatch(r"(\d{1,6})(?:\s*-\s*(\d{1,6}))?", part)
-        if at is None or int(at[2] or at[1]) < int(at[1]):
-            what = f"no runs {text[:40]!r}; give numbers such as 1,3-5; {choice}"
-            raise InputError(what, arguments=["runs"])
-        low, high = int(at[1]), int(at[2] or at[1])
-        numbered = [label for label in labels if label.isdigit() and low <= int(label) <= high]
-        if not numbered:
+        numbers = range(int(at[1]), int(at[2] or at[1]) + 1) if at else ()
+        selected = [label for label in labels if label == part or (label.isdigit() and int(label) in numbers)]
+        if not selected:
+            more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
+            choice = f"give numbers such as 1,3-5; there are runs {', '.join(labels[:MOST_NAMES])}{more}"
+            choice = choice if labels else "there are none to choose from"
             raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
-        wanted += numbered
-    if not wanted:
-        raise InputError(f"runs {text[:40]!r} select none; {choice}", arguments=["runs"])
+        wanted += selected
     return list(dict.fromkeys(wanted))
 
 

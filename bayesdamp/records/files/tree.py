@@ -62,7 +62,7 @@ class Walk:
         elif isinstance(item, str | int | float | np.number) and not isinstance(item, bool):
             self.facts[path] = item.item() if isinstance(item, np.number) else item
         elif isinstance(item, list | tuple):
-            self._add_list(path, item, run, depth)
+            self.add_list(path, item, run, depth)
         elif isinstance(item, np.ndarray) and item.dtype.names:
             for key in item.dtype.names:
                 self.add(join_path(path, key), item[key], run, depth + 1)
@@ -71,7 +71,7 @@ class Walk:
                 x.ravel()[0] if isinstance(x, np.ndarray) and x.dtype == object and x.size == 1 else x
                 for x in item.ravel().tolist()
             ]
-            self._add_list(path, items, run, depth)
+            self.add_list(path, items, run, depth)
         elif isinstance(item, np.ndarray) and item.size == 1:
             only = item.ravel()[0]
             if item.dtype.kind in "US":
@@ -89,14 +89,21 @@ class Walk:
                 for i in range(table.shape[1]):
                     self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)
 
-    def _add_list(self, path: str, items: Any, run: str, depth: int) -> None:
-        if len(items) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in items):
-            self._add_vector(path, np.array([float(x) for x in items]), run)
-            return
-        nested = [x for x in items if isinstance(x, np.ndarray | Mapping | list | tuple)]
-        filled = sum((x.size if isinstance(x, np.ndarray) else len(x)) > 0 for x in nested)
-        for i, below in enumerate(items, start=1):
-            self.add(join_path(path, i), below, run or (str(i) if filled > 1 else ""), depth + 1)
+    def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
+        """Collect a list: a vector of numbers (NaN for None), a matrix of its rows, or one item after the other."""
+        numbers = [np.nan if x is None else x for x in items]
+        rows = items if all(isinstance(x, list | tuple) for x in items) else []
+        if items and all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
+            self._add_vector(path, np.array([float(x) for x in numbers]), run)
+        elif len(rows) > 1 and all(
+            len(row) == len(rows[0]) and all(isinstance(x, int | float) for x in row) for row in rows
+        ):
+            self.add(path, np.array(rows, float), run, depth)
+        else:
+            nested = [x for x in items if isinstance(x, np.ndarray | Mapping | list | tuple)]
+            filled = sum((x.size if isinstance(x, np.ndarray) else len(x)) > 0 for x in nested)
+            for i, below in enumerate(items, start=1):
+                self.add(join_path(path, i), below, run or (str(i) if filled > 1 else ""), depth + 1)
 
     def _add_vector(self, path: str, values: np.ndarray, run: str, unit: str = "") -> None:
         group = path.partition(".")[0] if "." in path else ""  # the top-level variable

@@ -8,14 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_archive
+from bayesdamp.records.files.contents import Column, Contents, Reader, archive_names, refuse_archive
 from bayesdamp.records.files.names import seconds_written, trim_facts
 from bayesdamp.records.readers.text import LARGEST_TEXT, make_column
 from bayesdamp.types import Fact, InputError
 
 _ROOT = b"<cassylab"
 _MEMBER = "data.xml"
-_HEAD = 65536
 
 
 class CassyReader(Reader):
@@ -30,14 +29,8 @@ class CassyReader(Reader):
     extensions = (".labx",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file, or the XML in its archive, has the root element of CASSY Lab."""
-        if not head.startswith(b"PK"):
-            return _ROOT in head
-        try:
-            with zipfile.ZipFile(path) as archive, archive.open(_MEMBER) as member:
-                return _ROOT in member.read(_HEAD)
-        except (KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError):
-            return False
+        """Return whether the text has the root element of CASSY Lab, or the file is an archive with its XML."""
+        return _ROOT in head or (head.startswith(b"PK") and _MEMBER in (archive_names(path) or ()))
 
     def read(self, path: Path) -> Contents:
         """Return the quantities of all runs. Raises InputError if the XML is too large or has a document type."""

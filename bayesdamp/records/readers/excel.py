@@ -6,7 +6,7 @@ import datetime
 from dataclasses import replace
 from pathlib import Path
 
-from bayesdamp.records.files.contents import Column, Contents, archive_names, refuse_archive
+from bayesdamp.records.files.contents import Column, Contents, Reader, archive_names, refuse_archive
 from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import Fact, InputError
 
@@ -16,7 +16,7 @@ _ENCRYPTED = "EncryptedPackage".encode("utf-16-le")
 """Name of the stream that a workbook with a password contains ([MS-OFFCRYPTO] 2.3.4.4)."""
 
 
-class ExcelReader:
+class ExcelReader(Reader):
     """Reader of Excel workbooks (ECMA-376)."""
 
     format = "an Excel file"

@@ -40,16 +40,17 @@ class Hdf5Reader(Reader):
         with path.open("rb") as head:
             matlab = b"MATLAB 7.3" in head.read(128) or path.suffix.lower() == ".mat"
         with h5py.File(path, "r") as file:
-            tree = _GroupTree(h5py, "MATLAB_version" in file.attrs or matlab)
-            tree.visit("", file, "", 0)
-        return tree.walk.contents("MATLAB 7.3" if matlab else "HDF5")
+            walk = _GroupWalk(h5py, "MATLAB_version" in file.attrs or matlab)
+            walk.visit("", file, "", 0)
+        return walk.contents("MATLAB 7.3" if matlab else "HDF5")
 
 
-class _GroupTree:
+class _GroupWalk(Walk):
     """Collector of columns and facts in groups and datasets, including those that MATLAB's cells refer to."""
 
     def __init__(self, h5py: Any, matlab: bool) -> None:
-        self.h5py, self.walk, self.matlab = h5py, Walk(), matlab
+        super().__init__()
+        self.h5py, self.matlab = h5py, matlab
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
@@ -78,27 +79,27 @@ class _GroupTree:
                 self.visit(f"{path}.{i}", item.file[ref], run or (str(i) if len(refs) > 1 else ""), depth + 1)
         elif self.h5py.check_string_dtype(item.dtype) is not None:
             if np.size(data) == 1:
-                self.walk.facts[path] = str(to_plain(np.ravel(data)[0]))
+                self.facts[path] = str(to_plain(np.ravel(data)[0]))
         elif to_plain(item.attrs.get("MATLAB_class", "")) == "char":
-            self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
+            self.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
         elif "MATLAB_empty" not in item.attrs:
             stated = unit_and_rate(trim_facts(self._add_facts(path, item)))
-            array, before = np.asarray(data), len(self.walk.columns)
+            array, before = np.asarray(data), len(self.columns)
             if any(name in item.attrs for name in _PACKED) and array.size > 1:
                 packed = f"the numbers of {path[:60]!r} are packed ({', '.join(_PACKED)})"
                 raise InputError(f"{packed}; unpack them (xarray does)")
             for name in _MISSING:
                 if name in item.attrs and array.dtype.kind in "fiu":
                     array = np.where(array == item.attrs[name], np.nan, array)
-            self.walk.add(path, array.T if self.matlab else array, run, depth)
+            self.add(path, array.T if self.matlab else array, run, depth)
             if any(stated.values()):
-                self.walk.columns[before:] = [replace(c, **stated) for c in self.walk.columns[before:]]
+                self.columns[before:] = [replace(c, **stated) for c in self.columns[before:]]
 
     def _add_facts(self, path: str, item: Any) -> dict[str, Any]:
         facts = {
             str(name): to_plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
         }
-        self.walk.facts |= {join_path(path, name): value for name, value in facts.items()}
+        self.facts |= {join_path(path, name): value for name, value in facts.items()}
         return facts
 
 

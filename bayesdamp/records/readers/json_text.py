@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.files.tree import DEEPEST_LEVEL, Walk, join_path
+from bayesdamp.records.files.tree import Walk, join_path
 from bayesdamp.records.readers.text import make_column, read_text
 
 LARGEST_JSON = 2**28
@@ -38,35 +38,27 @@ class JsonReader(Reader):
             if len(lines) < 2:
                 raise
             data = [json.loads(line) for line in lines]
-        walk = Walk()
-        _add(walk, "", data)
+        walk = _JsonWalk()
+        walk.add("", data)
         return walk.contents("JSON")
 
 
-def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
-    """Collect the columns and facts in a JSON value; a list of samples (objects) gives a column for each key."""
-    if isinstance(item, dict) and depth < DEEPEST_LEVEL:
-        for key, below in item.items():
-            _add(walk, join_path(path, key), below, depth + 1)
-        return
-    if isinstance(item, list) and len(item) > 1:
-        if all(isinstance(row, dict) for row in item) and not any(
-            isinstance(x, list | dict) for row in item[:3] for x in row.values()
-        ):
-            # Each object is a sample; its numbers may be in quotes.
-            for key in dict.fromkeys(key for row in item for key in row):
-                cells = [row.get(key) for row in item]
-                texts = [["" if x is None or isinstance(x, bool) else str(x).strip()] for x in cells]
-                column = make_column(texts, 0, ".", join_path(path, key), path)
-                if np.isfinite(column.values).any():
-                    walk.columns.append(column)
-            return
-        lists = all(isinstance(row, list) for row in item) and len({len(row) for row in item}) == 1
-        if lists and all(isinstance(x, int | float) for row in item for x in row):
-            item = np.array(item, float)
-        elif all(isinstance(x, int | float | None) for x in item) and None in item:
-            item = [np.nan if x is None else x for x in item]
-    walk.add(path, item)
+class _JsonWalk(Walk):
+    """Collector for JSON values: a list of samples, each an object of numbers or texts, gives a column for each key."""
+
+    def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
+        """Collect a list; numbers of samples may be in quotes."""
+        if len(items) < 2 or not all(isinstance(row, dict) for row in items):
+            return super().add_list(path, items, run, depth)
+        if any(isinstance(x, list | dict) for row in items[:3] for x in row.values()):
+            return super().add_list(path, items, run, depth)
+        for key in dict.fromkeys(key for row in items for key in row):
+            cells = [row.get(key) for row in items]
+            texts = [["" if x is None or isinstance(x, bool) else str(x).strip()] for x in cells]
+            column = make_column(texts, 0, ".", join_path(path, key), path)
+            if np.isfinite(column.values).any():
+                self.columns.append(column)
+        return None
 
 
 PLUGIN = JsonReader()

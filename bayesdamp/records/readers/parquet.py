@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, refuse_large
+from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large
 from bayesdamp.records.files.names import trim_facts
 from bayesdamp.records.files.tree import to_seconds, unit_and_rate
 from bayesdamp.types import InputError
 
 
-class ParquetReader:
+class ParquetReader(Reader):
     """Reader of Apache Parquet files."""
 
     format = "a Parquet file"

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from bayesdamp.records.files import contents
 from bayesdamp.records.opening import read_contents
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
+from tests.bad_input.binaries import mat_bomb
 from tests.records.readers.written import FORMATS, RATE, T, Y, Z, cassy, excel, matlab_73, parquet, tdms, uff
 
 TOLERANCES = {"WAV": 0.5, "Excel": 1e-16, "UFF uneven": 1e-9, "UFF ascii": 1e-9, "UFF named as text": 1e-9}
@@ -27,7 +29,7 @@ def test_a_format_written_by_its_library_reads_back(tmp_path: Path, what: str) -
     found = read_records(tmp_path / name)
     assert [record.channel for record in found] == channels
     for record, truth in zip(found, (Y, Z)):
-        assert (record.unit, record.quantity, record.repeat) == (unit, quantity, False)
+        assert (record.unit, record.quantity, record.run) == (unit, quantity, "")
         times(record, rate)
         scale, near = 1e4 if what == "WAV" else 1.0, TOLERANCES.get(what, 0.0)
         np.testing.assert_allclose(record.y, scale * truth, rtol=0, atol=near)
@@ -62,7 +64,6 @@ def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
     for file in ("a.mat", "c.mat"):
         found = read_records(tmp_path / file)
         assert [record.run for record in found] == ["1", "2"]
-        assert all(record.repeat for record in found)
         for record, truth in zip(found, (Y, Z), strict=True):
             times(record, None)
             np.testing.assert_array_equal(record.y, truth)
@@ -70,6 +71,14 @@ def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
     (single,) = read_records(tmp_path / "b.mat")
     assert single.provenance.facts == {"Fs": RATE, "who": "me"}
     times(single, RATE)
+
+
+def test_a_compressed_mat_file_is_not_unpacked_beyond_the_limit(tmp_path: Path, monkeypatch) -> None:
+    """192 MiB of zeros in 200 KiB; in this process, because a child has the limit of the package."""
+    mat_bomb(tmp_path / "a.mat")
+    monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
+    with pytest.raises(InputError, match="GiB are not read"):
+        read_contents(tmp_path / "a.mat", isolate=False)
 
 
 def test_npz_has_a_rate_beside_its_array_and_no_pickle(tmp_path: Path) -> None:
