@@ -199,9 +199,9 @@ def compute_series(
 ) -> dict[str, list[TaskResult]]:
     """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
 
-    Tasks run in waves until each series has enough usable records. The size of a wave follows from the fraction of
-    usable records in the waves before it, not from the results that were already stored: an interrupted calibration
-    ends with the same records. Failed tasks are repeated by the next run.
+    Tasks run in waves until each series has enough usable records. A wave simulates as many records as are still
+    missing, whatever results were already stored: an interrupted calibration ends with the same records. Failed tasks
+    are repeated by the next run.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
@@ -230,8 +230,7 @@ def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
     tried, good = len(results) * chunk, count_usable(results)
     if good >= series.wanted or tried >= MOST_TRIES * series.wanted or any(is_failed(r) for r in results):
         return []
-    rate = max(good / tried, 1 / MOST_TRIES) if tried else 1.0
-    count = math.ceil((series.wanted - good) / rate / chunk)
+    count = math.ceil((series.wanted - good) / chunk)
     return [tried + i * chunk for i in range(count)]
 
 

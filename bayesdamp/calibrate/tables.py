@@ -15,7 +15,7 @@ from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
 from bayesdamp.store import TaskResult
-from bayesdamp.store.contents import RanksContent, RecoveryContent
+from bayesdamp.store.contents import ChunkContent, RanksContent, RecoveryContent
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)
@@ -149,11 +149,8 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
     table, counts = study.calibration, {}
     for chunks in results.values():
         contents = [RanksContent.of(c) for c in chunks]
-        outcomes = Counter(o for c in contents for o in c.outcomes)
         counts[contents[0].model] = {
-            "tried": sum(outcomes.values()),
-            "counted": outcomes.pop(OK, 0),
-            "refused": dict(outcomes),
+            **_outcomes(contents),
             "samplers": {
                 s: dict(Counter(o for c in contents for o in c.sampler_outcomes[s] if o))
                 for s in table.samplers
@@ -185,31 +182,34 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
     }
 
 
-def recovery_table(results: Results) -> tuple[tuple[str, ...], Iterator[Row]]:
+def _outcomes(contents: Iterable[ChunkContent]) -> Row:
+    """Return the numbers of simulated records and of usable ones, and of the others by the reason."""
+    outcomes = Counter(o for c in contents for o in c.outcomes)
+    return {"tried": sum(outcomes.values()), "counted": outcomes.pop(OK, 0), "refused": dict(outcomes)}
+
+
+def recovery_table(results: Results) -> tuple[tuple[str, ...], list[Row]]:
     """Return columns and rows of recovery.csv: all simulated records, with the probability of each model."""
+    rows: list[Row] = []
     models = dict.fromkeys(m for chunks in results.values() for m in RecoveryContent.of(chunks[0]).models)
-
-    def rows() -> Iterator[Row]:
-        for name, chunks in results.items():
-            for chunk in chunks:
-                content = RecoveryContent.of(chunk)
-                for i, outcome in enumerate(content.outcomes):
-                    noise, cycles = chunk.arrays["design"][i]
-                    doubts = sum(evidence != OK for evidence in content.evidence_outcomes[i])
-                    shares = zip(content.models, chunk.arrays["probability"][i])
-                    yield {
-                        "series": name,
-                        "record": content.first + i,
-                        "noise": float(noise),
-                        "cycles": float(cycles),
-                        "loss": round(float(chunk.arrays["loss"][i]), 4),
-                        "model": content.models[chunk.arrays["model"][i]],
-                        "outcome": outcome,
-                        "doubts": doubts if outcome == OK else None,
-                        **{model: float(f"{p:.6g}") for model, p in shares},
-                    }
-
-    return (*RECORD_COLUMNS, *models), rows()
+    for name, chunk in ((name, chunk) for name, chunks in results.items() for chunk in chunks):
+        content, arrays = RecoveryContent.of(chunk), chunk.arrays
+        for i, outcome in enumerate(content.outcomes):
+            noise, cycles = arrays["design"][i]
+            doubts = sum(evidence != OK for evidence in content.evidence_outcomes[i])
+            shares = zip(content.models, arrays["probability"][i])
+            row = {
+                "series": name,
+                "record": content.first + i,
+                "noise": float(noise),
+                "cycles": float(cycles),
+                "loss": round(float(arrays["loss"][i]), 4),
+                "model": content.models[arrays["model"][i]],
+                "outcome": outcome,
+                "doubts": doubts if outcome == OK else None,
+            }
+            rows.append({**row, **{model: float(f"{p:.6g}") for model, p in shares}})
+    return (*RECORD_COLUMNS, *models), rows
 
 
 def recovery_summary(results: Results) -> Row:
@@ -224,7 +224,6 @@ def recovery_summary(results: Results) -> Row:
         models = contents[0].models
         good = np.concatenate([c.accepted for c in contents]).astype(bool)
         truth, p, design = (_join(chunks, name)[good] for name in ("model", "probability", "design"))
-        outcomes = Counter(o for c in contents for o in c.outcomes)
         evidences = [
             o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row
         ]
@@ -246,9 +245,7 @@ def recovery_summary(results: Results) -> Row:
             by_model.append({"model": model, **sizes})
         summary[name] = {
             "models": models,
-            "tried": sum(outcomes.values()),
-            "counted": outcomes.pop(OK, 0),
-            "refused": dict(outcomes),
+            **_outcomes(contents),
             "evidences": len(evidences),
             "doubtful": sum(outcome != OK for outcome in evidences),
             "confusion": confusion,
