@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtr
 
+from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit, fit
 from bayesdamp.inference.deviation.linear import (
     LinearPosterior,
@@ -24,6 +25,7 @@ from bayesdamp.inference.deviation.linear import (
 )
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.envelope.noise import Noise, whiten_columns
+from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import AmplitudeSolver, DecayLaw, PowerLaw
 from bayesdamp.physics.kernel.solve import ALL, Motion
 from bayesdamp.priors import (
@@ -54,12 +56,14 @@ MANY_READINGS = 40
 """Number of blocks of readings from which `NOISE_SCALES_MANY` is used (conventional)."""
 MOST_POWER = 3.0
 """Largest exponent p of the power law dA/dt = -c A^p (the smallest is 0)."""
-NEGLIGIBLE_WEIGHT = 1e-3
-"""`EnvelopeCandidate.curve` leaves out the components of the posterior mixture (combinations of hyperparameters) whose
-probability is at most this fraction of the largest one."""
 IMPROBABLE_EXACT = 0.1
 """If the exact law (deviation g = 0) has at most this posterior probability, its posterior is computed again without
 the other components of the mixture, because the posterior of the whole mixture leaves out improbable components."""
+EXPONENT_GRID = 3001
+"""Number of values of the exponent of a power law, from 0 to `MOST_POWER`, at which its distribution is computed."""
+NEGLIGIBLE_WEIGHT = 1e-3
+"""Components of a posterior mixture (combinations of hyperparameters) whose probability is at most this fraction of the
+largest one are left out of curves and of the distribution of an exponent."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +117,6 @@ class Blocks:
         return SCORE_RATIO * (1.0 / (self.duration * float(np.sqrt(SHARED_SCALES[0] * SHARED_SCALES[-1]))))
 
     @property
-    def with_first_noise(self) -> Blocks:
-        """These blocks with only the first of the possible noises."""
-        return replace(self, noises=self.noises[:1])
-
-    @property
     def ends(self) -> tuple[float, float]:
         """Values of x at the start and at the end: means over the first and the last thirtieth of the blocks."""
         edge = max(1, self.x.size // 30)
@@ -140,8 +139,6 @@ class EnvelopeCandidate:
         ln(A/A_ref) at the blocks, (n,).
     about
         Normal posteriors of the model linearised about the fit, one for each combination of hyperparameters.
-    posterior
-        The mixture of these posteriors, with half-normal priors of the rates (no rate is negative).
     unit
         The rate in 1/s that corresponds to a score of 1.
     scores
@@ -156,10 +153,14 @@ class EnvelopeCandidate:
     rates: np.ndarray
     fit: np.ndarray
     about: FitPosteriors
-    posterior: LinearPosterior
     unit: float
     scores: tuple[float, ...] = ()
     log_share: float = 0.0
+
+    @cached_property
+    def posterior(self) -> LinearPosterior:
+        """The mixture of the posteriors in `about`, with half-normal priors of the rates (no rate is negative)."""
+        return self.about.apply_priors()
 
     @cached_property
     def exact(self) -> LinearPosterior:
@@ -230,10 +231,10 @@ def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) ->
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
 
-def fit_rates(
-    blocks: Blocks, law: DecayLaw, white: np.ndarray, begin: np.ndarray | None = None
-) -> LeastSquaresFit:
+def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresFit:
     """Fit the rates of a sum of damping terms (none is negative), and ln(A/A_ref) at the start, by least squares.
+
+    The fit starts at the mean rate of the record, divided equally among the terms.
 
     Parameters
     ----------
@@ -243,26 +244,19 @@ def fit_rates(
         The decay law of the sum, with d terms.
     white : ndarray, shape (n, n)
         Matrix that whitens the noise.
-    begin : ndarray, shape (d,), optional
-        Rates in 1/s at which the fit starts; by default the mean rate of the record, divided equally among the terms.
 
     Returns
     -------
     LeastSquaresFit
         The fit; its values are the d rates in 1/s at the reference amplitude, then ln(A/A_ref) at the start.
     """
-    rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms)) if begin is None else begin
+    rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms))
     for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
-        if law.decay(blocks.t[-1:], _guess_start(blocks), rates)[0] > blocks.x.min() - 1.0:
+        if law.decay(blocks.t[-1:], blocks.ends[0], rates)[0] > blocks.x.min() - 1.0:
             break
         rates = 0.7 * rates
     prior = SharedHalfNormal(per_ratio=FIT_SCALE * blocks.mean_rate / SCORE_RATIO)
     return _fit_with_priors(blocks, law, white, dict.fromkeys(law.terms, prior), rates)
-
-
-def _guess_start(blocks: Blocks) -> float:
-    """Return a first estimate of ln(A/A_ref) at the start: the mean over the first twentieth of the blocks."""
-    return float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
 
 def _fit_with_priors(
@@ -275,7 +269,7 @@ def _fit_with_priors(
     """
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
-    z = parameters.scores(dict(zip(names, map(float, (*begin, _guess_start(blocks))), strict=True)))
+    z = parameters.scores(dict(zip(names, map(float, (*begin, blocks.ends[0])), strict=True)))
     solver, every = solver_of(blocks, law, white), np.ones(len(names), bool)
     fitted = fit(solver, parameters, every, white @ blocks.x, z, noise=1.0, windows=False)
     assert fitted is not None  # every decay is finite
@@ -288,7 +282,6 @@ def fit_candidate(
     fitted: EnvelopeCandidate | None = None,
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
-    begin: np.ndarray | None = None,
 ) -> EnvelopeCandidate:
     """Fit a sum of damping terms, and compute its evidence and posterior over the grid of hyperparameters.
 
@@ -303,23 +296,29 @@ def fit_candidate(
         fit.
     scores, log_share
         Stored in the result, see `EnvelopeCandidate`.
-    begin : ndarray, optional
-        Rates in 1/s at which a new fit starts, see `fit_rates`.
 
     Returns
     -------
     EnvelopeCandidate
         The candidate with its evidence.
     """
-    p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse, begin).values
+    p = np.append(fitted.rates, fitted.x0) if fitted else fit_rates(blocks, law, blocks.inverse).values
     motion, about = _posteriors_about(blocks, law, p, np.full(len(law.terms), blocks.unit), True)
-    posterior = about.apply_priors()
-    return EnvelopeCandidate(
-        law, float(p[-1]), p[:-1], motion.y, about, posterior, blocks.unit, scores, log_share
-    )
+    return EnvelopeCandidate(law, float(p[-1]), p[:-1], motion.y, about, blocks.unit, scores, log_share)
 
 
-def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def fit_power(blocks: Blocks, white: np.ndarray) -> LeastSquaresFit:
+    """Fit the power law dA/dt = -c A^p, and ln(A/A_ref) at the start, by least squares.
+
+    white: matrix that whitens the noise, (n, n). The values of the result are ln of the decay rate (1/s) at the
+    reference amplitude, p, and the start.
+    """
+    wide = Normal(mean=0.0, sd=WIDE_SD)
+    begin = np.array([np.log(blocks.mean_rate), 1.0])
+    return _fit_with_priors(blocks, PowerLaw(), white, {"log_rate": wide, "exponent": wide}, begin)
+
+
+def power_law_evidence(blocks: Blocks) -> tuple[float, Quantity]:
     """Compute the evidence of the power law dA/dt = -c A^p and the posterior of its exponent.
 
     p has a uniform prior from 0 to `MOST_POWER`. The decay rate at the reference amplitude has the prior that the rate
@@ -332,23 +331,29 @@ def power_law_evidence(blocks: Blocks) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
     Returns
     -------
-    log_evidence, mean, variance : ndarray, shape (b,)
-        For each of the b combinations of hyperparameters: log of its evidence times its prior probability, in nats;
-        mean and variance of p before its restriction to the range of the prior.
+    log_evidence : float
+        Log evidence in nats.
+    exponent : Quantity
+        Median and 95 % interval of p, averaged over the hyperparameters.
     """
-    begin, wide = np.array([np.log(blocks.mean_rate), 1.0]), Normal(mean=0.0, sd=WIDE_SD)
-    p = _fit_with_priors(
-        blocks, PowerLaw(), blocks.inverse, {"log_rate": wide, "exponent": wide}, begin
-    ).values
+    p = fit_power(blocks, blocks.inverse).values
     normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, WIDE_SD), False)[1].normals
-    exponent_mean = WIDE_SD * normals.means[:, 1]
-    exponent_sd = WIDE_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
+    mean = WIDE_SD * normals.means[:, 1]
+    sd = WIDE_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
     rate_score = np.exp(p[0]) / blocks.unit
     log_density = float(shared_log_density(rate_score**2, 1) + np.log(rate_score))  # prior of ln c
     # Replace the wide normal priors of ln c and p, whose density is 1/(2π WIDE_SD²), by the right ones.
     log_z = normals.log + log_density - np.log(MOST_POWER) + np.log(2 * np.pi * WIDE_SD**2)
-    inside = ndtr((MOST_POWER - exponent_mean) / exponent_sd) - ndtr(-exponent_mean / exponent_sd)
-    return log_z + np.log(np.maximum(inside, 1e-300)), exponent_mean, exponent_sd**2
+    log_z = log_z + np.log(np.maximum(ndtr((MOST_POWER - mean) / sd) - ndtr(-mean / sd), 1e-300))
+    # The distribution function of p: a mixture of normals, each truncated to the range of the prior. A component that
+    # is far outside the range is at its end, at whatever distance it is.
+    weight, mean = normalise(log_z), np.clip(mean, -6.0 * sd, MOST_POWER + 6.0 * sd)
+    used = weight > NEGLIGIBLE_WEIGHT * weight.max()
+    grid = np.linspace(0.0, MOST_POWER, EXPONENT_GRID)
+    below = ndtr((grid - mean[used, None]) / sd[used, None])
+    share = weight[used] @ ((below - below[:, :1]) / (below[:, -1:] - below[:, :1]))
+    low, middle, high = np.interp([0.025, 0.5, 0.975], share / share[-1], grid).tolist()
+    return float(np.logaddexp.reduce(log_z)), Quantity(middle, low, high)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from bayesdamp.inference.deviation.linear import smooth_root
-from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_rates, solver_of
+from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_power, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
-from bayesdamp.inference.envelope.sums import Sum, loosest_fit, sums_on
-from bayesdamp.physics.amplitude import EXPONENT_RANGE, SUMS, ClosedForm, Scale, power_decay, power_slopes
+from bayesdamp.inference.envelope.sums import Sum, loosest_fit
+from bayesdamp.physics.amplitude import SUMS, ClosedForm, Scale
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import (
@@ -184,7 +183,7 @@ def free_decay(
         # The own parameters of terms scale with the amplitude at the start of the decay.
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
-        asked = sums_on(sums, scale, start, float(b.x.min()))
+        asked = tuple(Sum(terms, start, float(b.x.min()), scale) for terms in sums)
         b, later, end = infer_noises(b, asked)
         size = chosen.stop - chosen.start
         if window is not None or size < FEW_READINGS or tries == MOST_WINDOW_CHANGES:
@@ -233,52 +232,26 @@ def held_blocks(b: Blocks) -> int:
     """Return the number of blocks at the start with a constant level (a drive is still on); 0 if there are none.
 
     A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better
-    (`HELD_MISFIT`) than two decays from the first block on: one with these terms, and one with friction that increases
-    towards small amplitudes. With fewer than `LEAST_BLOCKS_HELD` blocks the result is 0.
+    (`HELD_MISFIT`) than two decays from the first block on: one with these terms, and one by a power of the amplitude.
+    With fewer than `LEAST_BLOCKS_HELD` blocks the result is 0.
     """
     n = b.t.size
     if n < LEAST_BLOCKS_HELD:
         return 0
     visible = np.sqrt(b.floor.power) if b.floor is not None else 0.0
     inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
-    law, rates = ClosedForm(SUMS[-1]), None
 
     def misfit(held_level: int) -> float:
-        nonlocal rates
-        fit = fit_rates(replace(b, t=np.maximum(b.t - b.t[held_level], 0.0)), law, inverse, rates)
-        rates = np.maximum(fit.values[:-1], 1e-3 * b.mean_rate)  # a start for the next fit
-        return fit.squares
+        """Return the sum of squares of a fit with a constant level up to the block with this index."""
+        held = replace(b, t=np.maximum(b.t - b.t[held_level], 0.0))
+        return fit_rates(held, ClosedForm(SUMS[-1]), inverse).squares
 
     tried = range(FIRST_END, n // 2, END_STEP if n >= SPARSE_READINGS else 1)
     misfits = [misfit(end) for end in tried]
     best = int(np.argmin(misfits))
-    better = misfits[best] < HELD_MISFIT * misfit(0) and misfits[
-        best
-    ] < HELD_MISFIT * _misfit_of_rising_friction(b, inverse)
-    return tried[best] + 1 if better else 0
-
-
-def _misfit_of_rising_friction(b: Blocks, inverse: np.ndarray) -> float:
-    """Fit a decay dA/dt ∝ −A^p with p ≤ 0 to all blocks; return its sum of squared whitened residuals.
-
-    inverse: matrix that whitens the noise, (n, n). Such friction increases towards small amplitudes: the amplitude
-    falls slowly at first and then fast. This resembles a constant level at the start, but no sum of viscous, Coulomb
-    and quadratic damping describes it.
-    """
-
-    def off(p: np.ndarray) -> np.ndarray:
-        return inverse @ (b.x - power_decay(b.t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
-
-    def slopes(p: np.ndarray) -> np.ndarray:
-        return -inverse @ power_slopes(b.t, p)
-
-    steepest, top = EXPONENT_RANGE[0], b.ends[0]
-    q = 0.5 * steepest - 1.0
-    rate = np.expm1(q * (top - b.ends[1])) / (q * b.duration)  # the same decrease in the same time
-    begin = np.array([top, np.log(rate), q + 1.0])
-    bounds = np.array([-np.inf, -np.inf, steepest]), np.array([np.inf, np.inf, 0.0])
-    fit = least_squares(off, begin, slopes, bounds=bounds, x_scale=[1.0, 1.0, 0.3], max_nfev=60)  # type: ignore[arg-type]
-    return 2.0 * float(fit.cost)
+    # Friction that increases towards small amplitudes resembles a constant level: a power p < 0 of the amplitude.
+    whole = min(misfit(0), fit_power(b, inverse).squares)
+    return tried[best] + 1 if misfits[best] < HELD_MISFIT * whole else 0
 
 
 def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]:

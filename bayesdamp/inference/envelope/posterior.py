@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.linear import DampingLikelihood, damping_likelihood, grid_of
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, EnvelopeCandidate
-from bayesdamp.numerics.weights import normalise
+from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
@@ -99,9 +99,7 @@ def draw_rates(
         `RATE_DRAWS` draws.
     """
     log_z = np.array([(c.total_exact if exact else c.total) + c.log_share for c in candidates])
-    # Numbers of draws of each candidate, by systematic resampling (Kitagawa 1996).
-    positions = (rng.random() + np.arange(RATE_DRAWS)) / RATE_DRAWS
-    counts = np.bincount(np.searchsorted(np.cumsum(normalise(log_z))[:-1], positions), minlength=log_z.size)
+    counts = np.bincount(resample(log_z, RATE_DRAWS, rng), minlength=log_z.size)  # draws of each candidate
     s, names = blocks.t / blocks.duration, list(terms)
     ends = np.ones(POINTS_ALONG // 2 + 1)
     ends[[0, -1]] = 0.5

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.optimize import nnls
@@ -21,7 +21,6 @@ from bayesdamp.inference.deviation.draws import Quantity
 from bayesdamp.inference.deviation.least_squares import LeastSquaresFit
 from bayesdamp.inference.deviation.linear import MEAN_G, PROBABILITY_EXACT
 from bayesdamp.inference.envelope.candidates import (
-    MOST_POWER,
     Blocks,
     EnvelopeCandidate,
     fit_candidate,
@@ -100,10 +99,6 @@ SAME_LAW_RMS = 1e-4
 EXCLUDED_NATS = 7.0
 """Two sums do not count as indistinguishable if the log posterior probability of one is more than this many nats below
 that of the most probable sum."""
-EXPONENT_GRID = 3001
-"""Number of values of the exponent of a power law, from 0 to `MOST_POWER`, at which its density is computed."""
-NEGLIGIBLE_WEIGHT = 1e-5
-"""`mixture_interval` leaves out components whose weight is at most this fraction of the largest weight."""
 Sums = tuple[tuple[str, ...], ...]
 
 
@@ -117,8 +112,6 @@ class Sum:
         Names of the damping terms.
     start, low
         ln(A/A_ref) at the start of the decay and at its lowest reading; A_ref is the reference amplitude.
-    each
-        The damping terms as objects; () if they are only viscous, Coulomb and quadratic, which have a closed form.
     scale
         Amplitude at the start and angular frequency, with which the priors of the terms' parameters scale.
     """
@@ -126,8 +119,12 @@ class Sum:
     terms: tuple[str, ...]
     start: float = 0.0
     low: float = 0.0
-    each: tuple[DampingTerm, ...] = ()
     scale: Scale = field(default_factory=Scale)
+
+    @cached_property
+    def each(self) -> tuple[DampingTerm, ...]:
+        """The damping terms; () if they are only viscous, Coulomb and quadratic, which have a closed form."""
+        return () if set(self.terms) <= set(POWERS) else tuple(map(TERMS.get, self.terms))
 
     @property
     def name(self) -> str:
@@ -184,22 +181,6 @@ class Sum:
         loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
         return float(max(along[-1], along.max() + np.log(LEAST_RELATIVE_RATE)))
-
-
-def sums_on(asked: Sequence[tuple[str, ...]], scale: Scale, start: float, low: float) -> tuple[Sum, ...]:
-    """Build the `Sum` objects of one envelope from the names of damping terms.
-
-    Parameters
-    ----------
-    asked : sequence of tuple of str
-        Names of the terms of each sum.
-    scale, start, low
-        Attributes that all sums get, see `Sum`.
-    """
-    return tuple(
-        Sum(terms, start, low, () if set(terms) <= set(POWERS) else tuple(map(TERMS.get, terms)), scale)
-        for terms in asked
-    )
 
 
 def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
@@ -341,9 +322,11 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
     list of EnvelopeCandidate
         The candidates of all sums, in the order of the sums.
     """
-    roughly = b.with_first_noise
+    roughly = replace(b, noises=b.noises[:1])
     first = [
-        importance_points(_evidence(roughly, s), s.count) if s.count else fit_candidate(roughly, s.law())
+        importance_points(lambda z, s=s: fit_candidate(roughly, s.law(z)).total, s.count)
+        if s.count
+        else fit_candidate(roughly, s.law())
         for s in sums
     ]
     totals = [known.log_integral if isinstance(known, WeightedPoints) else known.total for known in first]
@@ -365,23 +348,6 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
     return candidates
 
 
-def _evidence(b: Blocks, s: Sum) -> Callable[[tuple[float, ...]], float]:
-    """Return a function that computes the log evidence (nats) of a sum at given parameters other than the coefficients.
-
-    The argument of the function is the tuple of the standard normal scores of these parameters. The fit in each call
-    starts at the rates from the call before.
-    """
-    rates: np.ndarray | None = None
-
-    def at(scores: tuple[float, ...]) -> float:
-        nonlocal rates
-        candidate = fit_candidate(b, s.law(scores), begin=rates)
-        rates = np.maximum(candidate.rates, 1e-3 * b.mean_rate)  # a start for the next fit
-        return candidate.total
-
-    return at
-
-
 @dataclass(frozen=True)
 class WeightedPoints:
     """Points with weights that represent a density, which need not be normalised.
@@ -397,11 +363,6 @@ class WeightedPoints:
     def log_integral(self) -> float:
         """Log of the integral of the density, in nats."""
         return float(np.logaddexp.reduce(self.log_weight))
-
-    @property
-    def best(self) -> np.ndarray:
-        """The point with the largest weight, (e,)."""
-        return self.points[int(np.argmax(self.log_weight))]
 
     def resample(self, count: int) -> np.ndarray:
         """Return `count` of the points, (count, e), with repetition, that represent the density with equal weights.
@@ -597,40 +558,11 @@ class PowerFit:
 
 def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
     """Fit a power law to the decay, and compute its Bayes factor against all damping sums of the ranking together."""
-    log_z, mean, variance = power_law_evidence(b)
+    log_evidence, exponent = power_law_evidence(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
-    odds = float(np.logaddexp.reduce(log_z) - np.logaddexp.reduce(ranking.log_evidence) + prior)
-    return PowerFit(mixture_interval(log_z, mean, variance), odds)
+    return PowerFit(exponent, float(log_evidence - np.logaddexp.reduce(ranking.log_evidence) + prior))
 
 
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
     """Fit the damping term `power` (force ∝ |v|^p); return a candidate for each point of the posterior of p."""
-    return compare_sums(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())))
-
-
-def mixture_interval(log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> Quantity:
-    """Return median and 95 % interval of a mixture of normal distributions that is truncated to 0 to `MOST_POWER`.
-
-    Parameters
-    ----------
-    log_weight, mean, variance : ndarray, shape (n,)
-        Log weight, mean and variance of each component before the truncation.
-
-    Returns
-    -------
-    Quantity
-        Median, and lower and upper end of the interval.
-    """
-    weight = np.exp(log_weight - log_weight.max())
-    grid = np.linspace(0.0, MOST_POWER, EXPONENT_GRID)
-    density = np.zeros_like(grid)
-    for w, m, v in zip(weight, mean, variance, strict=True):
-        if w > NEGLIGIBLE_WEIGHT:
-            density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
-    total = np.cumsum(density)
-    if not total[-1] > 0:  # the mixture is narrower than the grid, or outside it
-        centre = float(np.clip(weight @ mean / weight.sum(), 0.0, MOST_POWER))
-        half = 0.5 * (MOST_POWER / (EXPONENT_GRID - 1))
-        return Quantity(centre, max(centre - half, 0.0), min(centre + half, MOST_POWER))
-    low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
-    return Quantity(middle, low, high)
+    return compare_sums(b, [Sum(("power",), b.ends[0], float(b.x.min()))])

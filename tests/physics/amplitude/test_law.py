@@ -13,7 +13,9 @@ from tests.physics.amplitude.test_laws import RATES, T, integrated
 
 def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
     """From the registered terms also where there is a closed form."""
-    law = Sum(terms, 0.5, -3.0, tuple(map(TERMS.get, terms)), Scale()).law(scores)
+    item = Sum(terms, 0.5, -3.0, Scale())
+    vars(item)["each"] = tuple(map(TERMS.get, terms))
+    law = item.law(scores)
     assert isinstance(law, TabulatedLaw)
     return law
 
