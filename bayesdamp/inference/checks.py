@@ -24,9 +24,9 @@ from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.residual_tests import (
     SpectralLine,
     StrongestForm,
+    find_largest_peak,
     find_missing_form,
     find_spectral_line,
-    name_peak,
     orthonormal,
 )
 from bayesdamp.outcomes import P_LIMIT, FitStatus
@@ -76,14 +76,6 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     return raw / np.maximum(raw[..., :1], 1e-300)
 
 
-def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return the Box–Pierce statistic n Σ ρ_l², (...), of series of whitened residuals, (..., n).
-
-    ρ_l is the autocorrelation at a lag of l samples; the sum is over the lags 1 to `lags`.
-    """
-    return scores.shape[-1] * np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
-
-
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
     """Draw scores from Laplace's approximation of the posterior, (count, d).
 
@@ -104,9 +96,11 @@ def kurtosis(x: np.ndarray) -> np.ndarray:
 def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
     """Return two statistics of series of whitened residuals `scores`, (..., n), for the predictive check: (2, ...).
 
-    The first is the Box–Pierce statistic over lags 1 to `lags` (`portmanteau`), the second the excess kurtosis.
+    The first is the Box–Pierce statistic n Σ ρ_l², where ρ_l is the autocorrelation at a lag of l samples and the sum
+    is over the lags 1 to `lags`. The second is the excess kurtosis.
     """
-    return np.stack([portmanteau(scores, lags), kurtosis(scores)])
+    squares = np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
+    return np.stack([scores.shape[-1] * squares, kurtosis(scores)])
 
 
 @lru_cache(maxsize=4)
@@ -193,7 +187,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     )
     # Whitening has removed the peaks: name that of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
-        line = replace(line, words=name_peak(t, r, period))
+        line = replace(line, words=find_largest_peak(t, r, period).words)
     windows, shift, count, later = _fit_windows(target, mode, seed)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
@@ -260,7 +254,8 @@ def _fit_windows(
     Returns
     -------
     fits : tuple of PartialFit
-        The fit of the whole record, then those of the halves. A half without a finite posterior is left out.
+        The fit of the whole record, then those of the halves. A half without a finite posterior is left out. If the
+        information of a fit is not positive definite, its standard deviations and evidence are nan.
     largest : float
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
         difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients.
@@ -271,48 +266,42 @@ def _fit_windows(
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole, _ = _fit_window(
-        mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
-    )
-    windows, shifts, later = [whole], [], None
-    for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
-        part = mode.likelihood.on(slice(first, first + half))
-        top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
-        if not np.isfinite(top.value):
-            continue
-        start, stop = float(t[first]), float(t[first + half - 1])
-        w, factor = _fit_window(part, label, top.x, top.information, start, stop)
-        windows.append(w)
-        if first == 0:
-            density = whole.log_evidence - w.log_evidence
-            later = forecast(mode.likelihood, part.with_scale(1.0), top.x, factor, density, seed)
-        for name in target.oscillator.coefficients:
-            shift = abs(w.values[name] - whole.values[name])
+    parts = {
+        "whole record": slice(0, n),
+        "first half": slice(0, half),
+        "middle half": slice((n - half) // 2, (n - half) // 2 + half),
+        "last half": slice(n - half, n),
+    }
+    windows: list[PartialFit] = []
+    shifts, later = [], None
+    for label, samples in parts.items():
+        part = replace(mode.likelihood, part=samples)
+        z, information = mode.z, mode.information
+        if windows:
+            top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
+            z, information = top.x, top.information
+            if not np.isfinite(top.value):
+                continue
+        try:
+            factor, evidence = covariance_factor(information), log_evidence_near(part, z)
+        except Refusal:  # the information is too ill-conditioned
+            factor, evidence = np.full_like(information, np.nan), np.nan
+        values = {n: float(v) for n, v in target.values(z).items()}
+        sd = value_sds(target, z, factor @ factor.T)
+        windows.append(
+            PartialFit(label, float(t[samples.start]), float(t[samples.stop - 1]), values, sd, evidence)
+        )
+        whole = windows[0]
+        if label == "first half":
+            density = whole.log_evidence - evidence
+            later = forecast(mode.likelihood, part.with_scale(1.0), z, factor, density, seed)
+        for name in target.oscillator.coefficients if len(windows) > 1 else ():
+            shift = abs(values[name] - whole.values[name])
             # A window is part of the whole record, so the variance of the shift is the difference (Hausman 1978).
-            variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
+            variance = max(sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
             shifts.append(shift / variance**0.5)
     finite = np.array(shifts)[~np.isnan(shifts)]
     return tuple(windows), float(finite.max(initial=0.0)), finite.size, later
-
-
-def _fit_window(
-    likelihood: Likelihood, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
-) -> tuple[PartialFit, np.ndarray]:
-    """Return the fit of a part of the record, and the Cholesky factor of the covariance of its scores, (d, d).
-
-    likelihood: that of the part. label: name of the part. z, information: the scores at the best fit, (d,), and the
-    information matrix there, (d, d). start, stop: first and last time of the part in s.
-
-    If the information matrix is not positive definite, the factor, the standard deviations and the evidence are nan.
-    """
-    try:
-        factor = covariance_factor(information)
-        evidence = log_evidence_near(likelihood, z)
-    except Refusal:  # the information is too ill-conditioned
-        factor, evidence = np.full_like(information, np.nan), np.nan
-    target = likelihood.target
-    values = {n: float(v) for n, v in target.values(z).items()}
-    return PartialFit(label, start, stop, values, value_sds(target, z, factor @ factor.T), evidence), factor
 
 
 @dataclass(frozen=True)

@@ -205,14 +205,6 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
     return OK
 
 
-def effective(draws: np.ndarray) -> float:
-    """Return the smaller of the bulk and the tail effective sample size of draws, (chain, draw).
-
-    It is nan if there are too few draws or one is not finite.
-    """
-    return min(ess_bulk(draws), ess_tail(draws))
-
-
 def to_netcdf(posterior: Posterior) -> bytes:
     """Return the content of a netCDF file for ArviZ: draws by parameter, log likelihood and sample statistics.
 

@@ -46,9 +46,6 @@ NEAR_SDS = 3.0
 """Distance from the mode within which motions must be accurate (`MOST_CHANGE`), in posterior sds."""
 FINER_FACTOR = 0.01
 """The error of a motion is its difference from a motion that is solved with its tolerance times this factor."""
-NEGLIGIBLE_NATS = 15.0
-"""In the evidence, values of the coefficients' common prior scale are left out whose log evidence is this many nats
-below the best one; together they add less than 1e-5."""
 
 
 def maximise_posterior(
@@ -90,7 +87,6 @@ def maximise(
     reflected: np.ndarray,
     z: np.ndarray,
     *,
-    limit: int = MOST_STEPS,
     retract: Retract = straight_on,
     close: float = LAST_STEP,
 ) -> Maximum:
@@ -105,8 +101,6 @@ def maximise(
         Which scores must not be negative; their lower bound is `SMALLEST_SCORE`.
     z : ndarray, shape (d,)
         Start of the search; |z| is used for the scores in `reflected`.
-    limit : int
-        Greatest number of trial steps, rejected ones included.
     retract, close
         As in `maximise_posterior`.
 
@@ -130,7 +124,7 @@ def maximise(
     start = np.where(reflected, np.abs(z), z)
     floor = np.where(reflected, SMALLEST_SCORE, -np.inf)
     top = levenberg_marquardt(
-        expand, start, floor, has_converged, limit=limit, longest=LONGEST_STEP, retract=retract
+        expand, start, floor, has_converged, limit=MOST_STEPS, longest=LONGEST_STEP, retract=retract
     )
     return top if np.isfinite(top.value) else replace(top, converged=False)
 
@@ -237,11 +231,6 @@ class Mode:
     linear: LinearDraws | None = None
 
     @property
-    def tolerance(self) -> float:
-        """Largest allowed error of a motion, in the unit of the record."""
-        return self.likelihood.tolerance
-
-    @property
     def near(self) -> Likelihood:
         """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode.
 
@@ -285,7 +274,9 @@ class Mode:
     @property
     def stored(self) -> StoredMode:
         """The values of the mode that are stored in a file; `restore_mode` rebuilds the mode from them."""
-        return StoredMode(self.z, self.log_posterior, self.information, self.tolerance, self.searches)
+        return StoredMode(
+            self.z, self.log_posterior, self.information, self.likelihood.tolerance, self.searches
+        )
 
     def sd(self) -> np.ndarray:
         """Return the sds of the scores in the normal approximation with the covariance of `factor`, (d,)."""
@@ -356,7 +347,7 @@ def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) 
     `factor`, (d, d). Where the log posterior is D > 4.5 nats below that at z, the change of the log likelihood is
     multiplied by 4.5 / D. Points with an unbounded motion are left out.
     """
-    finer = likelihood.within(FINER_FACTOR * likelihood.tolerance)
+    finer = replace(likelihood, tolerance=FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
     step_error = change = 0.0
     around = z + np.concatenate([np.zeros((1, z.size)), NEAR_SDS * factor.T, -NEAR_SDS * factor.T])
@@ -408,22 +399,10 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
     value, gradient, information = likelihood.with_scale(1.0).curvature(at)
-    reflected, shared = np.flatnonzero(target.reflected), target.shared
-    if not shared.any():
-        return log_integral(value, gradient, information, at, reflected)
-    count, squares = int(shared.sum()), float(np.sum(at[shared] ** 2))
-
-    def log_at_scale(scale: float, walls: np.ndarray) -> float:
-        extra = (scale**-2 - 1.0) * shared
-        log_density = value - 0.5 * (scale**-2 - 1.0) * squares - count * np.log(scale)
-        return log_integral(log_density, gradient - extra * at, information + np.diag(extra), at, walls)
-
-    logs: list[float] = []
-    folded = float(reflected.size * np.log(2.0))
-    for whole, scale in sorted(((log_at_scale(s, reflected[:0]), s) for s in scales), reverse=True):
-        if logs and whole + folded < max(logs) - NEGLIGIBLE_NATS:
-            break  # bounds can only make an integral smaller
-        logs.append(log_at_scale(scale, reflected))
+    extra = np.outer(scales**-2.0 - 1.0, target.shared)  # of the prior's precision, (scales, d)
+    log_density = value - 0.5 * extra @ at**2 - np.sum(target.shared) * np.log(scales)
+    precision = information + extra[:, :, None] * np.eye(at.size)
+    logs = log_integral(log_density, gradient - extra * at, precision, at, np.flatnonzero(target.reflected))
     return float(scipy.special.logsumexp(logs) - np.log(scales.size))
 
 
@@ -433,37 +412,33 @@ def log_evidence_about(mode: Mode) -> float:
 
 
 def log_integral(
-    value: float, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, reflected: np.ndarray
-) -> float:
-    """Return the log of 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over values ≥ 0 of r reflected scores.
+    value: np.ndarray, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, reflected: np.ndarray
+) -> np.ndarray:
+    """Return logs of 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over values ≥ 0 of r reflected scores.
 
     The other scores have no bounds. The factor is there because a half-normal density is twice the normal one.
 
     Parameters
     ----------
-    value : float
-        Log density at `at`.
-    gradient, information : ndarray, shapes (d,) and (d, d)
+    value : ndarray, shape (c,)
+        Log densities at `at`.
+    gradient, information : ndarray, shapes (c, d) and (c, d, d)
         g and H.
     at : ndarray, shape (d,)
         Point of expansion.
-    reflected : ndarray of int
+    reflected : ndarray of int, shape (r,)
         Indices of the reflected scores, those of half-normal priors.
 
     Returns
     -------
-    float
-        The log in nats; `value` + gᵀ H⁻¹ g / 2 + d/2 log 2π − ½ log det H if no score is reflected.
+    ndarray, shape (c,)
+        The logs in nats.
     """
     covariance = np.linalg.inv(information)
-    mean = at + covariance @ gradient
-    log_det = np.linalg.slogdet(information)[1]
-    whole = value + 0.5 * gradient @ covariance @ gradient
-    whole += 0.5 * at.size * np.log(2 * np.pi) - 0.5 * log_det
-    if not reflected.size:
-        return float(whole)
-    inside = log_probability(mean[None, reflected], covariance[None, reflected[:, None], reflected])[0]
-    return float(whole + inside + reflected.size * np.log(2.0))
+    step = np.einsum("cij,cj->ci", covariance, gradient)
+    whole = value + 0.5 * np.sum(gradient * step, axis=1) - 0.5 * np.linalg.slogdet(information)[1]
+    inside = log_probability((at + step)[:, reflected], covariance[:, reflected[:, None], reflected])
+    return whole + 0.5 * at.size * np.log(2 * np.pi) + inside + reflected.size * np.log(2.0)
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:

@@ -122,18 +122,9 @@ def find_spectral_line(
         power = 0.5 * np.sum((remaining.T @ scores) ** 2)
         chance = float(scipy.special.gammaincc(0.5 * remaining.shape[1], power)) if remaining.size else 1.0
         lines.append(SpectralLine(chance, words))
-    lines.append(_largest_peak(scores, cycles, across))
+    lines.append(find_largest_peak(t, scores, period))
     best = min(lines, key=lambda line: line.chance)
     return SpectralLine(min(1.0, len(lines) * best.chance), best.words)
-
-
-def name_peak(t: np.ndarray, residual: np.ndarray, period: float) -> str:
-    """Describe the largest peak in the spectrum of residuals, (n,), in words like `SpectralLine.words`.
-
-    t: times in s, (n,). period: period of the oscillation in s.
-    """
-    _, cycles, across = _extent(t, period)
-    return _largest_peak(residual, cycles, across).words
 
 
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
@@ -161,13 +152,14 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     return u[:, s > 1e-6 * s[0]]
 
 
-def _largest_peak(scores: np.ndarray, cycles: float, across: int) -> SpectralLine:
+def find_largest_peak(t: np.ndarray, scores: np.ndarray, period: float) -> SpectralLine:
     """Return the largest peak of the periodogram; its p value is corrected for the number of frequencies.
 
-    scores: whitened residuals, (n,); of other residuals only the words of the result have a meaning. cycles: number of
-    cycles of the oscillation. across: half-width of a band, see `_extent`. Times are taken as evenly spaced; gaps
-    broaden a peak, which then is only less significant.
+    t: times in s, (n,), taken as evenly spaced; gaps broaden a peak, which then is only less significant. scores:
+    whitened residuals, (n,); of other residuals only the words of the result have a meaning. period: period of the
+    oscillation in s.
     """
+    _, cycles, across = _extent(t, period)
     block = -(-scores.size // MOST_SAMPLES)
     many = scores.size // block
     blocks = scores[: many * block].reshape(many, block).sum(axis=1) / np.sqrt(block)

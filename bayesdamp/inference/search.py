@@ -137,34 +137,21 @@ def find_mode(
     largest_in_phase = max(IN_PHASE_RESIDUAL * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
-    starts: list[_Start] = []
     replaced_by_noise = in_phase = False
-
-    def distinct_starts() -> Iterator[_Start]:
-        """Yield the start of each distinct set of scores among the seeds, and append it to `starts`."""
-        distinct: list[tuple[list[Seed], np.ndarray]] = []
-        for seed, values in seeds.items():
-            z = target.scores(values)
-            same = next((group for group, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
-            if same is None:
-                distinct.append(([seed], z))
-            else:
-                same.append(seed)
-        for same, z in distinct:
-            starts.append(_start(target, same, z, tolerance))
-            yield starts[-1]
-
-    def stages() -> Iterator[Iterable[_Start]]:
-        """Yield groups of starts in the order of trial; none is tried after a motion in phase with the record."""
-        if thrifty:
-            yield (start for start in distinct_starts() if start.rms < largest_in_phase)
+    distinct: list[tuple[list[Seed], np.ndarray]] = []
+    for seed, values in seeds.items():
+        z = target.scores(values)
+        same = next((group for group, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
+        if same is None:
+            distinct.append(([seed], z))
         else:
-            yield distinct_starts()
-        yield _grow_windows(target, starts, tolerance, period)
-        if thrifty:
-            yield (start for start in starts if not start.rms < largest_in_phase)
-
-    for stage in stages():
+            same.append(seed)
+    starts = [_start(target, same, z, tolerance) for same, z in distinct]
+    stages: tuple[Iterable[_Start], ...] = (starts, _grow_windows(target, starts, tolerance, period))
+    if thrifty:
+        ready = [start for start in starts if start.rms < largest_in_phase]
+        stages = (ready, stages[1], [start for start in starts if not start.rms < largest_in_phase])
+    for stage in stages:
         if in_phase:
             break
         for (seed, *same), z0, likelihood, value, _ in stage:

@@ -45,8 +45,6 @@ FAR_FROM_ZERO = 0.5
 """If the smallest draw is larger than this fraction of the median, the draws do not determine the density at zero."""
 QUADRATURE_NODES = 400
 """Number of Gauss–Legendre nodes for the integral that normalises a density whose logarithm is a polynomial."""
-MOST_NEWTON_STEPS = 100
-"""Greatest number of Newton steps in the fit of the polynomial of the log density near zero."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def first_half(mode: Mode) -> Mode:
         raise Refusal(
             f"half the record has {part.stop} samples for {len(target.names)} parameters, which is too few"
         )
-    return mode_near(mode.likelihood.on(part), mode, mode.z)
+    return mode_near(replace(mode.likelihood, part=part), mode, mode.z)
 
 
 def predict_from_half(
@@ -270,16 +268,14 @@ def savage_dickey(
     top = float(log_ratios.max())
     weights = np.exp(log_ratios - top)
     size = effective_mean(draws)
-    log_density, error = density_at_zero(draws.ravel(), size, weights.ravel() / weights.mean())
+    log_density, error = density_at_zero(draws.ravel(), size, weights.ravel())
     ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < MOST_NATS and error < 1.0):
         return NestedRatio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
     return NestedRatio(ratio, error)
 
 
-def density_at_zero(
-    x: np.ndarray, effective: float, weights: np.ndarray | None = None
-) -> tuple[float, float]:
+def density_at_zero(x: np.ndarray, effective: float, weights: np.ndarray) -> tuple[float, float]:
     """Estimate the log of the probability density of non-negative draws at zero.
 
     Between zero and the median the log density is a cubic polynomial, fitted by maximum likelihood. (The log density of
@@ -290,9 +286,9 @@ def density_at_zero(
     x : ndarray, shape (n,)
         The draws.
     effective : float
-        Effective number of the draws (they may be autocorrelated).
-    weights : ndarray, shape (n,), optional
-        Weights of the draws with mean 1; equal by default.
+        Effective number of the draws without weights (they may be autocorrelated).
+    weights : ndarray, shape (n,)
+        Weights of the draws.
 
     Returns
     -------
@@ -301,49 +297,36 @@ def density_at_zero(
     """
     top = float(np.quantile(x, LOWER_FRACTION))
     low = x <= top
-    u = x[low] / top
-    w = np.ones(u.size) if weights is None else weights[low]
-    if weights is not None:
-        effective *= float(np.sum(weights) ** 2 / np.sum(weights**2) / weights.size)
+    u, w = x[low] / top, weights[low]
     if u.min() > FAR_FROM_ZERO:
         return float("nan"), float("inf")
     nodes, node_weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
-    nodes, node_weights = 0.5 * (nodes + 1.0), 0.5 * node_weights
-    basis = np.stack([nodes**k for k in range(1, POLYNOMIAL_DEGREE + 1)])
-    wanted = np.array([np.average(u**k, weights=w) for k in range(1, POLYNOMIAL_DEGREE + 1)])
-    c = np.zeros(POLYNOMIAL_DEGREE)
+    degrees = np.arange(1, POLYNOMIAL_DEGREE + 1)[:, None]
+    basis, wanted = (0.5 * (nodes + 1.0)) ** degrees, np.average(u**degrees, axis=1, weights=w)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return log ∫ exp(c·basis) over [0, 1], and the mean (k,) and covariance (k, k) of the basis.
 
         Mean and covariance are under the density that is proportional to exp(c·basis). c: coefficients, (k,).
         """
-        log_f = c @ basis
-        most = log_f.max()
-        mass = node_weights * np.exp(log_f - most)
-        total = mass.sum()
-        mean = basis @ mass / total
-        return most + np.log(total), mean, (basis * mass / total) @ basis.T - np.outer(mean, mean)
+        log_total = float(scipy.special.logsumexp(c @ basis, b=0.5 * node_weights))
+        mass = 0.5 * node_weights * np.exp(c @ basis - log_total)
+        mean = basis @ mass
+        return log_total, mean, (basis * mass) @ basis.T - np.outer(mean, mean)
 
+    c = scipy.optimize.minimize(
+        lambda c: moments(c)[0] - wanted @ c,
+        np.zeros(POLYNOMIAL_DEGREE),
+        jac=lambda c: moments(c)[1] - wanted,
+        hess=lambda c: moments(c)[2],
+        method="trust-exact",
+        options={"gtol": 1e-7},
+    ).x
     log_total, mean, covariance = moments(c)
-    for _ in range(MOST_NEWTON_STEPS):
-        step = np.linalg.solve(covariance, wanted - mean)
-        gain, size = float((wanted - mean) @ step), 1.0
-        if gain < 1e-12:
-            break
-        # The log likelihood is concave: halve the step until it increases.
-        before = wanted @ c - log_total
-        while True:
-            trial = moments(c + size * step)
-            if wanted @ (c + size * step) - trial[0] >= before or size < 1e-6:
-                break
-            size *= 0.5
-        c = c + size * step
-        log_total, mean, covariance = trial
     # log f(0) = log fraction − log_total − log top. Its gradient by c is −mean; the covariance of c is the inverse of
     # that of the basis, divided by the number of draws.
-    fraction = float(w.sum()) / x.size
-    size = fraction * effective
+    fraction = float(w.sum() / weights.sum())
+    size = fraction * effective * float(np.sum(weights) ** 2 / np.sum(weights**2) / weights.size)
     variance = mean @ np.linalg.solve(covariance, mean) / size + (1 - fraction) / size
     error = float(np.sqrt(variance)) if variance > 0 else float("inf")
     return float(np.log(fraction) - log_total - np.log(top)), error

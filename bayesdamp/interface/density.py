@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -169,7 +169,8 @@ class Density(ResultView):
     @cached_property
     def _likelihood(self) -> Likelihood:
         """The log likelihood, with a finer tolerance of the solver than fits and samplers use."""
-        return self.mode.likelihood.within(PRECISION * self.mode.tolerance)
+        likelihood = self.mode.likelihood
+        return replace(likelihood, tolerance=PRECISION * likelihood.tolerance)
 
     def _slopes(self, x: Vector) -> tuple[float, Vector]:
         """Return the log likelihood at x, (d,), and its gradient in natural units, (d,)."""

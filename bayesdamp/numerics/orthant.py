@@ -15,9 +15,6 @@ GAUSS_POINTS = 12
 """Number of Gauss–Legendre nodes for each coordinate in the integral of `log_probability`. The log evidence of a
 record, which contains such integrals, is then accurate to 0.002 nats (measured; the error is largest where two
 coordinates are almost perfectly correlated)."""
-MIN_PROBABILITY = 1e-280
-"""If a normal distribution has a smaller probability of values ≥ 0 than this, `truncated_quantiles` computes with the
-logarithm of this probability, to avoid underflow (conventional)."""
 MAX_NESTED, LATTICE_POINTS = 3, 256
 """`log_probability` uses nested Gauss rules for at most `MAX_NESTED` coordinates, and a lattice of `LATTICE_POINTS`
 points for more (conventional)."""
@@ -107,12 +104,7 @@ def truncated_quantiles(mean: np.ndarray, sd: np.ndarray, levels: np.ndarray) ->
     mean, sd: means and standard deviations before the truncation, (c,). levels: probabilities in (0, 1) at which the
     quantiles are computed, (c, p), or (1, p) if they are the same for all distributions.
     """
-    above = scipy.special.ndtr(mean / sd)[:, None]
-    if above.min(initial=1.0) > MIN_PROBABILITY:
-        z = -scipy.special.ndtri(np.maximum((1 - levels) * above, 1e-300))
-    else:
-        with np.errstate(divide="ignore"):
-            z = -scipy.special.ndtri_exp(np.log1p(-levels) + scipy.special.log_ndtr(mean / sd)[:, None])
+    z = -scipy.special.ndtri_exp(np.log1p(-levels) + scipy.special.log_ndtr(mean / sd)[:, None])
     return np.maximum(mean[:, None] + sd[:, None] * z, 0.0)
 
 

@@ -115,6 +115,9 @@ class Misjudged(Gaussian):
     def log_likelihood(self, r, gaps, p):
         return super().log_likelihood(r, gaps, smaller(p))
 
+    def parameter_slopes(self, r, gaps, p):
+        return {n: 0.8 * v for n, v in super().parameter_slopes(r, gaps, smaller(p)).items()}
+
     def slope(self, r, gaps, p):
         return super().slope(r, gaps, smaller(p))
 

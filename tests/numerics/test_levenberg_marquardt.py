@@ -24,17 +24,7 @@ def is_short(step: Step) -> bool:
     return bool(np.abs(step.move).max() < 1e-9)
 
 
-def test_finds_the_maximum():
-    end = levenberg_marquardt(parabola_until(np.inf, None, 1.0), np.zeros(1), FLOOR, is_short, limit=50)
-    assert end.converged
-    assert end.x == pytest.approx([2.0])
-
-
-@pytest.mark.parametrize(
-    "beyond",
-    [(None, np.nan), (None, np.inf), (np.nan, 1.0), (-np.inf, 1.0)],
-    ids=["nan", "inf", "value", "-inf"],
-)
+@pytest.mark.parametrize("beyond", [(None, np.nan), (None, np.inf), (np.nan, 1.0), (-np.inf, 1.0)], ids=str)
 def test_keeps_the_best_finite_point(beyond: tuple[float | None, float]):
     """A step to a point without a finite value and information is rejected, also if the value increases."""
     end = levenberg_marquardt(parabola_until(1.5, *beyond), np.zeros(1), FLOOR, is_short, limit=50)

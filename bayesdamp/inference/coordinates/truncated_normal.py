@@ -6,6 +6,7 @@ is restricted to values ≥ 0. The boundary, where such a score is 0, is called 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -38,14 +39,31 @@ class TruncatedNormal:
         self.mean, self.covariance, self.reflected = mean, 0.5 * (covariance + covariance.T), reflected
         self.walls = np.flatnonzero(reflected & (mean < FAR_WALL_SDS * np.sqrt(np.diag(covariance))))
 
+    @classmethod
+    def about(
+        cls, at: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, reflected: np.ndarray
+    ) -> TruncatedNormal:
+        """Return the distribution whose log density has this gradient, (d,), at the scores `at`, (d,)."""
+        return cls(at + covariance @ gradient, covariance, reflected)
+
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean, (d,), and Cholesky factor of the covariance, (d, d), of the truncated distribution.
 
-        They are estimated from draws, see `truncated_moments`.
+        The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed. Raises LinAlgError if a
+        matrix is singular.
         """
-        none = np.zeros(self.mean.size)
-        return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
+        mean, covariance, walls = self.mean, self.covariance, self.walls
+        if walls.size:
+            inner = covariance[np.ix_(walls, walls)]
+            rng = np.random.default_rng(0)  # a fixed seed: the moments only define coordinates
+            inside = draw(rng, mean[walls], np.linalg.cholesky(inner), np.arange(walls.size), MOMENT_DRAWS)
+            # Regression of all scores on the restricted ones.
+            regression = covariance[:, walls] @ np.linalg.inv(inner)
+            mean = mean + regression @ (inside.mean(axis=0) - mean[walls])
+            change = np.cov(inside.T, ddof=1).reshape(inner.shape) - inner
+            covariance = covariance + regression @ change @ regression.T
+        return mean, np.linalg.cholesky(covariance)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
         """Return n draws of the truncated distribution, (n, d).
@@ -70,50 +88,6 @@ class TruncatedNormal:
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
 
 
-def truncated_moments(
-    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and Cholesky factor of the covariance of a normal distribution restricted to reflected scores ≥ 0.
-
-    The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed. It is ignored for a score
-    whose mean is at least `FAR_WALL_SDS` sds above zero. Raises LinAlgError if a matrix is singular.
-
-    Parameters
-    ----------
-    information : ndarray, shape (d, d)
-        Inverse covariance of the normal distribution.
-    gradient : ndarray, shape (d,)
-        Gradient of its log density at the point `at`.
-    at : ndarray, shape (d,)
-        The point.
-    reflected : ndarray of int
-        Indices of the reflected scores, which must not be negative.
-
-    Returns
-    -------
-    mean, factor : ndarray, shapes (d,) and (d, d)
-        The mean, and the Cholesky factor of the covariance, of the restricted distribution.
-    """
-    covariance = np.linalg.inv(information)
-    covariance = 0.5 * (covariance + covariance.T)
-    mean = at + covariance @ gradient
-    reflected = reflected[mean[reflected] < FAR_WALL_SDS * np.sqrt(np.diag(covariance)[reflected])]
-    if reflected.size:
-        inner = covariance[np.ix_(reflected, reflected)]
-        rng, every = (
-            np.random.default_rng(0),
-            np.arange(reflected.size),
-        )  # a fixed seed: these only define coordinates
-        inside = draw(rng, mean[reflected], np.linalg.cholesky(inner), every, MOMENT_DRAWS)
-        # Regression of all scores on the reflected ones.
-        regression = covariance[:, reflected] @ np.linalg.inv(inner)
-        mean = mean + regression @ (inside.mean(axis=0) - mean[reflected])
-        covariance = (
-            covariance + regression @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ regression.T
-        )
-    return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
-
-
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """Return a truncated normal whose log density has the same gradient at z, (d,), as the log posterior.
 
@@ -122,9 +96,7 @@ def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) ->
     """
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
-    slope = likelihood.gradient(at)[1]
-    covariance = factor @ factor.T
-    return TruncatedNormal(at + covariance @ slope, covariance, reflected)
+    return TruncatedNormal.about(at, likelihood.gradient(at)[1], factor @ factor.T, reflected)
 
 
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
@@ -146,15 +118,32 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     def slope(z: np.ndarray) -> np.ndarray:
         return mode.near.gradient(z)[1]
 
-    rows = [
-        (slope(at - GRADIENT_STEP * column) - slope(at + GRADIENT_STEP * column)) / (2 * GRADIENT_STEP)
-        for column in factor.T
-    ]
-    white = np.stack(rows) @ factor
-    white = 0.5 * (white + white.T)
+    white = negative_hessian(slope, at, factor, GRADIENT_STEP)
     if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:
         raise Refusal(
             "the posterior has no normal approximation: its Hessian at the mode is not positive definite"
         )
-    covariance = factor @ np.linalg.inv(white) @ factor.T
-    return TruncatedNormal(at + covariance @ slope(at), covariance, reflected)
+    return TruncatedNormal.about(at, slope(at), factor @ np.linalg.inv(white) @ factor.T, reflected)
+
+
+def negative_hessian(
+    gradient: Callable[[np.ndarray], np.ndarray], at: np.ndarray, factor: np.ndarray, step: float
+) -> np.ndarray:
+    """Return the negative Hessian of a function by coordinates u, (d, d), at the point `at`, (d,).
+
+    It is computed by central differences of the gradient with respect to points x = at + factor @ u.
+
+    Parameters
+    ----------
+    gradient : callable
+        Function that returns the gradient, (d,), by x at a point x, (d,).
+    at : ndarray, shape (d,)
+        The point.
+    factor : ndarray, shape (d, d)
+        Derivatives of x by u.
+    step : float
+        Step of the differences, in u.
+    """
+    rows = [gradient(at - step * column) - gradient(at + step * column) for column in factor.T]
+    hessian = np.stack(rows) @ factor / (2 * step)
+    return 0.5 * (hessian + hessian.T)

@@ -7,15 +7,16 @@ is normal ("level" scores); `Shear` straightens a curved ridge of the parameters
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, truncated_moments
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, negative_hessian
 from bayesdamp.inference.mode import Mode, maximise
+from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.numerics.levenberg_marquardt import Maximum
@@ -24,18 +25,14 @@ from bayesdamp.types import Refusal
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-FIRST_STEP = 0.5
-"""First step of the second of the two `tied` noise parameters away from the mode, in posterior sds, when `NoiseMap.of`
-follows the ridge of the posterior (the maximum over all other parameters at each value)."""
-SMALL_CHANGE, LARGE_CHANGE = 0.4, 1.5
-"""A step along the ridge is lengthened if it changes the log density by less than the first value (nats), and shortened
-if by more than the second."""
-STEP_FACTOR = 1.6
-"""Factor by which steps along the ridge of the noise parameters are lengthened and shortened."""
+FIRST_STEP, STEP_GROWTH = 0.3, 1.2
+"""`NoiseMap.of` follows the ridge of the posterior (the maximum over all other parameters at each value) in steps of
+the second of the two `tied` noise parameters. The first step away from the mode is `FIRST_STEP` posterior sds, and each
+further one is longer by the factor `STEP_GROWTH`."""
 RIDGE_END_NATS = 16.0
 """The ridge of the noise parameters is followed until the log density is this many nats below its maximum: 5.7 sds of a
 normal distribution."""
-MOST_STEPS = 60
+MOST_STEPS = 40
 """Largest number of steps along the ridge of the noise parameters to each side of the mode."""
 LEAST_STEPS = 4
 """If no more points than this can be computed on the ridge of the noise parameters, `NoiseMap` is the identity."""
@@ -58,10 +55,10 @@ parameters."""
 VISIBLE_BEND = 0.02
 """`shear_of` straightens a ridge only if, one sd from the mode, its distance from its tangent is at least this, in
 posterior sds."""
-SECOND_DIFFERENCE_STEP = 0.3
-"""Step of the second differences that give Hessians, in posterior sds. The differences extend to 0.6 sds from the mean
-of the truncated distribution; where a score must not be negative, zero is about one sd or more from this mean, so that
-they do not cross it."""
+HESSIAN_STEP = 0.5
+"""Step of the differences of gradients that give Hessians, in posterior sds from the mean of the truncated
+distribution. Where a score must not be negative, zero is about one sd or more from this mean, so that no step crosses
+it."""
 LEAST_CURVATURE = 0.1
 """Smallest eigenvalue of the log posterior's negative Hessian that is used, in coordinates in which the Gauss–Newton
 Hessian is the identity; smaller ones are replaced by it."""
@@ -203,8 +200,8 @@ class NoiseMap:
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
     """Maximise the log posterior over the scores `others`, with the remaining scores fixed at their values in z.
 
-    The common prior scale of coefficients is fixed as in `Mode.near`. The search takes at most 20 steps; whether it has
-    converged is not checked.
+    The common prior scale of coefficients is fixed as in `Mode.near`. Whether the search has converged is not
+    checked.
 
     Parameters
     ----------
@@ -234,7 +231,7 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
         value, gradient, information = mode.near.curvature(whole)
         return value, gradient[others], information[np.ix_(others, others)]
 
-    top = maximise(at, reflected[others], z[others], limit=20)
+    top = maximise(at, reflected[others], z[others])
     if not np.isfinite(top.value):
         raise Refusal("the log posterior on the ridge is not finite")
     return top
@@ -252,45 +249,25 @@ def _profile(
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
-
-    def at(score: float, inner: np.ndarray) -> tuple[float, np.ndarray]:
-        z = np.insert(inner, second, score)
-        top = ridge_point(mode, target.reflected, z, others)
-        return top.value - 0.5 * float(np.linalg.slogdet(top.information)[1]), top.x
-
-    sides = []
-    try:
-        centre = (float(mode.z[second]), *at(float(mode.z[second]), mode.z[others]))
-    except Refusal:
-        return np.empty(0), np.empty(0), np.empty(0)
-    highest = centre[1]
+    points: list[tuple[float, float, float]] = []
     for sign in (-1.0, 1.0):
-        (score, log_density, inner), side = centre, []
-        step = FIRST_STEP * float(mode.sd()[second])
+        z, step, highest = mode.z.copy(), FIRST_STEP * float(mode.sd()[second]), -np.inf
         for _ in range(MOST_STEPS):
-            if log_density < highest - RIDGE_END_NATS:
-                break
             try:
-                next_log_density, next_inner = at(score + sign * step, inner)
+                top = ridge_point(mode, target.reflected, z, others)
             except Refusal:
                 break
-            change = abs(next_log_density - log_density)
-            if change > 2 * LARGE_CHANGE:
-                step /= STEP_FACTOR**2
-                continue
-            score, log_density, inner = score + sign * step, next_log_density, next_inner
-            side.append((score, log_density, inner))
+            z[others] = top.x
+            log_density = top.value - 0.5 * float(np.linalg.slogdet(top.information)[1])
+            points.append((float(z[second]), log_density, float(top.x[index])))
             highest = max(highest, log_density)
-            step *= (
-                STEP_FACTOR if change < SMALL_CHANGE else 1 / STEP_FACTOR if change > LARGE_CHANGE else 1.0
-            )
-        sides.append(side)
-    points = [*sides[0][::-1], centre, *sides[1]]
-    return (
-        np.array([p[0] for p in points]),
-        np.array([p[1] for p in points]),
-        np.array([p[2][index] for p in points]),
-    )
+            if log_density < highest - RIDGE_END_NATS:
+                break
+            z[second] += sign * step
+            step *= STEP_GROWTH
+    _, unique = np.unique([p[0] for p in points], return_index=True)  # both sides begin at the mode
+    scores, log_densities, firsts = np.reshape(points, (-1, 3))[unique].T
+    return scores, log_densities, firsts
 
 
 @dataclass(frozen=True)
@@ -323,15 +300,10 @@ class Shear:
     noise: NoiseMap
 
     @classmethod
-    def none(cls, d: int) -> Shear:
-        """Return the identity map for d scores."""
-        wide = np.arange(min(RIDGE_DIMENSIONS, d))
-        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseMap())
-
-    @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return only the map of the noise parameters: a shear whose quadratic form is zero."""
-        return replace(cls.none(mode.z.size), noise=NoiseMap.of(target, mode))
+        """Return only the map of the noise parameters: a shear without wide scores, whose quadratic form is zero."""
+        d, none = mode.z.size, np.arange(0)
+        return cls(np.zeros(d), none, np.zeros((d, 0, 0)), NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
         """Convert straight scores (see the class) to standard normal scores, (..., d) each."""
@@ -339,12 +311,12 @@ class Shear:
 
     def level(self, straight: np.ndarray) -> np.ndarray:
         """Convert straight scores to level scores, which are the scores before the map of the noise, (..., d) each."""
-        return straight + self._shift(straight) if self._curved else straight
+        return straight + self._shift(straight) if self.wide.size else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
         """Convert standard normal scores to straight scores (see the class), (..., d) each."""
         level = self.noise.level(scores)
-        return level - self._shift(level) if self._curved else level
+        return level - self._shift(level) if self.wide.size else level
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
         """Return the derivatives of the scores by the straight scores, (d, d), at one point (d,)."""
@@ -365,11 +337,6 @@ class Shear:
         bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
         return bending
 
-    @cached_property
-    def _curved(self) -> bool:
-        """Whether the quadratic form of the shear is not zero."""
-        return bool(np.any(self.curve))
-
     def _shift(self, z: np.ndarray) -> np.ndarray:
         """Return the quadratic form, (..., d), that is added to straight scores, at straight or level scores z.
 
@@ -377,7 +344,7 @@ class Shear:
         """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
-        size = self.wide.shape[0] ** 2
+        size = self.wide.size**2
         return 0.5 * both.reshape(*both.shape[:-2], size) @ self.curve.reshape(-1, size).T
 
 
@@ -521,18 +488,21 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
         level = shear.straight(mode.linear.draws)
         factor = np.linalg.cholesky(np.atleast_2d(np.cov(level.T)))
         return Whitening(level.mean(axis=0), factor, np.zeros((d, d)), True, shear)
-    reflected = np.flatnonzero(target.reflected)
-    at, factor = expansion(target, mode, shear)
-    information = np.linalg.inv(factor @ factor.T)
-    centre, factor = truncated_moments(information, slope_at(mode, shear, at), at, reflected)
-    whole, linear = _curvatures(mode, centre, factor, shear)
+    centre, factor = truncated_about(target, mode, shear).moments
+    whole = negative_hessian(lambda x: slope_at(mode.near, shear, x), centre, factor, HESSIAN_STEP)
+    line, level = mode.near.line(shear.scores(centre)), shear.level(centre)
+    linear = negative_hessian(
+        lambda x: slope_along(mode.near, line, shear.noise, level + x - centre), centre, factor, HESSIAN_STEP
+    )
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
-    limited = inverse.T @ (vectors * np.maximum(values, LEAST_CURVATURE)) @ vectors.T @ inverse
-    factor = truncated_moments(limited, slope_at(mode, shear, centre), centre, reflected)[1]
-    return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
+    root = factor @ vectors / np.sqrt(np.maximum(values, LEAST_CURVATURE))
+    normal = TruncatedNormal.about(
+        centre, slope_at(mode.near, shear, centre), root @ root.T, target.reflected
+    )
+    return Whitening(centre, normal.moments[1], inverse.T @ (whole - linear) @ inverse, True, shear)
 
 
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
@@ -553,12 +523,19 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
     return at, factor
 
 
-def slope_at(mode: Mode, shear: Shear, at: np.ndarray) -> np.ndarray:
-    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,).
+def slope_at(likelihood: Likelihood, shear: Shear, at: np.ndarray) -> np.ndarray:
+    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,)."""
+    return likelihood.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
-    The common prior scale of coefficients is fixed as in `Mode.near`.
+
+def slope_along(likelihood: Likelihood, line: Line, noise: NoiseMap, level: np.ndarray) -> np.ndarray:
+    """Return the gradient, (d,), of the log posterior density of level scores at one point, (d,), of these.
+
+    line: the linearised motion that is used instead of the exact one. It needs no straightening of a ridge, so only the
+    map of the noise applies.
     """
-    return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
+    along = likelihood.gradient_along(line, noise.scores(level))
+    return along @ noise.slope(level) + noise.volume_slope(level)
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
@@ -568,8 +545,7 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
     restricted to values ≥ 0.
     """
     at, factor = expansion(target, mode, shear)
-    covariance = factor @ factor.T
-    return TruncatedNormal(at + covariance @ slope_at(mode, shear, at), covariance, target.reflected)
+    return TruncatedNormal.about(at, slope_at(mode.near, shear, at), factor @ factor.T, target.reflected)
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
@@ -582,40 +558,5 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
     _, gradient, information = mode.near.under(combination).curvature(at)
-    centre, factor = truncated_moments(information, gradient, at, np.flatnonzero(reflected))
+    centre, factor = TruncatedNormal.about(at, gradient, np.linalg.inv(information), reflected).moments
     return Whitening(shear.straight(centre), factor, np.zeros((d, d)), True, shear)
-
-
-def _curvatures(
-    mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return two negative Hessians of the log posterior in coordinates u, (d, d) each, by second differences.
-
-    The first is that of the full posterior, the second that for a motion linearised at the point. at: this point, in
-    straight scores, (d,). factor: derivatives of straight scores by u, (d, d).
-    """
-    d = at.size
-    pairs = [(i, j) for i in range(d) for j in range(i, d)]
-    # ∂²f/∂u_i∂u_j by four-point differences: f(+,+) − f(+,−) − f(−,+) + f(−,−) over 4 H².
-    corners = np.array(
-        [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
-    )
-    away = SECOND_DIFFERENCE_STEP * corners.reshape(-1, d) @ factor.T
-    line = mode.near.line(shear.scores(at))
-
-    def hessian(values: np.ndarray) -> np.ndarray:
-        f = values.reshape(-1, 4)
-        curvature = np.zeros((d, d))
-        for (i, j), v in zip(
-            pairs,
-            -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * SECOND_DIFFERENCE_STEP * SECOND_DIFFERENCE_STEP),
-            strict=True,
-        ):
-            curvature[i, j] = curvature[j, i] = v
-        return curvature
-
-    volume = shear.log_volume(at + away)
-    whole = hessian([mode.near.log_posterior(z) for z in shear.scores(at + away)] + volume)
-    level = shear.level(at) + away
-    along = [mode.near.log_posterior_along(line, z) for z in shear.noise.scores(level)]
-    return whole, hessian(along + shear.noise.log_volume(level))

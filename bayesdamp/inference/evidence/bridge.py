@@ -72,13 +72,14 @@ class Bridge(EvidenceMethod):
             draws = Draws.of(target, posterior.draws, posterior.outcome)
             evaluations += posterior.evaluations
         rng = np.random.default_rng(seed)
-        estimates, count = _bridge_halves(target, mode, draws.z, Shear.of_noise(target, mode), rng)
-        evaluations += count
+        estimates = _bridge_halves(target, mode, draws.z, Shear.of_noise(target, mode), rng)
+        each = 2 * (draws.z.shape[0] * (draws.z.shape[1] // 2) + PROPOSAL_DRAWS)  # evaluations of two bridges
+        evaluations += each
         if not min(s.overlap for s in estimates) > SMALL_OVERLAP:
             ridge = shear_of(target, mode)
             if ridge is not None:
-                estimates, count = _bridge_halves(target, mode, draws.z, ridge, rng)
-                evaluations += count
+                estimates = _bridge_halves(target, mode, draws.z, ridge, rng)
+                evaluations += each
         stderr = float(np.linalg.norm([s.stderr for s in estimates]))
         apart = abs(estimates[0].log_evidence - estimates[1].log_evidence) / stderr
         overlap, outcome = min(s.overlap for s in estimates), OK
@@ -103,25 +104,22 @@ class Bridge(EvidenceMethod):
 
 def _bridge_halves(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
-) -> tuple[list[BridgeEstimate], int]:
+) -> list[BridgeEstimate]:
     """Estimate the evidence from each half of the chains, with a proposal fitted to the other half.
 
     z: posterior draws as scores, (chains, draws, d). shear: map that straightens a curved ridge of the posterior; the
-    proposal is fitted in straightened scores. Returns the two estimates and the number of evaluations of the
-    likelihood.
+    proposal is fitted in straightened scores.
     """
-    reflected = target.reflected
-    half, evaluations = z.shape[1] // 2, 0
+    reflected, half = target.reflected, z.shape[1] // 2
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
     estimates = []
     for fitted_half, bridged in (parts, parts[::-1]):
         proposal = fit_reflected_t(fitted_half.reshape(-1, reflected.size), reflected)
         y = np.concatenate([bridged.reshape(-1, reflected.size), proposal.draw(rng, PROPOSAL_DRAWS)])
         ratio = mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
-        evaluations += len(y)
         cut = len(y) - PROPOSAL_DRAWS
         estimates.append(bridge(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
-    return estimates, evaluations
+    return estimates
 
 
 def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:

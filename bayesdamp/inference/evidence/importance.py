@@ -39,11 +39,10 @@ class Importance(EvidenceMethod):
     """Importance sampling: the mean weight of draws from a Student t with 7 degrees of freedom near the mode.
 
     Scores of coefficients that cannot be negative are reflected at zero, in the proposal and in the posterior. The
-    first proposal is Laplace's approximation with heavy tails. If the weights of its pilot draws are poor, others are
-    tried in turn: a fit to a truncated normal distribution, if a bound is near; the best so far with a curved ridge of
-    the posterior straightened; repeated fits to the weighted pilot draws. With deviations from the laws, the first
-    proposal is a fit to the draws in `Mode.linear`, and only the repeated fits follow. The evidence is computed from
-    new draws. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
+    first proposal is Laplace's approximation, truncated at zero, with heavy tails. If the weights of its pilot draws
+    are poor, others are tried in turn: the same with a curved ridge of the posterior straightened; repeated fits to the
+    weighted pilot draws. With deviations from the laws, the first proposal is a fit to the draws in `Mode.linear`, and
+    only the repeated fits follow. The evidence is computed from new draws. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
     """
 
     name = "importance"
@@ -60,34 +59,26 @@ class Importance(EvidenceMethod):
         rng = np.random.default_rng(seed)
         reflected = target.reflected
         shear = Shear.of_noise(target, mode)
-        if mode.linear is None:
-            proposal = ReflectedT(*expansion(target, mode, shear), reflected)
-        else:
-            proposal = fit_reflected_t(mode.linear.draws, reflected)
-        chosen = proposal, shear
-        y, log_weights = self._weights(target, mode, *chosen, rng, PILOT_DRAWS)
+        proposal = self._proposal(target, mode, shear)
+        y, log_weights = self._weights(target, mode, proposal, shear, rng, PILOT_DRAWS)
         evaluations = PILOT_DRAWS
-        others = (
-            lambda: self._truncated(target, mode, chosen[1]),
-            lambda: None if (ridge := shear_of(target, mode)) is None else (chosen[0], ridge),
-        )
-        for other in others if mode.linear is None else ():
-            if _are_good(log_weights) or (tried := other()) is None:
-                continue
-            pilot, weights = self._weights(target, mode, *tried, rng, PILOT_DRAWS)
+        poor = mode.linear is None and not _are_good(log_weights)
+        if poor and (ridge := shear_of(target, mode)) is not None:
+            straight = self._proposal(target, mode, ridge)
+            pilot, weights = self._weights(target, mode, straight, ridge, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
             if not effective_size(log_weights) >= effective_size(weights):
-                chosen, y, log_weights = tried, pilot, weights
+                proposal, shear, y, log_weights = straight, ridge, pilot, weights
         for _ in range(MOST_REFITS):
             if _are_good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
                 break  # too few draws have weight, which the outcome reports
-            chosen = refitted, chosen[1]
-            y, log_weights = self._weights(target, mode, *chosen, rng, PILOT_DRAWS)
+            proposal = refitted
+            y, log_weights = self._weights(target, mode, proposal, shear, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
         final = (
             FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
         )  # a likelihood with deviations takes longer
-        y, log_weights = self._weights(target, mode, *chosen, rng, final)
+        y, log_weights = self._weights(target, mode, proposal, shear, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final
         outcome = OK
@@ -106,7 +97,7 @@ class Importance(EvidenceMethod):
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             outcome=outcome,
-            arrays={"y": chosen[1].scores(y), "log_weights": log_weights},
+            arrays={"y": shear.scores(y), "log_weights": log_weights},
         )
 
     @staticmethod
@@ -122,23 +113,19 @@ class Importance(EvidenceMethod):
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
-    def _truncated(target: Target, mode: Mode, shear: Shear) -> tuple[ReflectedT, Shear] | None:
-        """Return a proposal from a truncated normal distribution instead of a reflected one, and the given shear.
+    def _proposal(target: Target, mode: Mode, shear: Shear) -> ReflectedT:
+        """Return the first proposal, in straightened scores.
 
-        The proposal is a Student t with the mean of the distribution of `truncated_about` and 1.2 times its covariance.
-        Near a bound a reflected Student t about the mode would have wrong correlations. Return None if no score is
-        bounded, or if the covariance is singular.
+        It is a Student t with the mean of the distribution of `truncated_about` and with its covariance as scale matrix
+        (a reflected Student t about the mode would have wrong correlations near a bound); or about the mode if this
+        covariance is singular. With deviations from the laws it is fitted to `Mode.linear`.
         """
-        normal = truncated_about(target, mode, shear)
-        if not normal.walls.size:
-            return None
+        if mode.linear is not None:
+            return fit_reflected_t(mode.linear.draws, target.reflected)
         try:
-            centre, factor = normal.moments
+            return ReflectedT(*truncated_about(target, mode, shear).moments, target.reflected)
         except np.linalg.LinAlgError:
-            return None
-        return ReflectedT(
-            centre, factor * np.sqrt((T_DEGREES - 2) / T_DEGREES * 1.2), normal.reflected
-        ), shear
+            return ReflectedT(*expansion(target, mode, shear), target.reflected)
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:

@@ -16,7 +16,7 @@ import numpy as np
 from bayesdamp.inference.model.target import Target
 from bayesdamp.machine import at_once
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import log_prior_of
+from bayesdamp.priors import shared_log_density
 
 NOISE_STEP = 1e-2
 """Step of the second differences by the scores of the noise parameters, in units of these scores."""
@@ -70,12 +70,12 @@ class Likelihood:
     scales: tuple[float, ...]
 
     @classmethod
-    def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
-        """Return the likelihood of a target whose `reference` contains the parameters at scores z, (d,).
+    def near(cls, target: Target, z: np.ndarray, tolerance: float) -> Self:
+        """Return the likelihood of all samples, whose `reference` contains the parameters at scores z, (d,).
 
-        tolerance: largest error of a motion, in the unit of the record. part: samples that are used.
+        tolerance: largest error of a motion, in the unit of the record.
         """
-        return cls(target, target.all_values(z), tolerance, part, target.scales)
+        return cls(target, target.all_values(z), tolerance, slice(None), target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
         """Return this likelihood with the common prior scale of coefficients fixed at `scale` instead of averaged out.
@@ -92,17 +92,6 @@ class Likelihood:
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
         return replace(self, target=replace(self.target, deviation=deviation))
-
-    def on(self, part: slice) -> Likelihood:
-        """Return the likelihood of a part of the samples only; its motion starts at the first sample of the record."""
-        return replace(self, part=part)
-
-    def within(self, tolerance: float) -> Likelihood:
-        """Return this likelihood with motions solved to another tolerance, in the unit of the record.
-
-        This has no effect if the target has deviations (see `motions`).
-        """
-        return replace(self, tolerance=tolerance)
 
     @cached_property
     def y(self) -> np.ndarray:
@@ -126,36 +115,13 @@ class Likelihood:
         times = signal.t[: self.part.stop]
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
-    def motion(self, z: np.ndarray) -> np.ndarray:
-        """Return the motion at scores z, (d,), in the unit of the record, (n,); nan if it is unbounded."""
-        return self.motions.record(self.target.all_values(z))[self.part.start :]
-
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Return record minus motion at scores z, (d,), in the unit of the record, (n,)."""
-        return self.y - self.motion(z)
+        """Return record minus motion at scores z, (d,), in the unit of the record, (n,); nan if it is unbounded."""
+        return self._residual_of(self.target.all_values(z))
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
         """Return the residuals at each of m points z, (m, d): shape (m, n)."""
         return np.stack([self.residual(row) for row in z])
-
-    def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log prior density of scores z, (d,), and its gradient, (d,), averaged over `scales`.
-
-        A reflected score (of a half-normal prior) may be negative; its density is that of a normal distribution over
-        both signs.
-        """
-        shared, gradient = self.target.shared, -z
-        own = z[shared]
-        if not own.size:
-            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
-        squares, scales = float(own @ own), np.asarray(self.scales)
-        each = -0.5 * squares / scales**2 - own.size * np.log(scales)
-        top = each.max()
-        weights = np.exp(each - top)
-        total = weights.sum()
-        gradient[shared] *= (weights / scales**2).sum() / total
-        value = np.log(total / scales.size) + top - 0.5 * (float(z @ z) - squares) - z.size * HALF_LOG_2PI
-        return float(value), gradient
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Return the log prior density, (...), of scores z, (..., d), in which reflected scores may be negative.
@@ -163,22 +129,23 @@ class Likelihood:
         A reflected score has a half-normal prior and only its absolute value matters; here its prior density is that of
         a normal distribution over both signs (see `folded`).
         """
-        none = np.zeros(z.shape[-1], bool)
-        return log_prior_of(z, none, self.target.shared, np.asarray(self.scales))
+        shared, scales = self.target.shared, np.asarray(self.scales)
+        value = -0.5 * np.einsum("...i,...i", z, z) - z.shape[-1] * HALF_LOG_2PI
+        if not shared.any():
+            return value
+        own, count = z[..., shared], int(np.sum(shared))
+        squares = np.einsum("...i,...i", own, own)
+        # The density of scores that share a scale is for values ≥ 0, hence the log 2.
+        instead = shared_log_density(squares, count, scales) - count * (np.log(2.0) - HALF_LOG_2PI)
+        return value + 0.5 * squares + instead
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density (nats) of residuals (n,) for the noise at scores z, (d,); −∞ if it is not finite."""
-        return self._log_density(residual, self.target.noise_values(z))
-
-    def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
-        """Return the log density (nats) of residuals (n,) for noise parameters p; −∞ if it is not finite."""
-        with np.errstate(all="ignore"):  # a noise model may overflow at extreme scores
-            value = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
-        return value if np.isfinite(value) else -np.inf
+        return self._log_density(residual, self.target.all_values(z))
 
     def log_likelihood(self, z: np.ndarray) -> float:
         """Return the log likelihood (nats) at scores z, (d,); −∞ if it is not finite, as for an unbounded motion."""
-        return self.log_noise(self.residual(z), z)
+        return self.log_likelihood_of(self.target.all_values(z))
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
         """Return the log likelihood (nats) at each of m points z, (m, d): shape (m,)."""
@@ -189,7 +156,7 @@ class Likelihood:
 
         Reflected scores may be negative (see `folded`).
         """
-        return self.log_likelihood(z) + self._prior(z)[0]
+        return self.log_likelihood(z) + float(self.log_prior(z))
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
         """Return the log posterior at each of m points z, (m, d): shape (m,)."""
@@ -205,33 +172,26 @@ class Likelihood:
 
     def line(self, z: np.ndarray) -> Line:
         """Return the motion as a linear function of its parameters, about their values at scores z, (d,)."""
-        p = self.target.all_values(z)
-        motion, slopes = self._solved(p)
-        return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
+        return self._line_of(self.target.all_values(z))
 
-    def gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+    def gradient(self, z: np.ndarray, line: Line | None = None) -> tuple[float, np.ndarray]:
         """Return the log posterior at scores z, (d,), and its gradient, (d,).
 
-        If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior.
+        If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior. line: the motion
+        linearised at z, if it is known already.
         """
-        return self._gradient(self.line(z), z)
-
-    def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
-        """Return the log posterior at scores z, (d,), for the linearised motion `line` instead of the exact one."""
-        return self.log_noise(self._shift_line(line, z).residual, z) + self._prior(z)[0]
+        line = line or self.line(z)
+        value = self.log_noise(line.residual, z)
+        if not np.isfinite(value):
+            return value, -z * self.target.prior_precision(z, self.scales)
+        return value + float(self.log_prior(z)), self.gradient_along(line, z)
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
         """Return the gradient, (d,), of the log posterior at scores z, (d,), for the linearised motion `line`."""
-        return self._slope(self._shift_line(line, z), z)
-
-    def _shift_line(self, line: Line, z: np.ndarray) -> Line:
-        """Return a copy of `line` whose `residual` is the record minus the linearised motion at scores z, (d,).
-
-        Its `slopes` and `at` are those of `line`.
-        """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
-        return Line(line.residual - away @ line.slopes, line.slopes, line.at)
+        slopes = self._slopes(line.residual - away @ line.slopes, line.slopes, p)
+        return -z * self.target.prior_precision(z, self.scales) + self.target.rates(z) * slopes
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and its Gauss–Newton information, (d, d).
@@ -241,13 +201,13 @@ class Likelihood:
         and information are those of the log prior.
         """
         line = self.line(z)
-        value, gradient = self._gradient(line, z)
+        value, gradient = self.gradient(z, line)
         information = np.diag(self.target.prior_precision(z, self.scales))
         if not np.isfinite(value):
             return value, gradient, information
         moving, of_noise = self.target.moving, self.target.of_noise
         tangents = self.target.rates(z)[moving, None] * line.slopes
-        roots = self.target.noise_model.information_root(tangents, self.gaps, self.target.noise_values(z))
+        roots = self.target.noise_model.information_root(tangents, self.gaps, self.target.all_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
         if of_noise.size:
             # The negative second differences of the log density of the residuals; negative eigenvalues become zero.
@@ -265,38 +225,35 @@ class Likelihood:
 
     def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return whitened residuals, (n,): independent and standard normal if the noise is that at scores z, (d,)."""
-        return self.target.noise_model.whiten(residual, self.gaps, self.target.noise_values(z))
+        return self.target.noise_model.whiten(residual, self.gaps, self.target.all_values(z))
 
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
         """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
 
         To second order, such a shift lowers the mean log likelihood by half of this, in nats.
         """
-        root = self.target.noise_model.information_root(change, self.gaps, self.target.noise_values(z))
+        root = self.target.noise_model.information_root(change, self.gaps, self.target.all_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
         """Return the log likelihood (nats) for values of all parameters by name; −∞ if it is not finite."""
-        return self._log_density(self.y - self.motions.record(p)[self.part.start :], p)
+        return self._log_density(self._residual_of(p), p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
         """Return the log likelihood for parameter values by name, and its derivatives by the inferred parameters, (d,).
 
         The derivatives are 0 if the log likelihood is −∞.
         """
-        motion, slopes = self._solved(p)
-        value = self._log_density(self.y - motion, p)
+        line = self._line_of(p)
+        value = self._log_density(line.residual, p)
         if not np.isfinite(value):
             return value, np.zeros(len(self.target.names))
-        return value, self._slopes_by_parameters(self.y - motion, slopes, p)
+        return value, self._slopes(line.residual, line.slopes, p)
 
-    def _slopes_by_parameters(
-        self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]
-    ) -> np.ndarray:
+    def _slopes(self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivatives of the log density of residuals, (n,), by the d inferred parameters, (d,).
 
-        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: parameters of the noise by
-        name.
+        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: parameters by name.
         """
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))
@@ -306,29 +263,21 @@ class Likelihood:
             derivatives[target.of_noise] = [by_name[target.names[i]] for i in target.of_noise]
         return derivatives
 
-    def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the motion, (n,), for parameters p by name, and its derivatives, (k, n).
+    def _residual_of(self, p: Mapping[str, float]) -> np.ndarray:
+        return self.y - self.motions.record(p)[self.part.start :]
 
-        The derivatives are by the inferred parameters on which the motion depends.
-        """
+    def _log_density(self, residual: np.ndarray, p: Mapping[str, float]) -> float:
+        """Return the log density (nats) of residuals (n,) for noise parameters p; −∞ if it is not finite."""
+        with np.errstate(all="ignore"):  # a noise model may overflow at extreme scores
+            value = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
+        return value if np.isfinite(value) else -np.inf
+
+    def _line_of(self, p: Mapping[str, float]) -> Line:
+        """Return the motion linearised about its parameters p, by name."""
         motion, slopes = self.motions.with_slopes(p, self._moving_names)
-        return motion[self.part.start :], slopes[:, self.part.start :]
+        at, start = np.array([p[n] for n in self._moving_names]), self.part.start
+        return Line(self.y - motion[start:], slopes[:, start:], at)
 
     @cached_property
     def _moving_names(self) -> tuple[str, ...]:
         return tuple(self.target.names[i] for i in self.target.moving)
-
-    def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the log posterior and its gradient, (d,), at scores z, (d,); `line`: the motion linearised at z.
-
-        If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior.
-        """
-        value = self.log_noise(line.residual, z)
-        if not np.isfinite(value):
-            return -np.inf, self._prior(z)[1]
-        return value + self._prior(z)[0], self._slope(line, z)
-
-    def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient of the log posterior, (d,), at scores z, (d,); `line`: the motion linearised at z."""
-        by_parameters = self._slopes_by_parameters(line.residual, line.slopes, self.target.noise_values(z))
-        return self._prior(z)[1] + self.target.rates(z) * by_parameters

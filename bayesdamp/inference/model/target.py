@@ -227,19 +227,6 @@ class Target(Scores):
             values[name] = value(score, *numbers)
         return values
 
-    def noise_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return the parameters and constants of the noise at scores z, (d,), by name."""
-        values = self._noise_given.copy()
-        for i in self.of_noise.tolist():
-            name, value, numbers = self._maps[i]
-            values[name] = value(float(z[i]), *numbers)
-        return values
-
-    @cached_property
-    def _noise_given(self) -> dict[str, float]:
-        noise = self.noise_model
-        return {n: self._given[n] for n in (*noise.parameters, *noise.constants) if n in self._given}
-
     @cached_property
     def _given(self) -> dict[str, float]:
         return {name: float(value) for name, value in self.known.items()}

@@ -102,28 +102,15 @@ class Sampler(ABC):
         return replace(posterior, summaries=summaries, outcome=outcome)
 
 
-@dataclass(frozen=True)
-class Start:
-    """The start of a chain.
-
-    seed: origin of the point from which it was derived. seed_distance, distance: distances of that point and of the
-    start from the centre of the whitened coordinates (near the mode), in posterior standard deviations.
-    """
-
-    seed: Seed
-    seed_distance: float
-    distance: float
-
-
 def seeded_starts(
     target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
-) -> tuple[np.ndarray, np.ndarray, list[Start]]:
+) -> tuple[np.ndarray, np.ndarray, list[ChainStart]]:
     """Return starting points of chains or walkers, scattered more widely than the posterior.
 
     A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
-    density of the start is too low (`START_NATS`), the seed is moved towards the centre. Seeds that are far from each
-    other come first, so that few chains cover their range; one of the first two is a draw from the prior, if there is
-    one. With deviations from the laws, starts are draws from the posterior of the linearised model instead.
+    density of the start is too low (`START_NATS`), the seed is moved towards the centre. In each step the seed that is
+    farthest from all before it is chosen, so that few chains cover their range. With deviations from the laws, starts
+    are draws from the posterior of the linearised model instead.
 
     Parameters
     ----------
@@ -145,20 +132,29 @@ def seeded_starts(
     log_density : ndarray, shape (count,)
         Log posterior density at the starts: of the whitened coordinates, or of the scores if they are draws of the
         linearised model.
-    starts : list of Start
-        Origin and distances of each start.
+    starts : list of ChainStart
+        Origin and distances of each start; `shift` is nan, see `compare_chains`.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:
         z = mode.linear.draws[rng.choice(len(mode.linear.draws), count, replace=False)]
         u = at.whitened(z)
         away = np.linalg.norm(u, axis=1).tolist()
-        return u, mode.likelihood.log_posteriors(z), [Start(Seed("linear model"), x, x) for x in away]
+        return (
+            u,
+            mode.likelihood.log_posteriors(z),
+            [ChainStart(Seed("linear model"), x, x, np.nan) for x in away],
+        )
     reflected = target.reflected
     given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
-    order = _order_seeds(seeds, [seed.drawn for seed in given])
+    far = np.nan_to_num(np.linalg.norm(seeds, axis=1), nan=-1.0)
+    order: list[int] = []
+    for _ in given:
+        order.append(int(np.argmax(far)))
+        gaps = np.linalg.norm(seeds - seeds[order[-1]], axis=1)
+        far = np.where(np.isin(np.arange(far.size), order), -2.0, np.fmin(far, gaps))
     scatter = START_SCATTER * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
     # Further tries are a small scatter about the centre, and the centre itself.
@@ -178,38 +174,19 @@ def seeded_starts(
     first, each = np.argmax(good, axis=0), np.arange(count)
     u = at.whitened(z[first, each])
     starts = [
-        Start(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
+        ChainStart(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)), np.nan)
         for c, x in zip(chosen, u, strict=True)
     ]
     return u, log_density[first, each], starts
 
 
-def _order_seeds(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
-    """Return indices of seeds in the order in which they are used: those that are far from each other first.
-
-    seeds: whitened coordinates, (m, d). drawn: whether each seed is a draw from the prior. The first seed is the one
-    farthest from the centre that is not a draw from the prior; then comes a draw from the prior; then in each step the
-    seed that is farthest from all before it.
-    """
-    size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
-    prior = [i for i, from_prior in enumerate(drawn) if from_prior]
-    own = [i for i, from_prior in enumerate(drawn) if not from_prior]
-    order = sorted(own, key=lambda i: -size[i])[:1] + prior[:1]
-    rest = [i for i in range(len(drawn)) if i not in order]
-    while rest:
-        gaps = np.linalg.norm(seeds[rest][:, None] - seeds[order][None], axis=2).min(axis=1)
-        farthest = int(np.argmax(np.nan_to_num(gaps, nan=-1.0)))
-        order.append(rest.pop(farthest))
-    return order
-
-
-def compare_chains(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
+def compare_chains(starts: Sequence[ChainStart], draws: np.ndarray) -> tuple[ChainStart, ...]:
     """Describe each chain: its start, and how far its means are from the means over all chains.
 
     Parameters
     ----------
-    starts : sequence of Start
-        Start of each chain.
+    starts : sequence of ChainStart
+        Start of each chain; its `shift` is not used.
     draws : ndarray, shape (chains, draws, d)
         Draws of the d parameters.
 
@@ -221,7 +198,4 @@ def compare_chains(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainSta
     """
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd
-    return tuple(
-        ChainStart(s.seed, s.seed_distance, s.distance, float(v.max()))
-        for s, v in zip(starts, shift, strict=True)
-    )
+    return tuple(replace(s, shift=float(v.max())) for s, v in zip(starts, shift, strict=True))

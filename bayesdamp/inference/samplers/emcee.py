@@ -8,7 +8,7 @@ import emcee
 import numpy as np
 
 from bayesdamp.inference.coordinates.whitening import whitening_of
-from bayesdamp.inference.diagnostics import effective, summarise, verdict
+from bayesdamp.inference.diagnostics import ess_bulk, ess_tail, summarise, verdict
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings, seeded_starts
@@ -86,7 +86,7 @@ class Emcee(Sampler):
         for block in [STEPS_PER_BLOCK] * MOST_BLOCKS if settings.grows else [settings.draws]:
             ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
-            sizes = [effective(v) for v in target.values(at.scores(draws)).values()]
+            sizes = [min(ess_bulk(v), ess_tail(v)) for v in target.values(at.scores(draws)).values()]
             resolved = not any(n < 1100 or n < 50 * len(draws) for n in sizes)
             if resolved:
                 break

@@ -30,20 +30,18 @@ STORED_TIMES = 300
 
 
 @dataclass(frozen=True)
-class OnlineEstimates:
+class FilterPass:
     """Estimates of the k parameters of the motion while a record of n samples goes on.
 
-    Parameters are represented by scores, which have a standard normal prior. means, sds: of the scores after each
-    sample, (n, k); nan from the sample at which the filter diverged. covariance: of the scores after the last sample,
-    (k, k); not finite if the filter diverged.
+    Parameters are represented by scores, which have a standard normal prior. means, covariances: of the scores after
+    each sample, before the truncation at zero, (n, k) and (n, k, k); nan from the sample at which the filter diverged.
     """
 
     means: np.ndarray
-    sds: np.ndarray
-    covariance: np.ndarray
+    covariances: np.ndarray
 
 
-def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
+def filter_online(target: Target, mode: Mode) -> FilterPass:
     """Estimate the k parameters of the motion after each sample, by one pass of an unscented Kalman filter.
 
     The filter starts from the priors. The estimates are nan from the sample at which it diverges.
@@ -75,7 +73,7 @@ def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
     points = np.array([[*u, p["theta0"], p["omega0"]] for u, p in started])
     mean = points.mean(axis=0)
     covariance = (points - mean).T @ (points - mean) / (2 * k)
-    means, sds = np.empty((signal.t.size, k)), np.empty((signal.t.size, k))
+    means, covariances = np.full((signal.t.size, k), np.nan), np.full((signal.t.size, k, k), np.nan)
     for i, (y, gap) in enumerate(zip(signal.y.tolist(), np.r_[0.0, np.diff(signal.t)].tolist(), strict=True)):
         # At first θ and θ̇ are functions of the scores, so the covariance is singular and has no Cholesky factor:
         # sigma points are along the eigenvectors of the correlation matrix.
@@ -91,33 +89,10 @@ def filter_online(target: Target, mode: Mode) -> OnlineEstimates:
         mean = mean + gain * (y - expected)
         covariance = about.T @ about / off.size - variance * np.outer(gain, gain)
         covariance = 0.5 * (covariance + covariance.T)
-        means[i], sds[i] = mean[:k], np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
         if not np.all(np.isfinite(covariance)):
-            means[i:], sds[i:] = np.nan, np.nan
             break
-    return OnlineEstimates(means, sds, covariance[:k, :k])
-
-
-@dataclass(frozen=True)
-class LastPass:
-    """The last of the passes of the repeated filter over the record, in which its final mean converged.
-
-    It estimates the k parameters on which the motion depends, as scores (parameters with a standard normal prior).
-
-    Attributes
-    ----------
-    means, covariances : ndarray, shapes (n, k) and (n, k, k)
-        Mean and covariance of the scores after each of the n samples of the record, before the truncation at zero.
-    final : TruncatedNormal
-        Distribution of the scores after the last sample; coefficients that cannot be negative are truncated at zero.
-    passes : int
-        Number of passes until the final mean converged.
-    """
-
-    means: np.ndarray
-    covariances: np.ndarray
-    final: TruncatedNormal
-    passes: int
+        means[i], covariances[i] = mean[:k], covariance[:k, :k]
+    return FilterPass(means, covariances)
 
 
 class Kalman(Sampler):
@@ -156,35 +131,36 @@ class Kalman(Sampler):
                 f"kalman assumes independent, normal noise, but the noise model is {target.noise}; use nuts"
             )
         online = filter_online(target, mode)
-        last = _repeat(target, mode, online)
+        last, passes = _repeat(target, mode, online)
         index = target.moving
+        final = TruncatedNormal(last.means[-1], last.covariances[-1], target.reflected[index])
         rng = np.random.default_rng(settings.seed)
         n = settings.chains * settings.draws
         sd = 1.0 / np.sqrt(np.diag(mode.information))
         white = rng.standard_normal((n, mode.z.size))
         z, log_density = mode.z + white * sd, -0.5 * white**2
-        z[:, index] = last.final.draw(rng, n)
-        log_density = np.delete(log_density, index, axis=1).sum(axis=1) + last.final.log_density(z[:, index])
+        z[:, index] = final.draw(rng, n)
+        log_density = np.delete(log_density, index, axis=1).sum(axis=1) + final.log_density(z[:, index])
         names = tuple(target.names[i] for i in index)
-        passes = {"passes": last.passes}
-        posterior = approximate_posterior(self.name, target, mode, z, log_density, settings, more=passes)
+        more = {"passes": passes}
+        posterior = approximate_posterior(self.name, target, mode, z, log_density, settings, more=more)
         # Running means and sds in natural units, (m, k); each coefficient is truncated at zero separately.
         at = np.unique(np.linspace(0, target.signal.t.size - 1, STORED_TIMES).astype(int))
-        sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
         arrays = {"running/t": target.signal.t[at]}
-        for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
-            pairs = [
-                natural_moments(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)
-            ]
+        for label, result in (("online", online), ("restarted", last)):
+            means = result.means[at]
+            sds = np.sqrt(np.maximum(np.diagonal(result.covariances[at], axis1=1, axis2=2), 0.0))
+            pairs = [natural_moments(target.priors[n], means[:, i], sds[:, i]) for i, n in enumerate(names)]
             arrays[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
             arrays[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
         return replace(posterior, running=names, arrays=arrays)
 
 
-def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
-    """Repeat the filter over the record from the priors until its final mean converges; return the last pass.
+def _repeat(target: Target, mode: Mode, online: FilterPass) -> tuple[FilterPass, int]:
+    """Repeat the filter over the record from the priors until its final mean converges.
 
-    online: estimates of the first pass, about whose result the sigma points of the next pass are. Raises Refusal if the
+    Returns the last pass, and the number of passes. online: estimates of the first pass, about whose result the sigma
+    points of the next pass are. Raises Refusal if the
     first pass diverged, if a motion is unbounded, or if the filter does not converge in `MOST_PASSES`.
     """
     index = target.moving
@@ -196,9 +172,9 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
     prior = np.diag(np.where(target.shared[index], scale**-2.0, 1.0))
     # The first pass may end at a negative value of a reflected score, which is equivalent.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
-    if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
+    if not np.all(np.diag(online.covariances[-1]) > 0):
         raise Refusal("the Kalman filter diverged in its first pass: its covariance is no longer positive")
-    now = TruncatedNormal(side * online.means[-1], side[:, None] * online.covariance * side, reflected)
+    now = TruncatedNormal(side * online.means[-1], side[:, None] * online.covariances[-1] * side, reflected)
     for passes in range(1, MOST_PASSES + 1):
         mean, factor = now.moments
         points = np.tile(mode.z, (2 * k + 1, 1))
@@ -221,7 +197,7 @@ def _repeat(target: Target, mode: Mode, online: OnlineEstimates) -> LastPass:
         now = TruncatedNormal(means[-1], covariances[-1], reflected)
         new, width = now.moments
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED_SDS:
-            return LastPass(means, covariances, now, passes)
+            return FilterPass(means, covariances), passes
     raise Refusal(f"the repeated Kalman filter did not converge in {MOST_PASSES} passes; use nuts")
 
 

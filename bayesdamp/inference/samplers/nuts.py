@@ -11,13 +11,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import Whitening, shear_of, whitening_of, whitening_under
+from bayesdamp.inference.coordinates.whitening import (
+    Whitening,
+    shear_of,
+    slope_along,
+    slope_at,
+    whitening_of,
+    whitening_under,
+)
 from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Sampler, Settings, Start, compare_chains, seeded_starts
-from bayesdamp.types import OK, Posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, compare_chains, seeded_starts
+from bayesdamp.types import OK, ChainStart, Posterior
 
 MOST_DOUBLINGS = 7
 """Greatest number of times that a trajectory is doubled; it then has at most 2⁷ points."""
@@ -36,9 +43,10 @@ steps, or with the exact gradient (conventional)."""
 MOST_DIVERGENT = 0.002
 """If a larger fraction of the transitions diverges, sampling is repeated. (The outcome reports divergences only above 1
 %.)"""
-STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)
-"""If the draws are poor (`is_poor`), sampling is repeated with the exact gradient and a step of `LEAPFROG_STEP` times
-each of these factors in turn, until the draws are good (conventional)."""
+ATTEMPTS = ((False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125))
+"""If the draws are poor (`is_poor`), sampling is repeated, until they are good: with the exact gradient or not, and
+with a step of `LEAPFROG_STEP` times a factor (conventional). If the gradient is exact already, the first two are left
+out."""
 MOST_DRAWS_FACTOR = 3
 """If the draws are too few, more are made, until they suffice or each chain has this multiple of the requested
 number."""
@@ -89,18 +97,11 @@ class WhitenedPosterior:
         The gradient for the linearised motion is corrected by the curvature that this motion lacks
         (`Whitening.lacking`).
         """
-        at, shear = self.at, self.at.shear
-        away = at.factor @ u
+        at, shear, away = self.at, self.at.shear, self.at.factor @ u
         if self.line is None:
-            straight = at.centre + away
-            gradient = self.likelihood.gradient(shear.scores(straight))[1] @ shear.slope(straight)
-            gradient = gradient + shear.volume_slope(straight)
-        else:
-            # The linearised motion needs no straightening of a ridge: only the map of the noise scores applies.
-            level = shear.level(at.centre) + away
-            along = self.likelihood.gradient_along(self.line, shear.noise.scores(level))
-            gradient = along @ shear.noise.slope(level) + shear.noise.volume_slope(level) - at.lacking @ away
-        return gradient @ at.factor
+            return slope_at(self.likelihood, shear, at.centre + away) @ at.factor
+        along = slope_along(self.likelihood, self.line, shear.noise, shear.level(at.centre) + away)
+        return (along - at.lacking @ away) @ at.factor
 
 
 @dataclass(frozen=True)
@@ -290,7 +291,7 @@ class ChainRun:
         Whether the force is the exact gradient.
     warmup : int
         Number of first draws of each chain that are discarded.
-    starts : list of Start
+    starts : list of ChainStart
         Start of each chain.
     chains : list of Chain
         The chains.
@@ -302,7 +303,7 @@ class ChainRun:
     at: Whitening
     exact: bool
     warmup: int
-    starts: list[Start]
+    starts: list[ChainStart]
     chains: list[Chain]
     results: tuple[np.ndarray, ...]
 
@@ -422,21 +423,15 @@ class Nuts(Sampler):
         poor convergence and divergences, but not a low acceptance.
         """
         at = whitening_of(target, mode)
-        run, posterior = self._extend(mode, settings, self.run_chains(mode, at, settings, not at.good))
-        if posterior.outcome != OK or is_poor(posterior):
-            ridge = shear_of(target, mode)
-            if ridge is not None:
-                at = whitening_of(target, mode, ridge)
-                run, posterior = self._extend(
-                    mode, settings, self.run_chains(mode, at, settings, not at.good)
-                )
+        run, posterior = self._run(mode, at, settings, not at.good)
+        if (posterior.outcome != OK or is_poor(posterior)) and (ridge := shear_of(target, mode)) is not None:
+            at = whitening_of(target, mode, ridge)
+            run, posterior = self._run(mode, at, settings, not at.good)
         # Shorter steps can help with the cheap force too, so they are tried before the exact gradient.
-        others = [(True, factor) for factor in STEP_FACTORS]
-        for exact, factor in others[1:] if run.exact else [(False, 0.5), *others]:
+        for exact, factor in ATTEMPTS[2:] if run.exact else ATTEMPTS:
             if not is_poor(posterior):
                 break
-            again = self.run_chains(mode, run.at, settings, exact, factor)
-            run, posterior = self._extend(mode, settings, again)
+            run, posterior = self._run(mode, at, settings, exact, factor)
         return posterior
 
     def run_chains(
@@ -481,11 +476,15 @@ class Nuts(Sampler):
         ]
         return ChainRun(at, exact, warmup, starts, chains, tuple(map(np.stack, zip(*results, strict=True))))
 
-    def _extend(self, mode: Mode, settings: Settings, run: ChainRun) -> tuple[ChainRun, Posterior]:
-        """Add draws to a run while they are too few but not poor; return the run and its posterior.
+    def _run(
+        self, mode: Mode, at: Whitening, settings: Settings, exact: bool, factor: float = 1.0
+    ) -> tuple[ChainRun, Posterior]:
+        """Run chains as `run_chains` does, and add draws while they are too few but not poor.
 
         At most about `MOST_DRAWS_FACTOR` times the requested number is made, and none is added unless `settings.grows`.
+        Returns the run and its posterior.
         """
+        run = self.run_chains(mode, at, settings, exact, factor)
         posterior, count = run.posterior(mode), run.results[0].shape[1]
         most = MOST_DRAWS_FACTOR * settings.draws if settings.grows else settings.draws
         while posterior.outcome != OK and not is_poor(posterior) and run.draws < most:

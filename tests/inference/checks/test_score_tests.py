@@ -139,7 +139,7 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     target, mode = fitted(form, share * largest)
     scale = FORCE_SCALE * 2 * float(target.values(mode.z)["zeta"]) * V
     target = replace(target, known={**target.known, "noise_sd": noise})
-    mode = replace(mode, likelihood=Likelihood.near(target, mode.z, mode.tolerance))
+    mode = replace(mode, likelihood=Likelihood.near(target, mode.z, mode.likelihood.tolerance))
     left = mode.likelihood.residual(mode.z) / noise
     drawn = np.random.default_rng([15, form]).standard_normal(TIMES.size)
     absorbed = orthonormal(tangents(target, mode).T)

@@ -1,4 +1,4 @@
-"""Evidence against quadrature over the natural parameters, with a likelihood by other means, and closed forms."""
+"""Evidence against quadrature over the natural parameters, with a likelihood by other means."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from tests.inference.evidence.weighing_problems import (
     CASES,
     LIMIT,
     exact_draws,
-    line,
     posterior_grid,
     problem,
     quadrature,
@@ -60,16 +59,6 @@ def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     assert abs(result.log_evidence - quadrature(case)) < LIMIT
     reflected = int(np.sum(target.reflected))
     assert abs(result.log_evidence - reflected * np.log(2.0) - quadrature(case)) > LIMIT
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_against_the_closed_form(method):
-    target, mode, exact, mean, covariance = line()
-    rng = np.random.default_rng(1)
-    draws = Draws(rng.multivariate_normal(mean, covariance, (4, 1000)))
-    result = EVIDENCES.get(method).evidence("model", target, mode, 1, draws)
-    assert result.outcome == "ok", result
-    assert abs(result.log_evidence - exact) < LIMIT
 
 
 @pytest.mark.parametrize("method", METHODS)

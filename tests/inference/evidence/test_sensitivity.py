@@ -96,7 +96,9 @@ def test_the_first_half_against_quadrature():
 def test_density_at_zero_of_cut_off_normals(mean):
     """Twenty samples each: their mean within 4 of its errors (6e-5), their scatter as stated (99.9 % of chi²/19)."""
     law, rng = truncnorm(-mean, np.inf, loc=mean), np.random.default_rng(5)
-    drawn = np.array([density_at_zero(law.rvs(4000, random_state=rng), 4000.0) for _ in range(20)])
+    drawn = np.array(
+        [density_at_zero(law.rvs(4000, random_state=rng), 4000.0, np.ones(4000)) for _ in range(20)]
+    )
     off = drawn[:, 0] - law.logpdf(0.0)
     assert abs(off.mean()) < 4 * drawn[:, 1].mean() / np.sqrt(20)
     assert 0.28 < np.var(off, ddof=1) / np.mean(drawn[:, 1] ** 2) < 2.4

@@ -6,14 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.special import gammainc, gammaln, logsumexp
-from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal, Normal, SharedHalfNormal
+from bayesdamp.priors import HalfNormal, LogNormal, SharedHalfNormal
 from bayesdamp.types import Seed, Signal
 
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
@@ -143,32 +142,3 @@ def exact_draws(case: str, seed: int, chains: int = 4, count: int = 1000) -> Dra
         columns.append(walls[i] + rng.uniform(size=i.size) * (walls[i + 1] - walls[i]))
     target, _ = problem(case)
     return Draws.of(target, np.stack(columns, axis=-1).reshape(chains, count, -1))
-
-
-LINE_PRIORS = {
-    "rest_angle": Normal(mean=0.02, sd=0.1),
-    "theta0": Normal(mean=0.25, sd=0.2),
-    "omega0": Normal(mean=0.0, sd=0.8),
-}
-
-
-@lru_cache
-def line() -> tuple[Target, Mode, float, np.ndarray, np.ndarray]:
-    """A linear oscillator whose damping is known: linear in its start and its rest angle, with normal priors. The
-    target, its mode, the log evidence in closed form, and mean and covariance of the posterior in scores."""
-    zeta, k, sd = 0.3, 20.0, 0.02
-    w = np.sqrt(k - zeta**2)
-    decay = np.exp(-zeta * TIMES)
-    cosine = decay * (np.cos(w * TIMES) + zeta / w * np.sin(w * TIMES))
-    design = np.stack([1 - cosine, cosine, decay * np.sin(w * TIMES) / w], axis=-1)
-    y = design @ [0.03, 0.3, 0.1] + sd * np.random.default_rng(8).standard_normal(TIMES.size)
-    centre = np.array([p.mean for p in LINE_PRIORS.values()])
-    scale = np.diag([p.sd for p in LINE_PRIORS.values()])
-    spread = design @ scale
-    covariance = spread @ spread.T + sd**2 * np.eye(TIMES.size)
-    log_evidence = float(multivariate_normal(design @ centre, covariance).logpdf(y))
-    known = {"zeta": zeta, "stiffness": k, "noise_sd": sd}
-    target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", LINE_PRIORS, known)
-    mode = find_mode(target, {Seed("s"): {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}}, noise_level=sd)
-    inside = np.linalg.inv(spread.T @ spread / sd**2 + np.eye(3))
-    return target, mode, log_evidence, inside @ spread.T @ (y - design @ centre) / sd**2, inside

@@ -20,21 +20,12 @@ KNOWN = {"stiffness": 20.0, "rest_angle": 0.0}
 SD = 0.004
 
 
-def noise(kind: str, rng: np.random.Generator) -> np.ndarray:
-    e = SD * rng.standard_normal(TIMES.size)
-    if kind == "student_t":
-        return SD * rng.standard_t(2.5, TIMES.size)
-    if kind == "correlated":
-        rho = np.exp(-TIMES[1] / 0.1)
-        for i in range(1, e.size):
-            e[i] = rho * e[i - 1] + np.sqrt(1 - rho**2) * e[i]
-    return e
-
-
 def weighed(kind: str) -> SampleNoise:
     p = {**KNOWN, "epsilon": 0.02, "zeta": 0.05, "mu_q": 0.2, "theta0": 0.3, "omega0": 0.0}
     osc = Oscillator(("viscous", "quadratic"), "linear")
-    y = simulate(osc, p, TIMES) + noise(kind, np.random.default_rng(21))
+    values = {"noise_sd": SD, "noise_dof": 2.5, "noise_time": 0.1}
+    model = NOISES.get("gaussian" if kind == "quantised" else kind)
+    y = simulate(osc, p, TIMES) + model.draw(np.random.default_rng(21), np.diff(TIMES), values)
     if kind == "quantised":
         y = 5 * SD * np.round(y / (5 * SD))
     data = prepare_data(Signal(TIMES, y, step=recording_step(y)))

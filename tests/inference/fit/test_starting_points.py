@@ -9,11 +9,11 @@ import pytest
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Start, compare_chains
+from bayesdamp.inference.samplers._sampler import compare_chains
 from bayesdamp.inference.search import find_mode, group_searches
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Seed, Signal
+from bayesdamp.types import ChainStart, Seed, Signal
 
 STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
 ALIAS = 2 * np.pi / STEP - FREQUENCY
@@ -66,7 +66,7 @@ def test_without_aliasing_the_other_mode_is_far_below():
 def test_a_chain_that_stays_apart_is_seen():
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((4, 1000, 2))
-    starts = [Start(Seed(f"seed {i}"), 3.0, 2.0) for i in range(4)]
+    starts = [ChainStart(Seed(f"seed {i}"), 3.0, 2.0, np.nan) for i in range(4)]
     assert all(row.shift < 0.15 for row in compare_chains(starts, draws))
     draws[2] += 3.0
     shifts = [row.shift for row in compare_chains(starts, draws)]
