@@ -38,13 +38,6 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{_signed(f'{value / 10.0**power:.{digits - 1}f}')}{_times_ten(power)}"
 
 
-def short(error: float) -> str:
-    """Return an error as `number(error, 2)` does; if it is below 1e-4 but not 0, with one digit, as "3e−5"."""
-    if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
-        return number(error, 2)
-    return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
-
-
 def fixed_decimals(value: float, places: int) -> str:
     """Return a number with `places` decimals; NaN and infinity as `number` returns them."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
@@ -260,17 +253,14 @@ class Table:
     """A table of text cells, which can be shown as HTML, plain text or on the terminal.
 
     headers, lines: cells of the header, and of each row. caption: text above the table. left: indices of the columns
-    that contain text (aligned to the left); the others contain numbers. groups: cells of a row above the headers, each
-    with the number of columns that it spans. foot: the same for a row below, which stays there if the table is sorted.
-    notes: sentences below the table.
+    that contain text (aligned to the left); the others contain numbers. notes:
+    sentences below the table.
     """
 
     headers: Sequence[str] = ()
     lines: Sequence[Sequence[str]] = ()
     left: Iterable[int] = (0,)
     caption: str = ""
-    groups: Sequence[tuple[str, int]] = ()
-    foot: Sequence[tuple[str, int]] = ()
     notes: Sequence[str] = ()
 
     @classmethod
@@ -296,26 +286,21 @@ class Table:
         Text is escaped, and indices of symbols are subscripts (see `symbols`).
         """
         text = set(self.left)
-        groups = "".join(f'<th class="g" colspan="{n}">{symbols(cell)}</th>' for cell, n in self.groups)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))
-        head = f"{f'<tr>{groups}</tr>' if groups else ''}<tr>{head}</tr>"
         body = []
         for line in self.lines:
             kind = getattr(line, "kind", "")
             cells = (f"<td{_look(i in text, cell)}>{symbols(cell)}</td>" for i, cell in enumerate(line))
             body.append(f"<tr{f' class={chr(34)}{kind}{chr(34)}' if kind else ''}>{''.join(cells)}</tr>\n")
-        foot = "".join(
-            f'<td class="{"g" if i else "t"}" colspan="{n}">{symbols(cell)}</td>'
-            for i, (cell, n) in enumerate(self.foot)
-        )
-        foot = f'<tfoot><tr class="best">{foot}</tr></tfoot>' if foot else ""
         caption = f'<p class="caption">{symbols(self.caption)}</p>\n' if self.caption else ""
-        grid = f"<table><thead>{head}</thead><tbody>\n{''.join(body)}</tbody>{foot}</table>" if body else ""
+        grid = (
+            f"<table><thead><tr>{head}</tr></thead><tbody>\n{''.join(body)}</tbody></table>" if body else ""
+        )
         notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
     def text(self) -> str:
-        """Return the table as plain text: caption, header, lines and notes; `groups` and `foot` are left out."""
+        """Return the table as plain text: caption, header, lines and notes."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines = []
@@ -326,7 +311,7 @@ class Table:
         return "\n".join([self.caption, *lines, *self.notes])
 
     def rich(self, **look: object) -> RichTable:
-        """Return the headers and lines for the terminal, without caption, groups, foot and notes.
+        """Return the headers and lines for the terminal, without caption and notes.
 
         look: options of `rich.table.Table`.
         """

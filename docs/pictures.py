@@ -137,9 +137,10 @@ def in_noise(root: Path) -> Figure:
 
 
 def beside_posterior(root: Path) -> Figure:
-    """The eleven against the posterior, from the report of studies/paper.toml."""
+    """The eleven against the posteriors of the noisy records, from the report of studies/paper.toml."""
     run = RunFolder(root / "reports" / "paper")
-    return estimate_panels([one for made in true_models(run).items() for one in estimates_of(run, *made)], 3)
+    estimates = [e for simulated in true_models(run).items() for e in estimates_of(run, *simulated)]
+    return estimate_panels([e for e in estimates if e.posterior], 3)
 
 
 def write(root: Path) -> None:

@@ -226,20 +226,14 @@ class Drawings:
             caption, width, round(LEAST_SCALE * width), caption,
         )  # fmt: skip
 
-    def show(self, name: str, caption: str, png: bytes, embed: bool) -> Markup:
-        """Save a figure that is already a PNG, and return the HTML that shows it.
-
-        `name` is the name of the file, without its ending; without a folder no file is written. `embed`: whether the
-        HTML contains the figure; otherwise it links to the file. Without a folder it always contains the figure.
-        """
-        source = f"figures/{name}.png"
+    def show(self, name: str, caption: str, png: bytes) -> Markup:
+        """Return the HTML that shows a figure that is already a PNG; save it as `name`.png if there is a folder."""
         if self.folder is not None:
             write_bytes(self.folder / f"{name}.png", png)
-        if embed or self.folder is None:
-            source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
         self.names.append(name)
-        picture = Markup('<img loading="lazy" src="{}" alt="{}">').format(source, caption)
-        return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(picture, caption)
+        return Markup(
+            '<figure><img loading="lazy" src="data:image/png;base64,{}" alt="{}"><figcaption>{}</figcaption></figure>'
+        ).format(base64.b64encode(png).decode(), caption, caption)
 
 
 def _encode(figure: Figure) -> tuple[bytes, bytes]:

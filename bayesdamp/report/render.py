@@ -70,7 +70,7 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
     `pool` is as in `render`; it is not used if the user has added plug-ins, which exist in this process only.
     """
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
-    sections.sort(key=lambda section: section.place(run))
+    sections.sort(key=lambda section: section.order)
     names = [section.name for section in sections]
     if pool is None or has_added_plugins():  # a user's own section exists in this process only
         bodies = [_section(run, name) for name in names]

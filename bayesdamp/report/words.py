@@ -42,10 +42,13 @@ def symbol(parameter: str) -> Symbol:
 
 def axis(parameter: str, units: str) -> str:
     """Return a figure's axis label: the symbol of a parameter, and its unit `units` if this is not empty."""
-    label, raised = symbol(parameter).math, unit(units)
-    if not raised:
-        return label
-    return f"{label} / ({raised})" if "/" in raised else f"{label} / {raised}"
+    label = symbol(parameter).math
+    return f"{label} / {divisor(unit(units))}" if units else label
+
+
+def divisor(unit: str) -> str:
+    """Return a unit as it is written after a slash: in brackets if it contains a slash itself."""
+    return f"({unit})" if "/" in unit else unit
 
 
 _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}

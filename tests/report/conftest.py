@@ -151,7 +151,6 @@ class RunMaker:
         if kind == "bench":  # held before, and at rest at last
             raw = np.concatenate([np.full(520, y[0]), y, np.full(1300, 0.0088)])
             arrays |= {"raw_t": np.arange(raw.size) / 260.0, "raw_y": raw}
-            meta["provenance"] = {"start": 2.0, "stop": 21.23}
         self.put(f"signal/{signal}/{repeat}", meta, arrays)
         return t, y
 
@@ -244,9 +243,10 @@ class RunMaker:
             self.put(f"evidence/{path}/{method}", {}, {})
 
     def info(self) -> dict:
-        note = {"epsilon_note": "ε was not given: 2 % of the peak velocity, 0.25 rad/s."}
+        note = "ε was not given: 2 % of the peak velocity, 0.25 rad/s."
+        cut = {"start": 2.0, "stop": 21.23, "epsilon_note": note}
         about = {
-            "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **note},
+            "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **cut},
             "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
         }
         free = {"free": {"noise_sd": None}}

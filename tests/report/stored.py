@@ -109,8 +109,7 @@ def of_large_type(v: Any, unit: float) -> dict[str, float]:
     return first | named("ratio", place | sized(r, 100)) | named("Q", place | quality(r))
 
 
-def of_answer_table(f: Folder, signal: str, i: int, cells: dict[str, str]) -> dict[str, Stored]:
-    v = f.verdicts[signal]
+def of_answer_table(v: Any, signal: str, i: int, cells: dict[str, str]) -> dict[str, Stored]:
     if "amplitude" in cells:
         return of_ratio(v["damping_ratio"][i], UNIT[signal])
     if "restoring law" in cells:
@@ -120,22 +119,9 @@ def of_answer_table(f: Folder, signal: str, i: int, cells: dict[str, str]) -> di
             "log Bayes factor": {"": log - best}, "log Bayes factor under exact laws": {"": exact - best_exact},
         }  # fmt: skip
         return {**shown, f"rms residual, {'deg' if signal == 'bench' else 'rad'}": {"": rms * UNIT[signal]}}
-    name = PARAMETER[cells.get("parameter") or cells["coefficient"]]
-    own = next((a for a in v["coefficients"] if a["name"] == name), None)
-    if "parameter" in cells:
-        sds = {f"sd from {a}": {"": own[b]} for a, b in (("noise", "sd_noise"), ("the law", "sd_law"))}
-        return {"value (95 %)": sized(own), **sds, "unit": own["unit"]}
-    at = {"signal": signal, "repeat": 0, "model": v["damping"], "parameter": name}
-    fits = f.rows("estimates", **at, stage="refined", outcome="ok").value
-    stored: dict[str, Stored] = {
-        "answer (95 %)": sized(own) if own else {},
-        "truth": {"": f.truth(signal, name)},
-    }
-    for sampler in ("nuts", "emcee"):
-        r = f.row("posteriors", **at, sampler=sampler)
-        size = {"value": r["median"], "low": r["q2.5"], "high": r["q97.5"]}
-        stored |= {f"{words.method(sampler)} (95 %)": size, "unit": r["unit"]}
-    return {**stored, "trajectory fits": {"least": fits.min(), "largest": fits.max(), "count": len(fits)}}
+    own = next(a for a in v["coefficients"] if a["name"] == PARAMETER[cells["parameter"]])
+    sds = {f"sd from {a}": {"": own[b]} for a, b in (("noise", "sd_noise"), ("the law", "sd_law"))}
+    return {"value (95 %)": sized(own), **sds, "unit": own["unit"]}
 
 
 def of_posterior(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
@@ -205,5 +191,5 @@ OF_SECTION = {
     "evidence": ("method", of_evidence), "fit_quality": ("rms residual", of_fit),
 }  # fmt: skip
 """A header of each section's table of a CSV file, and the stored numbers of its rows."""
-KIND = {"amplitude": "ratio", "parameter": "coefficient", "coefficient": "summary", "damping": "candidate"}
+KIND = {"amplitude": "ratio", "parameter": "coefficient", "damping": "candidate"}
 """What an answer's table has in its rows, by its first header."""

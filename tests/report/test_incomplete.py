@@ -44,12 +44,11 @@ def refused(folder: Path) -> None:
 
 
 SPOILED: list[tuple[Callable[[Path], None], str]] = [
-    (without("estimate", "estimates"), "No estimator ran in this study."),
     (without("evidence", "evidence"), "No verdict on the damping: no evidence was computed."),
     (without("signal"), "The samples of this record are not stored with the run; run the study again."),
     (
         without("posterior estimate evidence mode", "estimates", "posteriors", "evidence", "fits"),
-        "Nothing was computed for this signal.",
+        "No verdict on the damping: nothing was computed for this signal.",
     ),
     (cut_off, "No fit of viscous is stored."),
     (refused, "No fit of viscous: not applicable: a record without noise"),

@@ -40,14 +40,14 @@ def compare_page(c: Comparison, folder: Path) -> None:
     f, of_answers, counts = expected.Folder(folder), expected.Folder(folder), Counter[tuple[str, str]]()
     for table in page.tables:
         (section, signal), headers = table.path[:2], table.headers
-        names = [re.sub(r"^under | \(repeat.*", "", name.lower()) for name in table.path[2:]]
+        names = [name.lower() for name in table.path[2:]]
         model = next((MODEL[name] for name in reversed(names) if name in MODEL), None)
         for i, line in enumerate(table.rows):
             cells = dict(zip(headers, line, strict=True))
             at = {"signal": signal, "repeat": int(cells.get("repeat", 1)) - 1}
             at["model"] = model or MODEL.get(cells.get("model", "").lower())
             if section == "answer":
-                stored = expected.of_answer_table(of_answers, signal, i, cells)
+                stored = expected.of_answer_table(f.verdicts[signal], signal, i, cells)
             elif section == "overview":
                 stored = expected.of_overview(f.verdicts[cells["record"]], UNIT[cells["record"]])
             elif section in expected.OF_SECTION and expected.OF_SECTION[section][0] in headers:
@@ -67,7 +67,7 @@ def compare_page(c: Comparison, folder: Path) -> None:
         by["answer"] = v["probability"] / (v["probability"] + v["rivals"][0]["probability"])
         c.check("check of the probability", next(t for _, t in own if t.startswith("Probability of")), by)
         rows = {"ratio": len(v["damping_ratio"]), "coefficient": len(v["coefficients"]), "candidate": 2}
-        for kind, count in {**rows, "summary": v["damping"].count("+") + 1}.items():
+        for kind, count in rows.items():
             c.mark(f"{kind}: rows", counts[signal, kind] == count, f"{counts[signal, kind]} of {signal}")
     c.mark("overview: rows", counts["", "overview"] == len(f.verdicts), str(counts))
     for name, rows in f.tables.items():
@@ -151,7 +151,7 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
         r"(?!posteriors|.*(coulomb|viscous) ).* low"),
     "error halved": (
         (f"{SECTIONS}.estimates._table",),
-        lambda f: lambda *of: f(*of[:3], [{**r, "error_pct": r["error_pct"] / 2} for r in of[3]], of[4]),
+        lambda f: lambda *of: f(*of[:3], [{**r, "error_pct": r["error_pct"] / 2} for r in of[3]]),
         r"estimates, error.*: (least|largest|)"),
     "noise and law swapped": (
         (f"{ANSWER}.answer_of",), lambda f: lambda *place: swapped(f(*place)),

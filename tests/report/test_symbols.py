@@ -38,10 +38,8 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
 
 def test_indices_are_set_and_marks_of_html_stay_text():
     """In every cell of a table; a record's name may be any."""
-    table = Table(
-        ["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)]
-    )
+    table = Table(["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", notes=["<s>"])
     shown = table.__html__()
     for text in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
         assert text in shown
-    assert not [mark for mark in ("<i>", "<b>", "<u>", "<s>", "<q>") if mark in shown]
+    assert not [mark for mark in ("<i>", "<b>", "<u>", "<s>") if mark in shown]

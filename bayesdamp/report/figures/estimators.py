@@ -26,8 +26,9 @@ interval; the interval then fills the middle third of the axis. The axis is long
 HALF_AXIS_ALONE = 0.06
 """Half the length of the axis of a coefficient in `estimate_panels` if there is no posterior, as a fraction of the true
 value or of the median estimate."""
-ROW, ROW_PUBLISHED = 0.31, 0.40
-"""Height in inches of the row of a method in `estimate_panels`: without and with a mark for the published error."""
+ROW, APART = 0.31, 0.15
+"""Height in inches of the row of a method in `estimate_panels`, and the distance of its two marks from the middle of
+the row, as a fraction of the height."""
 _MARKS = "osD^vP*Xph<>"
 LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
 """Limits in per cent to which `sweep` clips errors."""
@@ -72,10 +73,9 @@ def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MO
     """
     abreast = min(abreast, len(estimates))
     methods = list(dict.fromkeys(m for e in estimates for m in e.methods))
-    published = any(e.published for e in estimates)
-    height = (ROW_PUBLISHED if published else ROW) * len(methods) + 0.85
     rows = -(-len(estimates) // abreast)
-    figure = Figure(figsize=(WIDTH if abreast > 1 else SINGLE_WIDTH, rows * height + 0.45))
+    height = rows * (ROW * len(methods) + 0.85) + 0.45
+    figure = Figure(figsize=(WIDTH if abreast > 1 else SINGLE_WIDTH, height))
     axes = list(figure.subplots(rows, abreast, sharey=True, squeeze=False).flat)
     for spare in axes[len(estimates) :]:
         spare.set_visible(False)
@@ -87,8 +87,6 @@ def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MO
         Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),
         Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label=words.stage("refined")),
     ]
-    if published:
-        handles.append(Line2D([], [], ls="", marker="|", ms=8, mec=INK, mew=1.2, label="published error"))
     if any(e.posterior for e in estimates):
         handles.append(Patch(color=shade, alpha=0.25, lw=0, label="posterior, 95 %"))
     if any(np.isfinite(e.truth) for e in estimates):
@@ -115,33 +113,21 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
     if np.isfinite(e.truth):
         ax.axvline(e.truth, color=INK, lw=0.9, ls=(0, (2, 2)))
 
-    def off_axis(text: str, left: bool, y: float) -> None:
-        ax.annotate(
-            f"◂ {text}" if left else f"{text} ▸",
-            (0.0 if left else 1.0, y),
-            xycoords=("axes fraction", "data"),
-            ha="left" if left else "right",
-            va="center",
-            fontsize=7,
-            color=MUTED,
-        )
-
-    apart = 0.26 if e.published else 0.15
     for row, method in enumerate(methods):
         ax.axhline(row, color=FAINT, lw=0.5, zorder=0.1)
         own, refined = e.own.get(method, np.nan), e.refined.get(method, np.nan)
-        marks = [(own, "white", -apart), (refined, shade, 0.0 if e.published else apart)]
-        for value, face, shift in marks:
+        for value, face, y in ((own, "white", row - APART), (refined, shade, row + APART)):
             if low <= value <= high:
-                ax.plot(value, row + shift, "o", ms=4.4, mfc=face, mec=shade, mew=1.0)
+                ax.plot(value, y, "o", ms=4.4, mfc=face, mec=shade, mew=1.0)
             elif np.isfinite(value):
-                off_axis(fmt.number(value, 3), value < low, row + shift)
-        error = e.published.get(method, np.nan)
-        ends = [e.truth * (1 + sign * error / 100) for sign in (-1, 1)]
-        if low <= ends[0] and ends[1] <= high:
-            ax.plot(ends, [row + apart] * 2, "|", ms=7, mec=INK, mew=1.2)
-        elif np.isfinite(error):
-            off_axis(f"published ± {error:g} %", False, row + apart)
+                left = value < low
+                text = f"◂ {fmt.number(value, 3)}" if left else f"{fmt.number(value, 3)} ▸"
+                at = {
+                    "xycoords": ("axes fraction", "data"),
+                    "ha": "left" if left else "right",
+                    "va": "center",
+                }
+                ax.annotate(text, (0.0 if left else 1.0, y), fontsize=7, color=MUTED, **at)
     ax.set(
         xlim=(low, high),
         ylim=(len(methods) - 0.4, -0.6),
@@ -151,19 +137,6 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
-
-
-def eigenvalues(real: Sequence[float], imaginary: Sequence[float], model: str) -> Figure:
-    """Draw the eigenvalues of a Koopman generator: real parts in 1/s, imaginary parts in rad/s."""
-    figure = Figure(figsize=(4.6, 2.5))
-    ax = figure.add_subplot()
-    ax.axvline(0, color=FAINT, lw=0.8, zorder=0.5)
-    ax.axhline(0, color=FAINT, lw=0.8, zorder=0.5)
-    ax.plot(real, imaginary, "x", ms=6, mew=1.4, color=colour(model))
-    ax.set(xlabel="real part / (1/s)", ylabel="imaginary part / (rad/s)")
-    reach = 1.15 * max((abs(x) for x in real), default=1.0) or 1.0
-    ax.set_xlim(-reach, reach)
-    return figure
 
 
 def force(

@@ -213,10 +213,8 @@ def _legend(figure: Figure, handles: Sequence[Artist], truth: Mapping[str, float
 
 def draw_running_estimates(
     model: str,
-    names: Sequence[str],
     t: np.ndarray,
-    last: Mapping[str, tuple[np.ndarray, np.ndarray]],
-    first: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    estimates: Mapping[str, Sequence[np.ndarray]],
     units: Mapping[str, str],
     truth: Mapping[str, float],
 ) -> Figure:
@@ -224,23 +222,23 @@ def draw_running_estimates(
 
     Parameters
     ----------
-    model, names
-        Name of the model, and of its damping coefficients.
+    model
+        Name of the model.
     t
         Times in s, (n,).
-    last, first
-        Mean and sd of each coefficient at each time, (n,) each. The filter goes over the record several times (passes)
-        until its result converges: `last` is the last pass, drawn with a ± 2 sd band, and `first` the first pass.
+    estimates
+        For each coefficient, three arrays (n,). The filter goes over the record several times (passes) until its result
+        converges: mean and sd in the last pass, drawn with a ± 2 sd band, and mean in the first pass.
     units, truth
         As in `marginals`.
     """
-    figure = Figure(figsize=(WIDTH, 1.9 * len(names) + 0.4))
-    for ax, name in zip(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0], names):
-        mean, sd = last[name]
+    figure = Figure(figsize=(WIDTH, 1.9 * len(estimates) + 0.4))
+    axes = figure.subplots(len(estimates), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (name, (mean, sd, first)) in zip(axes, estimates.items(), strict=True):
         low, high = np.maximum(mean - 2 * sd, 0.0), mean + 2 * sd
         ax.fill_between(t, low, high, color=colour(model), alpha=0.22, lw=0)
         ax.plot(t, mean, color=colour(model), lw=1.3)
-        ax.plot(t, first[name][0], color=MUTED, lw=0.9, ls=(0, (3, 2)))
+        ax.plot(t, first, color=MUTED, lw=0.9, ls=(0, (3, 2)))
         _mark(ax.axhline, truth.get(name))
         late = t >= t[0] + SETTLING_FRACTION * (t[-1] - t[0])
         bottom, top = float(low[late].min()), float(high[late].max())

@@ -140,7 +140,7 @@ def draw_raw_record(
     t: np.ndarray,
     y: np.ndarray,
     axis: str,
-    start: float | None = None,
+    start: float = 0.0,
     stop: float | None = None,
     decays: Sequence[FreeDecay] = (),
 ) -> Figure:
@@ -153,16 +153,16 @@ def draw_raw_record(
     axis
         Label of y.
     start, stop
-        Start and end of the part that is used, on the time axis of t; None if it is not to be marked.
+        Start and end of the part that is used, on the time axis of t; without an end it is not marked.
     decays
         All free decays in the record; those that overlap the used part are not marked.
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
     ax.plot(*thin_line(t, y), color=INK, lw=0.6)
-    if start is not None and stop is not None:
+    if stop is not None:
         ax.axvspan(start, stop, color=USED, alpha=0.10, lw=0, label="used")
-    others = [d for d in decays if start is None or stop is None or d.start >= stop or d.stop <= start]
+    others = [d for d in decays if stop is None or d.start >= stop or d.stop <= start]
     for i, decay in enumerate(others):
         label = "" if i else "free decay, not used"
         ax.axvspan(decay.start, decay.stop, color=NOT_USED, alpha=0.18, lw=0, label=label)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.outcomes import P_LIMIT, FitStatus, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import true_models
@@ -160,47 +159,6 @@ class RecordChecks:
             checks.append(Check(text))
         return sorted(checks, key=lambda check: not check.fails)
 
-    def table(self) -> Table | None:
-        """Return a table of the damping coefficients from the answer, the chains and the trajectory fits.
-
-        None if no damping law describes the record, or if there are neither chains nor trajectory fits.
-        """
-        samplers, fits = self._samplers(), {name: self._fits(name) for name in self.coefficient_names}
-        law_free = self.verdict is not None and self.verdict.law_free
-        if self.model is None or law_free or not (samplers or any(fits.values())):
-            return None
-        units = {r["parameter"]: r["unit"] for r in (*self.run.posteriors, *self.run.estimates)}
-
-        def answered(name: str) -> str:
-            c = self.answer_coefficients.get(name)
-            return fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE
-
-        def drawn(name: str, rows: Sequence[Row]) -> str:
-            row = next(iter(rows_of(rows, parameter=name)), None)
-            return fmt.with_interval(row["median"], row["q2.5"], row["q97.5"]) if row else fmt.NONE
-
-        columns: dict[str, Callable[[str], str]] = {
-            "coefficient": lambda name: words.symbol(name).text,
-            "unit": lambda name: words.unit(units.get(name, "")),
-        }
-        caption = f"Coefficients of {words.model(self.model)} damping."
-        if samplers or self.answer_coefficients:
-            caption += " In brackets: 95 % intervals."
-        if samplers:
-            caption += " Columns with the name of a sampler: median of its posterior draws."
-        if self.answer_coefficients:
-            columns["answer (95 %)"] = answered
-        for sampler, rows in samplers.items():
-            columns[f"{words.method(sampler)} (95 %)"] = lambda name, rows=rows: drawn(name, rows)
-        if any(fits.values()):
-            caption += " Trajectory fits: range of the values from all methods, and in brackets the number of methods."
-            columns["trajectory fits"] = lambda name: (
-                f"{fmt.spread(fits[name])} ({len(fits[name])})" if fits[name] else fmt.NONE
-            )
-        if self.run.is_simulated(self.signal):
-            columns["truth"] = lambda name: fmt.as_entered(truth(self.run, self.signal, name))
-        return Table.of(self.coefficient_names, columns, (0, 1), caption)
-
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
         """Return the rows of a table that belong to `model` on this record."""
         return rows_of(table, signal=self.signal, repeat=self.repeat, model=self.model, **wanted)
@@ -215,11 +173,6 @@ class RecordChecks:
             if math.isfinite(row["mean"]) and row["sampler"] != ANSWER_SAMPLER:
                 by_sampler.setdefault(row["sampler"], []).append(row)
         return by_sampler
-
-    def _fits(self, parameter: str) -> list[float]:
-        """Return the finite values of a coefficient by the trajectory fits of `model` that succeeded."""
-        rows = self._rows(self.run.estimates, stage="refined", parameter=parameter, outcome=OK)
-        return [r["value"] for r in rows if math.isfinite(r["value"])]
 
     def _convergence(self) -> Iterator[Check]:
         """Yield a check of each sampler of `model`.
@@ -352,7 +305,12 @@ class RecordChecks:
                             "answer's standard deviations."
                         )
                         yield Check(text, fails=True)
-            fits = self._fits(name) if comparable else []
+            rows = (
+                self._rows(self.run.estimates, stage="refined", parameter=name, outcome=OK)
+                if comparable
+                else []
+            )
+            fits = [r["value"] for r in rows if math.isfinite(r["value"])]
             outside = [value for value in fits if not low <= value <= high]
             if outside:
                 text = (

@@ -170,12 +170,8 @@ class CoefficientEstimates:
         True value; nan if it is not known.
     own, refined
         By method: its own estimate, and the result of the trajectory fit, in the first repeat.
-    published
-        By method: the published error in per cent, without a sign.
     posterior
         95 % interval of the posterior; None if there is no posterior.
-    source
-        Name of the signal to which the posterior belongs.
     """
 
     signal: str
@@ -185,61 +181,28 @@ class CoefficientEstimates:
     truth: float
     own: dict[str, float]
     refined: dict[str, float]
-    published: dict[str, float]
     posterior: tuple[float, float] | None
-    source: str
 
     @property
     def methods(self) -> list[str]:
-        """Names of the methods that have an estimate at either stage."""
-        return list(dict.fromkeys([*self.own, *self.refined]))
-
-
-def posterior_of(run: RunFolder, signal: str, model: str, parameter: str) -> Row | None:
-    """Return a row of posteriors.csv for a coefficient, with a finite 95 % interval; None if there is none.
-
-    It is one of the `summary_rows` of the signal's first repeat. If the signal has no such row, use that of the first
-    other signal that was simulated with the same damping and the same true value of the coefficient and has one.
-    """
-    models = true_models(run)
-    others = [s for s in run.signals if s != signal and signal in models and models.get(s) == models[signal]]
-    for name in (signal, *others):
-        if name != signal and truth(run, name, parameter) != truth(run, signal, parameter):
-            continue
-        for row in rows_of(summary_rows(run, name, run.repeats(name)[0], model), parameter=parameter):
-            if math.isfinite(row["q2.5"]) and math.isfinite(row["q97.5"]):
-                return row
-    return None
+        """Names of the methods that have an estimate at either stage, in the order of their categories."""
+        return sort_by_category([*self.own, *self.refined])
 
 
 def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEstimates]:
-    """Return the estimates of each damping coefficient of a model on a signal, with the published errors.
-
-    A signal without noise has no posterior. Use that of another signal, as `posterior_of` does.
-    """
-    comparison = compare_estimators(run)
-    errors = {m: printed_error(text) for (m, s), text in comparison.published.items() if s == signal}
-    published = {m: e for m, e in errors.items() if math.isfinite(e)}
-    estimates = []
+    """Return the estimates of each damping coefficient of a model, from the first repeat of a signal."""
+    repeat, estimates = run.repeats(signal)[0], []
+    summaries = {r["parameter"]: r for r in summary_rows(run, signal, repeat, model)}
     for parameter in coefficients(run, model):
-        rows = rows_of(run.estimates, signal=signal, model=model, parameter=parameter)
-        rows = [r for r in rows if r["repeat"] == run.repeats(signal)[0] and math.isfinite(r["value"])]
-        methods = dict.fromkeys([*comparison.methods, *(r["estimator"] for r in rows)])
-        values = ({r["estimator"]: r["value"] for r in rows if r["stage"] == stage} for stage in STAGES)
-        own, refined = ({m: each[m] for m in methods if m in each} for each in values)
-        row = posterior_of(run, signal, model, parameter)
+        rows = rows_of(run.estimates, signal=signal, repeat=repeat, model=model, parameter=parameter)
+        rows = [r for r in rows if math.isfinite(r["value"])]
+        own, refined = ({r["estimator"]: r["value"] for r in rows if r["stage"] == stage} for stage in STAGES)
+        unit = str(rows[0]["unit"]) if rows else ""
+        row = summaries.get(parameter)
+        interval = (row["q2.5"], row["q97.5"]) if row and math.isfinite(row["q2.5"] + row["q97.5"]) else None
         estimates.append(
             CoefficientEstimates(
-                signal,
-                model,
-                parameter,
-                str(rows[0]["unit"]) if rows else "",
-                truth(run, signal, parameter),
-                own,
-                refined,
-                published,
-                (row["q2.5"], row["q97.5"]) if row else None,
-                str(row["signal"]) if row else "",
+                signal, model, parameter, unit, truth(run, signal, parameter), own, refined, interval
             )
         )
     return estimates

@@ -19,7 +19,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store import TABLES, Store, TaskResult, read_table
-from bayesdamp.store.contents import AnswerContent, ComparedCandidate, EnvelopeContent, ModeContent
+from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
@@ -59,19 +59,16 @@ class RecordAnswer:
         Name of the record.
     verdict
         The verdict on the record.
-    candidates
-        The compared models, with their evidence.
+    content
+        The stored answer: compared models, noise models, widths of friction, and values of an envelope; in base units.
     arrays
         Arrays of the answer, such as those of its figure, by name; see `interface.answer.Answer`.
-    envelope
-        Further values of the answer on an envelope; None for an oscillation.
     """
 
     signal: str
     verdict: Verdict
-    candidates: tuple[ComparedCandidate, ...]
+    content: AnswerContent
     arrays: Mapping[str, np.ndarray]
-    envelope: EnvelopeContent | None = None
 
 
 class RunFolder:
@@ -182,11 +179,6 @@ class RunFolder:
     def quantity(self, signal: str) -> str:
         """Return the recorded quantity: "angle" (also if not stated), "velocity", "acceleration" or "envelope"."""
         return str(self.about(signal).get("quantity") or "angle")
-
-    def rms(self, row: Row) -> str:
-        """Return the root mean square residual of a row of fits.csv as text, in the unit of the record."""
-        unit = self.unit(row["signal"]).of(self.quantity(row["signal"]))
-        return f"{fmt.number(row['rms'], 3)} {unit}"
 
     def provenance(self, signal: str) -> Provenance:
         """Return how a signal's record was read."""
@@ -433,16 +425,6 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
 
-def answer_content(run: RunFolder, signal: str) -> AnswerContent | None:
-    """Return the stored answer on a record from linear approximations, before sampling.
-
-    Return None if it is missing, or if no damping law describes the record (`law_free` in its verdict).
-    """
-    task_result = run.task_result("answer", signal, run.repeats(signal)[0])
-    content = AnswerContent.of(task_result) if task_result is not None and task_result.outcome == OK else None
-    return None if content is None or content.verdict.get("law_free") else content
-
-
 def answer_of(
     run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
 ) -> RecordAnswer | None:
@@ -457,7 +439,7 @@ def answer_of(
             unit, content = run.unit(signal), AnswerContent.of(task_result)
             verdict = in_unit(Verdict.from_dict(content.verdict), unit)
             arrays = picture_in_unit(task_result.arrays, unit)
-            answer = RecordAnswer(signal, verdict, content.candidates, arrays, content.envelope)
+            answer = RecordAnswer(signal, verdict, content, arrays)
         _make_room(run.answered)
         run.answered[signal, kinds] = answer
     return run.answered[signal, kinds]

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from bayesdamp.formatting import symbols
 from bayesdamp.plugins import Registry
 from bayesdamp.report import words
-from bayesdamp.report.results.run import RunFolder, only_answered
+from bayesdamp.report.results.run import Row, RunFolder
 
 __all__ = [
     "SECTIONS",
     "TEMPLATES",
     "Section",
     "SignalSection",
+    "bullets",
     "by_model",
     "by_signal",
     "collapsible",
@@ -28,6 +29,7 @@ __all__ = [
     "heading",
     "is_drawn",
     "paragraph",
+    "repeat_column",
     "stack",
 ]  # fmt: skip
 TEMPLATES = Path(__file__).parents[1] / "templates"
@@ -50,10 +52,9 @@ SHIPPED = {
     "study": ("asked", "provenance"),
 }
 """Names of the package's sections, by the module that contains them."""
-_OPEN = 4
-"""Number of signals whose content is visible without unfolding it."""
 _MOST = 4
-"""Largest number of models of a signal that are drawn; the tables also contain the less probable models."""
+"""Number of signals whose content is visible without unfolding it, and of models of a signal that are drawn. The tables
+also contain the less probable models."""
 
 
 def fill(template: str, **values: object) -> Markup:
@@ -61,19 +62,30 @@ def fill(template: str, **values: object) -> Markup:
     return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
+def stack(*parts: object) -> Markup:
+    """Return the parts below each other, escaped if they are plain text, without the empty ones."""
+    return Markup("\n").join(escape(part) for part in parts if part)
+
+
 def collapsible(summary: str, *content: object) -> Markup:
     """Return content that is hidden behind a summary line until the reader clicks on it."""
-    return fill("folded.html", summary=summary, content=content)
-
-
-def stack(*parts: object) -> Markup:
-    """Return the parts below each other, without the empty ones."""
-    return fill("stack.html", parts=parts)
+    return Markup("<details>\n<summary>{}</summary>\n{}\n</details>").format(summary, stack(*content))
 
 
 def paragraph(text: object, look: str = "") -> Markup:
     """Return a text as a paragraph, escaped. `look` is the name of its class in the style sheet."""
     return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)
+
+
+def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
+    """Return the column of a table with the number of the repeat, from 1; no column for a single repeat."""
+    return {"repeat": lambda r: str(r["repeat"] + 1)} if len(repeats) > 1 else {}
+
+
+def bullets(texts: Iterable[str]) -> Markup:
+    """Return texts as a list with bullets, escaped; empty without texts."""
+    items = Markup("").join(Markup("<li>{}</li>").format(text) for text in texts)
+    return items and Markup("<ul>{}</ul>").format(items)
 
 
 def heading(text: str) -> Markup:
@@ -99,18 +111,12 @@ class Section(ABC):
     def render(self, run: RunFolder) -> str:
         """Return the section's HTML, without its heading."""
 
-    def place(self, run: RunFolder) -> int:
-        """Return the number by which sections are sorted in the report of this run, smallest first; default `order`."""
-        return self.order
-
 
 class SignalSection(Section):
     """A section with a part for each signal that it applies to."""
 
     lead: str | Markup = ""
     """Introduction, before the content of the signals."""
-    nothing = ""
-    """Sentence that a study with fits shows if the section has no content; empty to leave the section out."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -121,15 +127,12 @@ class SignalSection(Section):
         """Return the section's content on one signal as HTML."""
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the section has content on any signal, or shows the sentence `nothing`."""
-        has_content = any(self.shows(run, signal) for signal in run.signals)
-        return has_content or bool(self.nothing and run.signals and not only_answered(run))
+        """Return whether the section has content on any signal."""
+        return any(self.shows(run, signal) for signal in run.signals)
 
     def render(self, run: RunFolder) -> Markup:
-        """Return the introduction and the content on each signal; without content, the sentence `nothing`."""
+        """Return the introduction and the content on each signal."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
-        if not signals and self.nothing:
-            return paragraph(self.nothing)
         return stack(self.lead and paragraph(self.lead), by_signal(run, self.part, signals))
 
 
@@ -156,7 +159,7 @@ def is_drawn(run: RunFolder, place: int) -> bool:
 
     For up to four signals they show the four most probable models, for more signals only the most probable one.
     """
-    return place == 0 or (place < _MOST and len(run.signals) <= _OPEN)
+    return place == 0 or max(place + 1, len(run.signals)) <= _MOST
 
 
 def by_signal(
@@ -181,24 +184,22 @@ def by_signal(
     parts: list[Markup] = []
     for i, signal in enumerate(signals):
         body = part(run, signal)
-        if i >= _OPEN:
+        if i >= _MOST:
             body = collapsible(signal, body)
         elif len(signals) > 1:
             body = heading(signal) + body
         parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
     note = "There are many signals, so only the best model of each is drawn; the tables contain all models."
-    return stack(paragraph(note, "small") if len(run.signals) > _OPEN else "", *parts)
+    return stack(paragraph(note, "small") if len(run.signals) > _MOST else "", *parts)
 
 
-def by_model(models: Sequence[tuple[str, Sequence[object]]], lead: str = "", behind: str = "") -> Markup:
-    """Return the content of each model under its name. Only the content of the first model is visible.
-
-    `lead` is a text before each name, `behind` a text after the first name.
-    """
+def by_model(models: Mapping[str, Sequence[object]]) -> Markup:
+    """Return the content of each model under its name, without models that have none. Only the first is unfolded."""
     parts: list[Markup] = []
-    for model, content in models:
-        name = f"{lead}{words.model(model)}"
+    for model, content in models.items():
+        name = words.model(model)
         name = name[:1].upper() + name[1:]
-        first = Markup("<h4>{}</h4>").format(name + behind) + stack(*content)
-        parts.append(collapsible(name, *content) if parts else first)
+        if any(content):
+            first = Markup("<h4>{}</h4>\n{}").format(name, stack(*content))
+            parts.append(collapsible(name, *content) if parts else first)
     return stack(*parts)

@@ -58,7 +58,7 @@ CAPTION = (
     "left: the residual, which is the record minus the fit. It should look like noise; a wave in it is motion that "
     "the fit does not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
     "divided by the mass or the moment of inertia. The highest line belongs to the term that dissipates most at that "
-    "amplitude."
+    "amplitude. If no law describes the record, the black line and the grey band are measured without a law."
 )
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
@@ -101,8 +101,6 @@ RATIOS = (
     f"in brackets. {PARTS_OF_SD}"
 )
 """Captions of the tables of damping ratios and of coefficients."""
-MOST_EMBEDDED = 24
-"""Largest number of envelopes whose figures are embedded in the page; with more, it links to files in `figures/`."""
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
 FEWEST_RECORDS = 3
@@ -150,13 +148,13 @@ class AnswerSection(Section):
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
-                numbers, embed = _numbers(v), len(run.signals) <= MOST_EMBEDDED
+                numbers = _numbers(v)
                 remarks = (
                     *([f"The decay {v.window.why.replace('; ', ' and ')}."] if v.window else []),
                     *remarks,
                 )
                 png = answer.arrays["picture"].tobytes()
-                parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png, embed))
+                parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png))
                 if v.decay_rate:
                     parts.append(decay_table(v.decay_rate, v.quality_factor_at))
                 if v.damping:
@@ -178,7 +176,7 @@ class AnswerSection(Section):
                 if task_result is not None and "t" in task_result.arrays and v.modes:
                     quantity, unit = run.quantity(signal), run.unit(signal).displacement
                     t, y = task_result.arrays["t"], task_result.arrays["y"] * unit.scale
-                    axis = f"{unit.quantity_name(quantity)} / {unit.of(quantity)}"
+                    axis = f"{unit.quantity_name(quantity)} / {words.divisor(unit.of(quantity))}"
                     draw = partial(draw_motions, t, y, v.modes, quantity, axis)
                     caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
                     parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
@@ -192,7 +190,6 @@ class AnswerSection(Section):
             energy=energy,
             remarks=remarks,
             checks=checks,
-            table=comparison.table() or "",
             parts=parts,
         )
 
@@ -200,20 +197,18 @@ class AnswerSection(Section):
 def _why_none(run: RunFolder, signal: str) -> str:
     """Return a sentence that says why a record has no verdict."""
     repeat = run.repeats(signal)[0]
-    task_result = run.task_result("answer", signal, repeat)
-    outcomes = [
-        str(run.about(signal).get("outcome", OK)),
-        task_result.outcome if task_result is not None else OK,
-    ]
-    why = reason_of(next((o for o in outcomes if o != OK), "")).rstrip(".")
-    models = models_by_rank(run, signal, repeat)
-    if not models:
-        return f"Nothing was computed for this signal{': ' * bool(why)}{why}."
-    if len(models) == 1 and not why:
+    task_result, models = run.task_result("answer", signal, repeat), models_by_rank(run, signal, repeat)
+    outcomes = (str(run.about(signal).get("outcome", OK)), OK if task_result is None else task_result.outcome)
+    failed = next((outcome for outcome in outcomes if outcome != OK), None)
+    if failed is not None:
+        why = reason_of(failed).rstrip(".")
+    elif len(models) == 1:
         return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
-    if not why and not rank_models(run, signal, repeat):
-        why = "no evidence was computed"
-    return f"No verdict on the damping: {why}." if why else "No verdict on the damping was computed."
+    elif not models:
+        why = "nothing was computed for this signal"
+    else:
+        why = "it was not computed" if rank_models(run, signal, repeat) else "no evidence was computed"
+    return f"No verdict on the damping: {why}."
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
@@ -254,11 +249,8 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     own = run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
     draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
-    caption = CAPTION
-    if v.law_free:
-        caption += " For this record, the black line and the grey band are themselves measured without a damping law."
     parts: list[object] = [
-        run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else caption, draw)
+        run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else CAPTION, draw)
     ]
     e, draws = v.exponent, answer.arrays.get("exponent")
     if e is not None and draws is not None:
@@ -279,7 +271,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
             f"restoring law, with 95 % intervals in brackets. {PARTS_OF_SD}"
         )
         parts.append(Table.of(v.coefficients, columns, (0, 4), caption))
-    rows = [r for r in answer.candidates if r.outcome == OK]
+    rows = [r for r in answer.content.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
     top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
     compared: dict[str, Callable[[ComparedCandidate], str]] = {

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, TableLine
-from bayesdamp.outcomes import Status, reason_of, status_of
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
@@ -23,7 +24,15 @@ from bayesdamp.report.results.run import (
     rank_models,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, by_signal, collapsible, paragraph, stack
+from bayesdamp.report.sections import (
+    SignalSection,
+    bullets,
+    by_signal,
+    collapsible,
+    paragraph,
+    repeat_column,
+    stack,
+)
 from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.types import OK
@@ -32,6 +41,10 @@ EVIDENCE = (
     "Natural-log evidence of each model by each method, with its standard error (±); log Bayes factor (nats) relative "
     "to the best model by the same method; posterior probability among the models of this table; and how reliable the "
     "computation is. Bold: the best model."
+)
+PRUNED = (
+    "Models that were left out of further computations. The outcome of the methods that were not run gives the reason; "
+    "Laplace's approximation is shown if the posterior mode had been found."
 )
 ADOPTED = (
     'The "adopted evidence" is that of nested sampling if it was computed as a check, otherwise the mean of the other '
@@ -85,65 +98,43 @@ class EvidenceSection(SignalSection):
         "Bayes factor of one nat is hardly worth mentioning, three nats are positive evidence, and five or more are "
         "strong, if the noise model is correct and the priors below are accepted."
     )
-    nothing = "No evidence was computed in this study, so no model can be preferred."
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the study computed evidence besides the answer."""
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a table of log Bayes factors by method, with probabilities and diagnostics."""
-        repeats = run.repeats(signal)
-        parts: list[object] = [_table(run, signal, repeats[:1])]
-        rows = rows_of(run.evidence, signal=signal, repeat=repeats[0])
-        why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
-        laplace = {r["model"]: r for r in rows if r["method"] == "laplace"}
-
-        def log_evidence(model: str) -> float:
-            value = laplace[model]["log_evidence"] if model in laplace else math.nan
-            return value if math.isfinite(value) else -math.inf
-
-        if why:
-            columns: dict[str, Callable[[str], str]] = {
-                "model": words.model,
-                "log evidence / nats": lambda model: fmt.nats(laplace.get(model, {}).get("log_evidence")),
-                "log Bayes factor": lambda model: fmt.nats(laplace.get(model, {}).get("log_bayes_factor")),
-                "reason": lambda model: reason_of(why[model]),
-            }
-            caption = (
-                "Models that were left out of further computations, and the reason. Log evidence, and log Bayes factor "
-                "(nats) relative to the best model: by Laplace's approximation, if the posterior mode had been found."
-            )
-            pruned = Table.of(sorted(why, key=log_evidence, reverse=True), columns, (0, 3), caption)
-            count = f"{len(why)} model{'s' * (len(why) > 1)}"
-            parts.append(collapsible(f"Not computed further: {count}, and why", pruned))
-        if len(repeats) > 1:
-            parts.append(collapsible(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
-        return stack(*parts)
+        """Return a table of log Bayes factors by method, and a folded one of the models that were pruned."""
+        rows = rows_of(run.evidence, signal=signal)
+        pruned = {(r["repeat"], r["model"]) for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+        kept = [r for r in rows if (r["repeat"], r["model"]) not in pruned]
+        left_out = [r for r in rows if (r["repeat"], r["model"]) in pruned]
+        table = _table(run, signal, kept)
+        if not pruned:
+            return stack(table)
+        count = len({model for _, model in pruned})
+        title = f"Not computed further: {count} model{'s' * (count > 1)}, and why"
+        return stack(table, collapsible(title, replace(_table(run, signal, left_out), caption=PRUNED)))
 
 
-def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
-    """Return a table of the evidence of the models that were not pruned, by every method."""
-    lines: list[Row] = []
-    best = []
-    for repeat in repeats:
-        rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-        pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
-        ranked = rank_models(run, signal, repeat)
-        order = [r["model"] for r in ranked.rows] if ranked else []
-        best += [(repeat, model) for model in order[:1]]
-        rows.sort(key=lambda r: order.index(r["model"]) if r["model"] in order else len(order))
-        lines += [r for r in rows if r["model"] not in pruned]
+def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
+    """Return a table of rows of evidence.csv on a record, by repeat and rank."""
+    repeats = run.repeats(signal)
+    ranked = {repeat: rank_models(run, signal, repeat) for repeat in repeats}
+    order = {i: [row["model"] for row in ranking.rows] if ranking else [] for i, ranking in ranked.items()}
+
+    def rank(r: Row) -> tuple[int, int]:
+        models = order[r["repeat"]]
+        return r["repeat"], models.index(r["model"]) if r["model"] in models else len(models)
 
     def diagnostic(r: Row) -> str:
         return (r["diagnostic"].replace(" -", " −") if r["outcome"] == OK else r["outcome"]) or fmt.NONE
 
     def kind(r: Row) -> str:
-        return "quiet" if r["outcome"] != OK else "best" if (r["repeat"], r["model"]) in best else ""
+        return "quiet" if r["outcome"] != OK else "best" if order[r["repeat"]][:1] == [r["model"]] else ""
 
-    columns: dict[str, Callable[[Row], str]] = {"repeat": lambda r: str(r["repeat"] + 1)}
-    columns = columns if len(repeats) > 1 else {}
-    columns |= {
+    columns: dict[str, Callable[[Row], str]] = {
+        **repeat_column(repeats),
         "model": lambda r: words.model(r["model"]),
         "method": lambda r: words.method(r["method"]),
         "log evidence / nats": lambda r: fmt.nats(r["log_evidence"], r["stderr"]),
@@ -151,11 +142,10 @@ def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
         "probability": lambda r: fmt.probability(r["probability"]),
         "diagnostic": diagnostic,
     }
-    left = [i for i, header in enumerate(columns) if header in ("model", "method", "diagnostic")]
-    methods = {r["method"] for r in lines}
-    captions = [text for method, text in (("combined", ADOPTED), ("smc", ANSWER)) if method in methods]
-    captions.insert(0, EVIDENCE)
-    return Table.of(lines, columns, left, " ".join(captions), kind)
+    methods = {r["method"] for r in rows}
+    captions = [EVIDENCE, ADOPTED * ("combined" in methods), ANSWER * ("smc" in methods)]
+    left = (len(columns) - 6, len(columns) - 5, len(columns) - 1)
+    return Table.of(sorted(rows, key=rank), columns, left, " ".join(filter(None, captions)), kind)
 
 
 class SensitivitySection(SignalSection):
@@ -359,8 +349,7 @@ class PriorsSection(SignalSection):
     def render(self, run: RunFolder) -> Markup:
         """Return the prior odds, a table of priors for each signal, and the assumptions on envelopes."""
         signals = [s for s in run.signals if self.shows(run, s)]
-        items = Markup("").join(Markup("<li>{}</li>").format(text) for text in run.info.get("assumed") or ())
-        assumed = Markup("<ul>{}</ul>").format(items) if items else ""
+        assumed = bullets(run.info.get("assumed") or ())
         if not signals:
             return stack(assumed)
         tables = (table for signal in signals for table in run.info["priors"][signal].values())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,7 +15,7 @@ from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import draw_running_estimates, marginals, pairs
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
-from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, stack
+from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, repeat_column
 from bayesdamp.store.contents import ModeContent, PosteriorContent, SearchContent
 from bayesdamp.types import OK, ChainStart, Seed
 
@@ -26,11 +27,33 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
 }
 """Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
-VISIBLE_MODELS = 4
-"""Number of models whose starting points are visible without unfolding them."""
 MAX_CHAIN_SHIFT = 0.1
 """Largest difference of a chain's mean from the mean of all chains that is not marked, in posterior sds (conventional).
 It only marks rows of a table; convergence is judged by R̂."""
+
+
+PASSES = ("restarted/mean", "restarted/sd", "online/mean")
+"""Arrays of a Kalman filter's running estimates: mean and sd in the last pass, and mean in the first pass."""
+TABLE = (
+    "Parameters, and quantities derived from them: mean, standard deviation (sd) and 95 % interval of the posterior, "
+    "with the diagnostics of the sampler. They are reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at "
+    "least 400. The equivalent damping ratio, the decrement, the damping capacity and the energy lost in a cycle are "
+    "at the reference amplitude, from which the half-life starts; it is that of the record unless the study states "
+    "another one. The logarithmic decrement is the decrease of ln A in a cycle, where A is the amplitude; if it is "
+    "small, it is 2π times the damping ratio. Rows without R̂ are not from chains: they are from the answer's "
+    "sequential Monte Carlo, or from an approximation, whose ESS is that of importance weights."
+)
+CHAINS = (
+    "the starting point of each chain, its distance from the mode before and after it was moved, and the largest "
+    "difference between the mean of a parameter in this chain and in all chains; all in posterior standard deviations "
+    "(sd)."
+)
+SEARCHES = (
+    "Searches for the mode: how far the log posterior at the starting point and at the end of the search is below its "
+    "maximum (nats), and how far the starting point is from the mode in posterior standard deviations (sds). Grey rows "
+    "ended in another maximum, which the chains did not sample; coloured rows in none."
+)
+"""Captions, or parts of them, that do not depend on the run."""
 
 
 class PosteriorsSection(SignalSection):
@@ -39,7 +62,7 @@ class PosteriorsSection(SignalSection):
     order = 50
     name = "posteriors"
     title = "The posteriors"
-    nothing = "No posterior was sampled in this study."
+    lead = "If a record has several repeats, the figures and the first table of each model show repeat 1."
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether posteriors were sampled on a signal."""
@@ -58,12 +81,12 @@ class PosteriorsSection(SignalSection):
             return "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
 
         columns: dict[str, Callable[[Row], str]] = {
-            "repeat": lambda r: str(r["repeat"] + 1),
+            **repeat_column(repeats),
             **COLUMNS,
             "truth": inside,
             "outcome": lambda r: r["outcome"],
         }
-        models: list[tuple[str, list[object]]] = []
+        models: dict[str, list[object]] = {}
         for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
             content: list[object] = []
             if is_drawn(run, place):
@@ -73,8 +96,8 @@ class PosteriorsSection(SignalSection):
                 rows, names = rows_of(run.posteriors, signal=signal, model=model), coefficients(run, model)
                 table = Table.of([r for r in rows if r["parameter"] in names], columns, (1, 2, 3, 6, 7))
                 content.append(collapsible(f"All {len(repeats)} repeats", table))
-            models += [(model, content)] if content else []
-        return by_model(models, behind=f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else "")
+            models[model] = content
+        return by_model(models)
 
 
 def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Markup]:
@@ -142,21 +165,8 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
             "ESS tail": lambda r: fmt.fixed_decimals(r["ess_tail"], 0),
             "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
         }
-        caption = (
-            f"Posterior of the parameters of {words.model(model)} damping and of quantities derived from them, from "
-            f"the record {signal}: mean, standard deviation (sd) and 95 % interval, with the diagnostics of the "
-            "sampler. They are reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at least 400. The "
-            "equivalent damping ratio, the decrement, the damping capacity and the energy lost in a cycle are at the "
-            "reference amplitude, from which the half-life starts; it is that of the record unless the study states "
-            "another one. The logarithmic decrement is the decrease of ln A in a cycle, where A "
-            "is the amplitude; if it is small, it is 2π times the damping ratio."
-        )
-        if any(math.isnan(r["rhat"]) for r in sampled):
-            caption += (
-                " Rows without R̂ are not from chains: they are from the answer's sequential Monte Carlo, or from an "
-                "approximation, whose ESS is that of importance weights."
-            )
         sampled.sort(key=lambda r: order.index(r["parameter"]))
+        caption = f"Record {signal}, {words.model(model)} damping. {TABLE}"
         parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     for task_result in run.task_results("posterior", signal, repeat, model):
@@ -189,47 +199,33 @@ class RunningSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return figures of the estimated damping coefficients against time, with bands of ± 2 standard deviations."""
         repeat = run.repeats(signal)[0]
-        parts: list[Markup] = []
+        models: dict[str, list[object]] = {}
         for place, model in enumerate(models_by_rank(run, signal, repeat)):
-            for task_result in (
-                run.task_results("posterior", signal, repeat, model) if is_drawn(run, place) else ()
-            ):
+            results = run.task_results("posterior", signal, repeat, model) if is_drawn(run, place) else ()
+            for task_result in results:
                 if "running/t" not in task_result.arrays:
                     continue
                 content = PosteriorContent.of(task_result)
-                listed = content.posterior.running
-                names = [n for n in coefficients(run, model) if n in listed]
-                last, first = (
-                    {
-                        n: (
-                            task_result.arrays[f"running/{label}/mean"][:, i],
-                            task_result.arrays[f"running/{label}/sd"][:, i],
-                        )
-                        for i, n in enumerate(listed)
-                        if n in names
-                    }
-                    for label in ("restarted", "online")
-                )
-                true = {n: truth(run, signal, n) for n in names}
+                listed, arrays = content.posterior.running, task_result.arrays
+                estimates = {
+                    n: [arrays[f"running/{part}"][:, listed.index(n)] for part in PASSES]
+                    for n in coefficients(run, model)
+                    if n in listed
+                }
+                true = {n: truth(run, signal, n) for n in estimates}
                 draw = partial(
-                    draw_running_estimates,
-                    model,
-                    names,
-                    task_result.arrays["running/t"],
-                    last,
-                    first,
-                    content.units,
-                    true,
+                    draw_running_estimates, model, arrays["running/t"], estimates, content.units, true
                 )
-                by = words.method(task_result.parts.method)
                 caption = (
-                    f"Coefficients of {words.model(model)} damping as estimated by {by} from the part of the record "
-                    f"{signal} up to each time: mean (solid line) ± 2 standard deviations (band) in the last pass, "
-                    "and mean in the first pass (dashed line)."
+                    f"Coefficients of {words.model(model)} damping as estimated by "
+                    f"{words.method(task_result.parts.method)} from the part of the record {signal} up to each time: "
+                    "mean (solid line) ± 2 standard deviations (band) in the last pass, and mean in the first pass "
+                    "(dashed line)."
                 )
-                figure = run.drawings.add(f"running-{signal}-{model}", caption, draw)
-                parts.append(collapsible(words.model(model), figure) if parts else figure)
-        return stack(*parts)
+                models.setdefault(model, []).append(
+                    run.drawings.add(f"running-{signal}-{model}", caption, draw)
+                )
+        return by_model(models)
 
 
 class SeedsSection(SignalSection):
@@ -252,7 +248,7 @@ class SeedsSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return tables of the searches and chains of each model, the most probable models first."""
         repeat = run.repeats(signal)[0]
-        parts: list[Markup] = []
+        models: dict[str, list[object]] = {}
 
         def kind(s: tuple[int, ChainStart]) -> str:
             return "alert" if s[1].shift > MAX_CHAIN_SHIFT else ""
@@ -268,59 +264,13 @@ class SeedsSection(SignalSection):
             mode = mode_of(run, signal, repeat, model)
             if mode is None or not mode.climbs:
                 continue
-            name = words.model(model)
-            summary = Markup("<p><strong>{}.</strong> {}</p>").format(
-                name[:1].upper() + name[1:], " ".join(_sentences(mode))
-            )
-            tables = [_searches(mode)]
+            models[model] = [_searches(mode)]
             for task_result in run.task_results("posterior", signal, repeat, model):
                 starts = PosteriorContent.of(task_result).posterior.starts
                 if starts:
-                    caption = (
-                        f"Chains of {words.method(task_result.parts.method)}: the starting point of each chain, its "
-                        "distance from the mode before and after it was moved, and the largest difference between the "
-                        "mean of a parameter in this chain and in all chains; all in posterior standard deviations "
-                        "(sd)."
-                    )
-                    tables.append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
-            parts.append(stack(summary, collapsible(f"Starting points and chains of {name}", *tables)))
-        more = parts[VISIBLE_MODELS:]
-        return stack(*parts[:VISIBLE_MODELS], collapsible(f"{len(more)} more models", *more) if more else "")
-
-
-def _sentences(mode: ModeContent) -> list[str]:
-    """Return sentences on the searches for the posterior mode of a model.
-
-    They say how many starting points reached the mode, where the other searches ended, which estimates had no usable
-    values, and which coefficients have a posterior that touches zero.
-    """
-    climbs, modes = mode.climbs, mode.modes
-    ended = [c for c in climbs if c.mode == 0]
-    reached = sum(1 + len(c.same) for c in ended)
-    every = "All " if len(ended) == len(climbs) and reached != 1 else ""
-    sentences = [f"{every}{reached} starting point{'s' if reached != 1 else ''} reached the mode."]
-    elsewhere = [c for c in climbs if c.mode]
-    if elsewhere:
-        best = modes[1] if len(modes) > 1 else None
-        depth = mode.log_posterior - best.log_posterior if best else math.nan
-        share = (
-            f", has about {fmt.percentage(best.share)} % of the posterior,"
-            if best and best.share > 1e-3
-            else ""
-        )
-        sentences.append(
-            f"{_starting_points(elsewhere)} ended in another maximum; the highest of these is {fmt.number(depth, 3)} "
-            f"nats lower{share} and was not sampled by the chains."
-        )
-    failed = [c for c in climbs if c.mode is None]
-    if failed:
-        sentences.append(f"{_starting_points(failed)} did not reach a maximum.")
-    if mode.refused:
-        sentences.append(f"Estimates without usable values: {_listing(r.seed for r in mode.refused)}.")
-    touching = [words.symbol(n).text for n in mode.touching_zero]
-    if touching:
-        sentences.append(f"Within one standard deviation of zero: {fmt.listing(touching)}.")
-    return sentences
+                    caption = f"Chains of {words.method(task_result.parts.method)}: {CHAINS}"
+                    models[model].append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
+        return by_model(models)
 
 
 def _listing(seeds: Iterable[Seed]) -> str:
@@ -337,44 +287,29 @@ def _listing(seeds: Iterable[Seed]) -> str:
     return fmt.listing(names)
 
 
-def _starting_points(climbs: Sequence[SearchContent]) -> str:
-    """Return a list in words of the starting points of searches, for the beginning of a sentence."""
-    text = _listing(seed for c in climbs for seed in (c.seed, *c.same))
-    return text[:1].upper() + text[1:]
-
-
 def _searches(mode: ModeContent) -> Table:
     """Return a table of the searches: where each started, what it cost and where it ended."""
 
-    def below(value: float | None) -> str:
-        """Return by how many nats a log posterior is below the mode's, as text.
-
-        It is "not finite" for None and for a value that is not finite.
-        """
-        if value is None or not math.isfinite(value):
-            return "not finite"
-        return fmt.number(mode.log_posterior - value, 3)
-
     def ended(c: SearchContent) -> str:
-        return "no maximum" if c.mode is None else f"maximum {c.mode + 1}" if c.mode else "the mode"
+        if c.mode is None:
+            return "no maximum"
+        share = mode.modes[c.mode].share if c.mode < len(mode.modes) else math.nan
+        return f"maximum {c.mode + 1} ({fmt.percentage(share)} % of the posterior)" if c.mode else "the mode"
 
     def kind(c: SearchContent) -> str:
         return "alert" if c.mode is None else "quiet" if c.mode else ""
 
     columns: dict[str, Callable[[SearchContent], str]] = {
         "starting point": lambda c: _listing((c.seed, *c.same)),
-        "start: nats below the mode": lambda c: below(c.start),
+        "start: nats below the mode": lambda c: fmt.number(mode.log_posterior - c.start, 3),
         "start: sds from the mode": lambda c: fmt.number(c.distance, 3),
         "likelihood evaluations": lambda c: str(c.evaluations),
         "ended in": ended,
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
-    caption = (
-        "Searches for the mode: how far the log posterior at the starting point and at the end of the search is below "
-        "its maximum (nats), and how far the starting point is from the mode in posterior standard deviations (sds). "
-        "Grey rows ended in another maximum, coloured rows in none."
-    )
-    return Table.of(mode.climbs, columns, (0, 4), caption, kind)
+    touching = fmt.listing(words.symbol(n).text for n in mode.touching_zero)
+    notes = [f"Within one standard deviation of zero at the mode: {touching}."] if touching else []
+    return replace(Table.of(mode.climbs, columns, (0, 4), SEARCHES, kind), notes=notes)
 
 
 PLUGINS = (PosteriorsSection(), RunningSection(), SeedsSection())

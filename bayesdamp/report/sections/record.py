@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,7 @@ from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
 from bayesdamp.report.results.run import (
     Row,
     RunFolder,
-    answer_content,
+    answer_of,
     coefficients,
     mode_of,
     models_by_rank,
@@ -24,9 +24,18 @@ from bayesdamp.report.results.run import (
     only_answered,
     rows_of,
 )
-from bayesdamp.report.sections import SignalSection, collapsible, fill, is_drawn, paragraph, stack
+from bayesdamp.report.sections import (
+    SignalSection,
+    bullets,
+    by_model,
+    collapsible,
+    is_drawn,
+    paragraph,
+    repeat_column,
+    stack,
+)
 from bayesdamp.store.contents import NoiseEvidence, RecordContent
-from bayesdamp.types import OK, AddedForm, Friction, PartialFit, Provenance
+from bayesdamp.types import OK, AddedForm, Friction, PartialFit
 
 USED = "used for the answer"
 NOISES = (
@@ -41,7 +50,35 @@ CHECKS = (
     "Checks of the fit of each model at its posterior mode: root mean square residual, autocorrelation of the residual "
     "at lag one, stability over sub-records (in standard deviations), predictive p, and the conclusion."
 )
+WHOLE = (
+    "the whole record as it was read. Shaded, if only a part is used: that part and, in a lighter shade, other free "
+    "decays."
+)
+FITTED = (
+    "the used part of the record (grey; time counts from its start) and the fits of the most probable models at their "
+    "posterior modes. Top: the best fit. Middle: the first and the last cycles with all fits. Below: the residual of "
+    "each fit, the best first, with its root mean square (rms). Right of it, if the noise model whitens the residual: "
+    "the autocorrelation of the whitened residual; white noise stays in the grey band (± 2 standard deviations)."
+)
+WITHOUT_FITS = "the used part of the record. Time counts from its start."
+"""Captions of the figures of a record, after its name."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
+PARTS = (
+    "Coefficients from parts of the record, with their standard deviations (±). If they differ by much more than "
+    "these, the model is incomplete and the posterior is too narrow."
+)
+ADDED = (
+    "Log Bayes factor (nats) of this model with each additional form of damping against the model alone, and the "
+    "probability that this gives if both are equally probable in advance."
+)
+FORMS: dict[str, Callable[[AddedForm], str]] = {
+    "additional form": lambda form: form.words,
+    "log Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
+    "probability at equal prior odds": lambda form: fmt.probability(
+        float(scipy.special.expit(form.log_bayes))
+    ),
+}
+"""Columns of the table of additional forms of damping."""
 _EXACT = (
     "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
     "the laws, which account for systematic residuals of these fits."
@@ -74,16 +111,22 @@ class RecordSection(SignalSection):
             notes.append(f"The answer uses the noise model {words.method(about['noise'])}; see below.")
         if about.get("outcome", OK) != OK:
             notes.append(str(about["outcome"]))
+        if len(repeats) > 1:
+            notes.append(f"The figures show repeat 1 of {len(repeats)}.")
         if task_result is None or "t" not in task_result.arrays:
             why = task_result.outcome if task_result else NOT_STORED
-            return fill("record.html", notes=notes, figures=[], missing=[why], repeats=len(repeats))
+            return stack(bullets(notes), paragraph(why, "quiet"))
         content = RecordContent.of(task_result)
         unit, quantity = run.unit(signal), run.quantity(signal)
         factor, name = unit.scale, unit.of(quantity)
-        ratio = f"({name})" if "/" in name else name
-        axis = f"{unit.quantity_name(quantity)} / {ratio}"
+        axis = f"{unit.quantity_name(quantity)} / {words.divisor(name)}"
         t, y = task_result.arrays["t"], task_result.arrays["y"] * factor
-        fits, missing, figures = [], [], []
+        parts: list[Markup] = [bullets(notes)]
+        raw_t, raw_y = (task_result.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
+        if len(raw_t) > 1 and not np.array_equal(raw_y, task_result.arrays["y"]):
+            draw = partial(draw_raw_record, raw_t, raw_y * factor, axis, own.start, own.stop, own.decays)
+            parts.append(run.drawings.add(f"raw-{signal}", f"{signal}: {WHOLE}", draw))
+        fits, missing = [], []
         for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
             mode = run.task_result("mode", signal, repeats[0], model)
             if not is_drawn(run, place) or (mode is None and only_answered(run)):
@@ -94,43 +137,18 @@ class RecordSection(SignalSection):
                 missing.append(f"No fit of {words.model(model)}: {mode.outcome}")
             else:
                 rows = rows_of(run.fits, signal=signal, repeat=repeats[0], model=model)
-                rms = run.rms(rows[0]) if rows else f"not in fits.csv (axis in {name})"
+                rms = _rms(rows[0]) if rows else "not in fits.csv"
                 autocorrelation = np.asarray(mode.arrays.get("autocorrelation", []), float)
                 fit, residual = (mode.arrays[array] * factor for array in ("fit", "residual"))
                 fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
-        raw_t, raw_y = (task_result.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
-        if len(raw_t) > 1 and not np.array_equal(raw_y, task_result.arrays["y"]):
-            origin = Provenance.of(content.provenance)
-            window = next(((o.start, o.stop) for o in (own, origin) if o.stop is not None), (None, None))
-            draw = partial(draw_raw_record, raw_t, raw_y * factor, axis, *window, origin.decays)
-            caption = f"{signal}: the whole record as it was read."
-            if window[0] is not None:
-                caption += " Shaded: the part that is used and, in a lighter shade, other free decays."
-            figures.append(run.drawings.add(f"raw-{signal}", caption, draw))
         if fits:
-            caption = (
-                f"{signal}: the used part of the record (grey; time counts from its start) and the fits of the most "
-                "probable models at their posterior modes. Top: the best fit. Middle: the first and the last cycles "
-                "with all fits. Below: the residual of each fit, the best first, with its root mean square (rms)."
-            )
-            if any(len(fit.autocorrelation) for fit in fits):
-                caption += (
-                    " Right of it: the autocorrelation of the residual, whitened by the noise model; white noise stays "
-                    "in the grey band (± 2 standard deviations)."
-                )
-            period = content.features.period if content.features is not None else 0.04 * float(t[-1] - t[0])
-            draw = partial(record, t, y, fits, axis, ratio, period)
-            figures.append(run.drawings.add(f"record-{signal}", caption, draw))
-        elif not figures:
+            period = content.features.period if content.features else float(t[-1] - t[0])
+            draw = partial(record, t, y, fits, axis, words.divisor(name), period)
+            parts.append(run.drawings.add(f"record-{signal}", f"{signal}: {FITTED}", draw))
+        elif len(parts) == 1:
             draw = partial(draw_raw_record, t, y, axis)
-            figures.append(
-                run.drawings.add(
-                    f"record-{signal}",
-                    f"{signal}: the used part of the record. Time counts from its start.",
-                    draw,
-                )
-            )
-        return fill("record.html", notes=notes, figures=figures, missing=missing, repeats=len(repeats))
+            parts.append(run.drawings.add(f"record-{signal}", f"{signal}: {WITHOUT_FITS}", draw))
+        return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
 
 
 class NoiseSection(SignalSection):
@@ -156,13 +174,16 @@ class NoiseSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether several noise models or widths of friction were compared on a record."""
-        content = answer_content(run, signal)
-        return content is not None and (len(content.noises) > 1 or bool(content.frictions))
+        answer = answer_of(run, signal, ("answer",))
+        if answer is None or answer.verdict.law_free:
+            return False
+        return len(answer.content.noises) > 1 or bool(answer.content.frictions)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of the noise models with their evidence, and a table of the widths of friction."""
-        content = answer_content(run, signal)
-        assert content is not None
+        answer = answer_of(run, signal, ("answer",))
+        assert answer is not None
+        content = answer.content
         noises = sorted(content.noises, key=lambda noise: -noise.log_evidence)
         of_noise: dict[str, Callable[[NoiseEvidence], str]] = {
             "noise": lambda n: words.method(n.name),
@@ -209,7 +230,6 @@ class FitQualitySection(SignalSection):
         "autocorrelated as the residual, averaged over the posterior; a small value means that structure remains in "
         "the residual."
     )
-    nothing = "No model was fitted in this study."
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether models were fitted."""
@@ -221,73 +241,45 @@ class FitQualitySection(SignalSection):
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
-        parts.append(_table(run, signal, repeats[:1]))
-        if len(repeats) > 1:
-            parts.append(collapsible(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+        checks: dict[str, Callable[[Row], str]] = {
+            **repeat_column(repeats),
+            "model": lambda r: words.model(r["model"]),
+            "rms residual": _rms,
+            "autocorrelation": lambda r: fmt.fixed_decimals(r["residual_autocorrelation"], 2),
+            "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
+            "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
+            "verdict": lambda r: r["verdict"] or fmt.NONE,
+        }
+        fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
+        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CHECKS))
+        models: dict[str, list[object]] = {}
         for place, model in enumerate(ranked):
             mode = mode_of(run, signal, repeats[0], model) if is_drawn(run, place) else None
             windows = [w for w in mode.windows if w.values] if mode else []
             names = [n for n in coefficients(run, model) if all(n in w.values for w in windows)]
-            if len(windows) < 2 or not names:
-                continue
-            of_part: dict[str, Callable[[PartialFit], str]] = {
-                "part": lambda w: w.label,
-                "from / s": lambda w: fmt.number(w.start, 4),
-                "to / s": lambda w: fmt.number(w.stop, 4),
-            }
-            for n in names:
-                of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(w.values.get(n), w.sd.get(n))
-            caption = (
-                f"Coefficients of {words.model(model)} damping from parts of the record, with their standard "
-                "deviations (±). If they differ by much more than these, the model is incomplete and the posterior is "
-                "too narrow."
-            )
-            table = Table.of(windows, of_part, caption=caption)
-            parts.append(
-                collapsible(f"Coefficients of {words.model(model)} from parts of the record", table)
-                if place
-                else table
-            )
-        mode = mode_of(run, signal, repeats[0], ranked[0]) if ranked else None
-        if mode is not None and mode.rivals:
-            columns: dict[str, Callable[[AddedForm], str]] = {
-                "additional form": lambda form: form.words,
-                "log Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
-                "probability at equal prior odds": lambda form: fmt.probability(
-                    float(scipy.special.expit(form.log_bayes))
-                ),
-            }
-            caption = (
-                f"Log Bayes factor (nats) of {words.model(ranked[0])} with each additional form of damping against "
-                f"{words.model(ranked[0])} alone, and the probability that this gives if both are equally probable in "
-                "advance."
-            )
-            forms = sorted(mode.rivals, key=lambda form: -form.log_bayes)
-            table = Table.of(forms, columns, caption=caption)
-            parts.append(
-                collapsible(f"Other forms of damping in addition to {words.model(ranked[0])}", table)
-            )
-        return stack(*parts)
+            models[model] = []
+            if len(windows) > 1 and names:
+                of_part: dict[str, Callable[[PartialFit], str]] = {
+                    "part": lambda w: w.label,
+                    "from / s": lambda w: fmt.number(w.start, 4),
+                    "to / s": lambda w: fmt.number(w.stop, 4),
+                }
+                for n in names:
+                    of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(
+                        w.values.get(n), w.sd.get(n)
+                    )
+                models[model].append(Table.of(windows, of_part, caption=PARTS))
+            if mode is not None and mode.rivals and not place:
+                forms = sorted(mode.rivals, key=lambda form: -form.log_bayes)
+                models[model].append(
+                    collapsible("Other forms of damping in addition", Table.of(forms, FORMS, caption=ADDED))
+                )
+        return stack(*parts, by_model(models))
 
 
-def _table(run: RunFolder, signal: str, repeats: Sequence[int]) -> Table:
-    """Return a table with the checks of each model's fit."""
-    rows = []
-    for repeat in repeats:
-        ranked = models_by_rank(run, signal, repeat)
-        own = rows_of(run.fits, signal=signal, repeat=repeat)
-        rows += sorted(own, key=lambda r: ranked.index(r["model"]))
-    first: dict[str, Callable[[Row], str]] = {"repeat": lambda r: str(r["repeat"] + 1)}
-    columns: dict[str, Callable[[Row], str]] = {
-        **(first if len(repeats) > 1 else {}),
-        "model": lambda r: words.model(r["model"]),
-        "rms residual": run.rms,
-        "autocorrelation": lambda r: fmt.fixed_decimals(r["residual_autocorrelation"], 2),
-        "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
-        "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
-        "verdict": lambda r: r["verdict"] or fmt.NONE,
-    }
-    return Table.of(rows, columns, (len(columns) - 6, len(columns) - 1), CHECKS)
+def _rms(row: Row) -> str:
+    """Return the root mean square residual in a row of fits.csv as text, with its unit."""
+    return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"
 
 
 PLUGINS = (RecordSection(), NoiseSection(), FitQualitySection())

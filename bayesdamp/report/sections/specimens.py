@@ -117,28 +117,6 @@ def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
     return f"{'. '.join(sentences)}."
 
 
-def population_sentence(task_result: TaskResult) -> str:
-    """Return a sentence with the mean and the spread of each coefficient over the specimens, and any warning.
-
-    Without a population, the sentence gives the reason.
-    """
-    content = PopulationContent.maybe(task_result)
-    if content is None:
-        return f"All specimens: {task_result.outcome}."
-
-    def size(quantiles: Mapping[str, float], name: str) -> str:
-        interval = fmt.interval(quantiles["q2.5"], quantiles["q97.5"])
-        return f"{fmt.number(quantiles['median'], 3)} {interval} {words.unit(content.units[name])}"
-
-    sizes = fmt.listing(
-        f"{words.symbol(n).text} has the mean {size(p.mean, n)} and the spread {size(p.spread, n)}"
-        for n, p in content.populations.items()
-    )
-    text = f"{len(content.specimens)} specimens, all with {words.model(content.best)} damping"
-    warning = f"; {task_result.outcome}" if task_result.outcome != OK else ""
-    return f"{text}, {ASSUMED[content.deviation]}: {sizes}{warning}."
-
-
 def _capped_text(probability: float) -> str:
     """Return a probability as text; "> 0.99" if it is above 0.99 (`CAP`), the largest probability that is stated."""
     return f"> {CAP:g}" if probability > CAP else fmt.probability(probability)
@@ -186,10 +164,12 @@ def _candidates(joint: JointContent) -> Table:
 
 def _population(run: RunFolder, task_result: TaskResult) -> list[object]:
     """Return sentences, a table and a figure on the population of the specimens."""
-    parts: list[object] = [paragraph(population_sentence(task_result))]
     content = PopulationContent.maybe(task_result)
     if content is None:
-        return parts
+        return [paragraph(f"No population: {task_result.outcome}.")]
+    model = f"{len(content.specimens)} specimens, all with {words.model(content.best)} damping"
+    warning = f"; {task_result.outcome}" if task_result.outcome != OK else ""
+    parts: list[object] = [paragraph(f"{model}, {ASSUMED[content.deviation]}{warning}.")]
     scales = fmt.listing(
         f"{fmt.number(p.scale, 2)} {words.unit(content.units[n])} for {words.symbol(n).text}"
         for n, p in content.populations.items()

@@ -8,15 +8,15 @@ from collections.abc import Callable
 from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
+from bayesdamp.formatting import Table, symbols
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
-from bayesdamp.report.sections import Section, collapsible, fill, stack
+from bayesdamp.report.sections import Section, collapsible, paragraph, stack
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
-FACTS = "Revision of the source code, the machine, and the seed of the random numbers."
+FACTS = "Revision of the source code, the machine, the seed of the random numbers, and digests of the input files."
 
 
 class AskedSection(Section):
@@ -63,7 +63,7 @@ class AskedSection(Section):
                     sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
                 elif names is not None:
                     sentences.append(f"{what}: switched off.")
-        elif any(a.candidates for a in answers(run)):
+        elif any(a.content.candidates for a in answers(run)):
             sampled = any(run.task_results("sampled", signal) for signal in run.signals)
             more = "; the most probable ones were also sampled" if sampled else ""
             sentences.append(
@@ -75,7 +75,7 @@ class AskedSection(Section):
         details = collapsible(
             "All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text))
         )
-        return fill("asked.html", sentences=sentences, table=_signals(run), details=details)
+        return stack(*(paragraph(symbols(sentence)) for sentence in sentences), _signals(run), details)
 
 
 def _systems(run: RunFolder) -> list[str]:
@@ -119,9 +119,9 @@ def _signals(run: RunFolder) -> Table | str:
             answer_of(run, signal),
             run.task_result("signal", signal, run.repeats(signal)[0]),
         )
-        if answer is not None and answer.envelope is not None:
+        if answer is not None and answer.content.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
-            count, duration = answer.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
+            count, duration = answer.content.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
         elif task_result is not None and "t" in task_result.arrays:
             t = task_result.arrays["t"]
             count, duration = len(t), float(t[-1] - t[0])
@@ -158,12 +158,11 @@ class ProvenanceSection(Section):
             "source revision": info.get("revision"),
             **(info.get("machine") or {}),
             "seed": info.get("seed"),
+            **{f"SHA-256 of {name}": digest for name, digest in (info.get("inputs") or {}).items()},
         }
         lines = [[name, str(value)] for name, value in facts.items() if value is not None]
-        inputs, versions = (list((info.get(key) or {}).items()) for key in ("inputs", "versions"))
+        versions = list((info.get("versions") or {}).items())
         parts: list[object] = [Table(["item", "value"], lines, text, FACTS)] if lines else []
-        if inputs:
-            parts.append(Table(["input", "SHA-256"], inputs, text, "Input files and their SHA-256 digests."))
         if versions:
             table = Table(["package", "version"], versions, text)
             parts.append(collapsible(f"Versions of {len(versions)} packages", table))
@@ -194,9 +193,6 @@ class ProvenanceSection(Section):
             }
             caption = "Computing time of each kind of task, summed over all worker processes."
             parts.append(Table.of(kinds, of_kind, caption=caption))
-            longest = sorted(known, key=lambda name: -known[name])[:20]
-            times = Table(["task", "time"], [[name, fmt.duration(known[name])] for name in longest])
-            parts.append(collapsible(f"The {len(longest)} longest tasks", times))
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
         if rows:

@@ -36,7 +36,7 @@ function sort(table, column, header) {
 for (const table of document.querySelectorAll("table")) {
   const rows = table.tBodies[0] ? table.tBodies[0].rows : [];
   if (rows.length < 3) continue;
-  [...table.tHead.rows[table.tHead.rows.length - 1].cells].forEach((header, column) => {
+  [...table.tHead.rows[0].cells].forEach((header, column) => {
     header.setAttribute("aria-sort", "none");
     header.tabIndex = 0;
     header.addEventListener("click", () => sort(table, column, header));
