@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,9 @@ from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, INK, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
-from bayesdamp.report.sections import Section, collapsible, heading, paragraph, stack
+from bayesdamp.report.sections import Section, heading, paragraph, stack
 from bayesdamp.types import OK
 
-LISTED_P_VALUES = 15
-"""Number of p values that the page lists, the smallest first. They are from the tests whether ranks are uniform and
-intervals have their nominal coverage; calibration.csv contains all."""
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, including the noise, and a record is simulated from them. Its "
     "posterior is sampled from starting points that are computed from the record alone. If the posteriors are "
@@ -37,11 +35,11 @@ TRIED = (
     "each sampler called its own draws unreliable; mean computing time; number of records that were left out for each "
     "reason."
 )
-LEAST = (
-    'Value of "ranks": the largest difference between the distribution function of the ranks and the uniform one. '
-    'Value of "coverage": the fraction of the intervals that contain the true value; it is between low and high with '
-    "99 % probability if the intervals are right. p (Holm): the p value, corrected for the number of checks in its "
-    "group."
+CHECKS = (
+    "Percentage of the records in which the 50 %, 80 % or 95 % interval of each method contains the true value, and "
+    "the p value of the ranks, corrected for the number of checks in its group (Holm). *: the check failed. "
+    '"2 without": for 2 records the method gives no interval. calibration.csv has the limits and the p value of each '
+    "check."
 )
 Counts = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter, the number of records in which the true value had each rank, (draws + 1,)."""
@@ -111,9 +109,6 @@ class CalibratedSection(Section):
         def time(model: str) -> str:
             return fmt.duration(sum(counts[model]["seconds"].values()) / max(counts[model]["tried"], 1))
 
-        def number(name: str) -> Callable[[dict[str, str]], str]:
-            return lambda r: fmt.number(float(r[name]), 3) if r[name] else fmt.NONE
-
         of_model: dict[str, Callable[[str], str]] = {
             "model": words.model,
             "records tried": lambda model: str(counts[model]["tried"]),
@@ -128,25 +123,6 @@ class CalibratedSection(Section):
         parts += [
             _model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model) for model in counts
         ]
-        columns: dict[str, Callable[[dict[str, str]], str]] = {
-            "model": lambda r: words.model(r["model"]),
-            "method": lambda r: _method(r["method"]),
-            "parameter": lambda r: words.symbol(r["parameter"]).text,
-            "check": lambda r: f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"],
-            "records": lambda r: r["records"],
-            **{name: number(name) for name in ("value", "low", "high", "p")},
-            "p (Holm)": number("p_holm"),
-            "verdict": lambda r: r["verdict"],
-        }
-        least = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))[:LISTED_P_VALUES]
-        left = (0, 1, 2, 3, 10)
-        table = Table.of(least, columns, left, LEAST, lambda r: "alert" if r["verdict"] == "wrong" else "")
-        parts.append(
-            collapsible(
-                f"The {LISTED_P_VALUES} checks with the smallest p values; calibration.csv contains all",
-                table,
-            )
-        )
         return stack(*parts)
 
 
@@ -181,22 +157,21 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         "the lower row it holds for the whole curve, in the upper row for each bin separately."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
-    covered = rows_of(rows, check="coverage")
-    shares: dict[tuple[str, str, str], str] = {}
-    for row in covered:
-        star = " *" * (row["verdict"] == "wrong")
+    checks = {(r["parameter"], r["method"], r["check"], r["level"]): r for r in rows}
+
+    def result_of(name: str, check: tuple[str, str, str]) -> str:
+        row = checks.get((name, *check))
+        if row is None or not row["value"]:
+            return fmt.NONE
+        text = f"{100 * float(row['value']):.1f}" if row["level"] else fmt.number(float(row["p_holm"]), 2)
         without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
-        text = f"{100 * float(row['value']):.1f}{star}{without}" if row["value"] else fmt.NONE
-        shares[row["parameter"], row["method"], row["level"]] = text
+        return f"{text}{' *' * (row['verdict'] == 'wrong')}{without}"
+
     columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
-    for method, level in dict.fromkeys((r["method"], r["level"]) for r in covered):
-        columns[f"{_method(method)}, {100 * float(level):g} %"] = lambda name, own=(method, level): (
-            shares.get((name, *own), fmt.NONE)
-        )
-    caption = (
-        f"Percentage of the records with {words.model(model)} damping in which the 50 %, 80 % or 95 % interval of each "
-        'method contains the true value. *: the check failed. "2 without": for 2 records the method gives no interval.'
-    )
+    for method, check, level in dict.fromkeys((r["method"], r["check"], r["level"]) for r in rows):
+        header = f"{_method(method)}, {f'{100 * float(level):g} %' if level else 'p of the ranks'}"
+        columns[header] = partial(result_of, check=(method, check, level))
+    caption = f"Records with {words.model(model)} damping. {CHECKS}"
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
 
 

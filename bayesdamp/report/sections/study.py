@@ -20,7 +20,7 @@ FACTS = "Revision of the source code, the machine, the seed of the random number
 
 
 class AskedSection(Section):
-    """The section with the signals, the known and unknown parameters, and the methods."""
+    """The section with the signals, the known parameters, and the methods."""
 
     order = 20
     name = "asked"
@@ -79,7 +79,7 @@ class AskedSection(Section):
 
 
 def _systems(run: RunFolder) -> list[str]:
-    """Return sentences on the restoring law and the known and unknown parameters of each signal.
+    """Return sentences on the restoring law and the known parameters of each signal.
 
     Signals with the same parameters share a sentence.
     """
@@ -90,11 +90,8 @@ def _systems(run: RunFolder) -> list[str]:
         known = [
             f"{words.symbol(k).text} = {fmt.as_entered(v)}" for k, v in (system.get("known") or {}).items()
         ]
-        free = [words.symbol(k).text for k in system.get("free") or {}]
         parts = [f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}."] if laws else []
         parts += [f"Known: {fmt.listing(known)}."] if known else []
-        # With several laws, each has unknown parameters of its own.
-        parts += [f"Unknown: {fmt.listing(free)}."] if free and len(laws) < 2 else []
         derived = (run.info.get("equilibrium") or {}).get(name) or {}
         if "natural_frequency" in derived:  # the whole restoring law is known
             own = run.unit(name).displacement
