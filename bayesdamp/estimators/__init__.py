@@ -26,18 +26,15 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
 )
 STAGES = ("initial", "refined")
 """Stages of an estimator: the method's own estimate, and the trajectory fit that starts at this estimate."""
-ELEVEN = (
-    "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
-    "symbolic_regression", "envelope", "genetic",
-)  # fmt: skip
-"""Names of the estimators for the eleven methods of the paper that the module cites."""
-
-__all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
+__all__ = ["ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
 def names_for_all() -> list[str]:
     """Return the names of the estimators that `use = "all"` in a study file selects: the eleven of the paper."""
-    return list(ELEVEN)
+    return [
+        "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
+        "symbolic_regression", "envelope", "genetic",
+    ]  # fmt: skip
 
 
 def parse_options(name: str, options: Mapping[str, object] | None, shown: str | None = None) -> Options:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesdamp.estimators.shared import free_names, oscillator
-from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Problem
 
@@ -50,16 +49,11 @@ def cramer_rao(
     Raises
     ------
     ValueError
-        If a parameter is missing, the noise is not positive, the quantity is unknown or the trajectory escapes.
+        If the noise is not positive or the trajectory escapes.
     """
     osc = oscillator(problem)
-    missing = [name for name in osc.parameters if name not in parameters]
-    if missing:
-        raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
     if not noise_sd > 0:
         raise ValueError(f"noise_sd = {noise_sd!r} must be positive: without noise there is no bound")
-    if quantity not in QUANTITIES:
-        raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
     p = {name: float(parameters[name]) for name in osc.parameters}
     names = (*osc.coefficients, *free_names(problem))
     slopes = Trajectories(osc, times, quantity, p, 0.0).with_slopes(p, names)[1]

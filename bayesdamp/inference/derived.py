@@ -112,7 +112,7 @@ class Motions:
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """Return the undamped cycle of each draw at an amplitude in rad or m, which may be different for each draw."""
         amplitudes = np.broadcast_to(np.asarray(amplitude, float), self.shape)
-        return cycle(self.osc, self._numbers, amplitudes, self.near)
+        return cycle(self.osc, self._numbers, amplitudes, self._rest)
 
     @cached_property
     def cycle(self) -> Cycle:

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
 from types import FunctionType
@@ -16,11 +15,6 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 
-_NAMES = {
-    "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
-    "atanh": "arctanh", "fabs": "abs", "pow": "power",
-}  # fmt: skip
-"""Names of functions of `math` that NumPy has under another name, with this other name."""
 Force = Callable[[np.ndarray], np.ndarray]
 """A function that returns the restoring force per unit of inertia, (n,), in rad/s² or m/s², at positions (n,) in rad or
 m."""
@@ -38,22 +32,27 @@ class _Math:
     """Replacement of the module `math`, whose functions accept arrays."""
 
     def __getattr__(self, name: str) -> Any:
-        if name == "erf":
-            return scipy.special.erf
-        value = getattr(math, name)
-        return getattr(np, _NAMES.get(name, name)) if callable(value) else value
+        return scipy.special.erf if name == "erf" else getattr(np, name)
 
 
-_GLOBALS: dict[str, Any] = {
-    "math": _Math(),
-    "np": np,
-    "abs": np.abs,
-    "max": lambda *values: reduce(np.maximum, values),
-    "min": lambda *values: reduce(np.minimum, values),
-    "float": np.asarray,
-    "pow": np.power,
-}
-"""Global names that a scalar force function gets so that it can be evaluated on arrays."""
+def with_names(function: Callable[..., Any], mathematics: Any) -> Callable[..., Any]:
+    """Return a scalar function in which `math` and `np`, and abs, max, min and pow, are those of another module.
+
+    mathematics: the module, with functions abs, maximum, minimum and pow. `float` returns its argument.
+    """
+    assert isinstance(function, FunctionType)
+    names = {
+        "math": mathematics,
+        "np": mathematics,
+        "abs": mathematics.abs,
+        "max": lambda *values: reduce(mathematics.maximum, values),
+        "min": lambda *values: reduce(mathematics.minimum, values),
+        "float": lambda value: value,
+        "pow": mathematics.pow,
+    }
+    return FunctionType(
+        function.__code__, names, function.__name__, function.__defaults__, function.__closure__
+    )
 
 
 @lru_cache(maxsize=256)
@@ -63,25 +62,25 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     Arguments that are tuples are passed as tuples, of which each element may be an array. If the function does not work
     on arrays, for example because it has an `if`, it is called once for each element.
     """
-    assert isinstance(function, FunctionType)
-    array_function = FunctionType(
-        function.__code__, dict(_GLOBALS), function.__name__, function.__defaults__, function.__closure__
-    )
+    array_function = with_names(function, _Math())
 
     def evaluate(*args: Any) -> np.ndarray:
         try:
             return np.asarray(array_function(*args), float)
         except (ValueError, TypeError, AttributeError):
             pass
-        flat = [part for a in args for part in (a if isinstance(a, tuple) else (a,))]
-        sizes = [len(a) if isinstance(a, tuple) else 0 for a in args]
-        shape = np.broadcast_shapes(*(np.shape(part) for part in flat))
-        values = []
-        for row in zip(*(np.broadcast_to(part, shape).ravel().tolist() for part in flat), strict=True):
-            numbers = iter(row)
-            values.append(
-                function(*(tuple(next(numbers) for _ in range(n)) if n else next(numbers) for n in sizes))
+        shape = np.broadcast_shapes(
+            *(np.shape(part) for a in args for part in (a if isinstance(a, tuple) else (a,)))
+        )
+
+        def element(a: Any, i: tuple[int, ...]) -> Any:
+            return (
+                tuple(element(part, i) for part in a)
+                if isinstance(a, tuple)
+                else np.broadcast_to(a, shape)[i].item()
             )
+
+        values = [function(*(element(a, i) for a in args)) for i in np.ndindex(shape)]
         return np.array(values, float).reshape(shape)
 
     return evaluate

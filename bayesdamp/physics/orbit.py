@@ -57,19 +57,20 @@ class Orbit:
         """Return the period of the oscillation, in s, shape (...)."""
         return 2.0 * np.sum(self.weight / self.velocity, axis=-1)
 
+    @property
+    def energy_slope(self) -> np.ndarray:
+        """Return the derivative of the energy by the amplitude, per unit of inertia, in rad/s² or m/s², shape (...)."""
+        # dE = F₊ dx₊ = F₋ dx₋ at the two turning points, and dA = (dx₊ − dx₋) / 2.
+        return -2.0 * self.upper * self.lower / (self.upper - self.lower)
+
 
 @dataclass(frozen=True)
-class Cycle:
-    """A cycle of the undamped motion; all values are NaN where no such periodic motion exists.
+class Cycle(Orbit):
+    """A cycle of the undamped motion, with the energy that damping removes in it.
 
-    period: in s. energy: potential energy at the turning points minus that at the equilibrium. energy_slope: derivative
-    of the energy with respect to the amplitude. energy_lost: energy that damping removes in the cycle. Energies are per
-    unit of inertia, in rad²/s² (their slope in rad/s²), with m in place of rad for a translation.
+    energy_lost: this energy per unit of inertia, in rad²/s² or m²/s², shape (...); NaN where no such motion exists.
     """
 
-    period: np.ndarray
-    energy: np.ndarray
-    energy_slope: np.ndarray
     energy_lost: np.ndarray
 
 
@@ -116,7 +117,7 @@ def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
     return Orbit(energy[..., 0], x, velocity, weight, upper[..., 0], lower[..., 0])
 
 
-def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike) -> Cycle:
+def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike) -> Cycle:
     """Return the cycle of the undamped motion at an amplitude, and the work of the damping force along it.
 
     All arguments that are arrays are broadcast against each other; the result has their common shape.
@@ -129,26 +130,18 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike)
         Its parameters, by name.
     amplitude
         Half the distance between the turning points, rad or m, as in a record.
-    near
-        A position near the equilibrium, rad or m.
+    rest
+        The equilibrium, rad or m (`rest_position`).
     """
     given = {n: np.asarray(p[n], float) for n in osc.inputs if n in p}
-    shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(near))
+    shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(rest))
     column = {n: np.broadcast_to(v, shape)[..., None] for n, v in given.items()}
 
     def force(x: np.ndarray) -> np.ndarray:
         return osc.law.force(x, column)
 
-    rest = newton_many(force, np.broadcast_to(near, shape)[..., None], NEWTON_STEPS)[..., 0]
-    orbit = orbit_about(force, rest, np.broadcast_to(amplitude, shape))
+    orbit = orbit_about(force, np.broadcast_to(rest, shape), np.broadcast_to(amplitude, shape))
     with np.errstate(all="ignore"):
         # Forward and return half: the work is ∫ (F_damp(x, v) − F_damp(x, −v)) dx.
-        drag = osc.damping_force(orbit.x, orbit.velocity, column)
-        drag = drag - osc.damping_force(orbit.x, -orbit.velocity, column)
-        return Cycle(
-            period=orbit.period,
-            energy=orbit.energy,
-            # dE/dA follows from dE = F₊ dx₊ = F₋ dx₋ at the two turning points, and dA = (dx₊ − dx₋) / 2.
-            energy_slope=-2.0 * orbit.upper * orbit.lower / (orbit.upper - orbit.lower),
-            energy_lost=np.sum(orbit.weight * drag, axis=-1),
-        )
+        there, back = (osc.damping_force(orbit.x, sign * orbit.velocity, column) for sign in (1.0, -1.0))
+        return Cycle(**vars(orbit), energy_lost=np.sum(orbit.weight * (there - back), axis=-1))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -101,7 +100,7 @@ class Trajectories:
 
         All are also NaN if a damping term needs the equilibrium and there is none.
         """
-        motion = self._solve(p, _epsilon(p), NONE)
+        motion = self._solve(p, NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
 
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -111,17 +110,18 @@ class Trajectories:
         central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
         the trajectory escapes, or if a damping term needs the equilibrium and there is none.
         """
-        motion = self._solve(p, _epsilon(p), PARAMETERS)
+        motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
         if motion is None:
             return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
         slopes = np.zeros((len(names), self._count))
         of_rest = self._slopes_of_rest(p) if self._rests else {}
         for row, name in zip(slopes, names, strict=True):
-            epsilon = _epsilon(p)
             # At epsilon = 0 the derivative is zero: the dissipated energy depends on epsilon squared.
             if name == "epsilon" and epsilon > 0.0:
-                ends = [self._solve(p, epsilon * (1.0 + sign * RECORD_STEP), NONE) for sign in (1.0, -1.0)]
-                up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
+                up, down = (
+                    self.record({**p, "epsilon": epsilon * (1.0 + sign * RECORD_STEP)})
+                    for sign in (1.0, -1.0)
+                )
                 row += (up - down) / (2.0 * RECORD_STEP * epsilon)
             for place, own in enumerate(self._solver.names):
                 if own == name or (own == "rest" and name in of_rest):
@@ -134,7 +134,7 @@ class Trajectories:
 
         Return None if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
         """
-        return self._solve(p, _epsilon(p), PARAMETERS)
+        return self._solve(p, PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
         """Return angle, velocity and acceleration, (3,), `gap` s after the start, for parameters p by name.
@@ -144,7 +144,7 @@ class Trajectories:
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
             self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
-        motion = self._solve(p, _epsilon(p), NONE, self._short[gap])
+        motion = self._solve(p, NONE, self._short[gap])
         return np.full(3, np.nan) if motion is None else motion.states[-1, :3]
 
     @property
@@ -157,23 +157,18 @@ class Trajectories:
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
 
-    def _solve(
-        self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
-    ) -> Motion | None:
+    def _solve(self, p: Mapping[str, float], tangents: int, solver: Solver | None = None) -> Motion | None:
         values = {**self._given, **p}
         if self._rests:
             rest = self._rest(p)
             if rest is None:
                 return None
             values["rest"] = rest
-        if epsilon != self._solver.epsilon:
-            self._solver = _with_epsilon(self._solver, epsilon)
-        if solver is None:
-            solver = self._solver
-        elif epsilon != solver.epsilon:
-            solver = _with_epsilon(solver, epsilon)
+        solver = solver or self._solver
         vector = np.array([float(values[name]) for name in solver.names])
-        return solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
+        return solver.solve(
+            vector, self._active, tangents=tangents, tolerance=self._tolerance, epsilon=_epsilon(p)
+        )
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
         """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one.
@@ -202,16 +197,6 @@ class Trajectories:
 def _epsilon(p: Mapping[str, float]) -> float:
     """Return the width epsilon in rad/s from the parameters p; 0 (discontinuous friction) if it is missing."""
     return float(p.get("epsilon", 0.0))
-
-
-def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
-    """Return a copy of the solver with another epsilon.
-
-    The copy shares the values that the solver has cached, because they do not depend on epsilon.
-    """
-    changed = copy(solver)
-    object.__setattr__(changed, "epsilon", epsilon)
-    return changed
 
 
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:

@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, reduce
-from types import FunctionType
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from bayesdamp.estimators.shared import (
     thin_record,
 )
 from bayesdamp.physics.damping import EXACT
+from bayesdamp.physics.forces import with_names
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem, Refusal, Signal
 
@@ -149,20 +149,6 @@ class _Mathematics:
         return lambda *numbers: function(*(torch.as_tensor(x, dtype=REAL) for x in numbers))
 
 
-_MATHEMATICS: Any = _Mathematics()
-_GLOBALS: dict[str, Any] = {
-    "math": _MATHEMATICS,
-    "np": _MATHEMATICS,
-    "abs": abs,
-    "max": lambda *values: reduce(_MATHEMATICS.maximum, values),
-    "min": lambda *values: reduce(_MATHEMATICS.minimum, values),
-    "float": lambda x: x,
-    "pow": pow,
-}
-"""Global names for `on_tensors`: what the names `math`, `np`, `abs` and so on mean in the code of a force function that
-is evaluated on tensors."""
-
-
 @lru_cache(maxsize=256)
 def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
     """Return a version of a kernel, the Python function of a force of single numbers, that torch can differentiate.
@@ -170,10 +156,7 @@ def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
     Each argument of this version is a tensor (n,), a number, or a tuple of these where the kernel takes a tuple; it
     returns a tensor (n,). A kernel that branches with `if` is called for one number after the other.
     """
-    assert isinstance(kernel, FunctionType)
-    on_rows = FunctionType(
-        kernel.__code__, dict(_GLOBALS), kernel.__name__, kernel.__defaults__, kernel.__closure__
-    )
+    on_rows = with_names(kernel, _Mathematics())
 
     def evaluate(x: Tensor, *others: Any) -> Tensor:
         try:

@@ -162,16 +162,12 @@ class DampingTerm(ABC):
         """
         peak = amplitude * frequency
         known = {"rest": 0.0, "reference_velocity": peak, "reference_amplitude": amplitude, **further}
-        force, rest = self.at({n: known[n] for n in self.further}), known["rest"]
-        total = 0.0
-        for phase, weight in zip(_PHASES, _WEIGHTS, strict=True):
-            x, v = rest + amplitude * math.sin(phase), peak * math.cos(phase)
-            total += (
-                weight
-                * math.cos(phase)
-                * (force(x, v, SHARP_WIDTH * peak) - force(x, -v, SHARP_WIDTH * peak))
-            )
-        return float(amplitude * total)
+        x, v = known["rest"] + amplitude * np.sin(_PHASES), peak * np.cos(_PHASES)
+        there, back = (
+            self.force(x, way * v, SHARP_WIDTH * peak, *(known[n] for n in self.further))
+            for way in (1.0, -1.0)
+        )
+        return float(amplitude * np.sum(_WEIGHTS * np.cos(_PHASES) * (there - back)))
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
         """Return the kernel as a function of (x, v, ε) only, with the further arguments fixed at these values.

@@ -134,6 +134,7 @@ class AveragedSolver(Solver):
         tangents: int = PARAMETERS,
         stop: int | None = None,
         tolerance: float | None = None,
+        epsilon: float | None = None,
     ) -> Motion | None:
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory escapes.
 
@@ -153,7 +154,7 @@ class AveragedSolver(Solver):
             g, h = none if g is None else g, none if h is None else h
         # The errors of phases are multiplied by M.
         tolerance = (tolerance or TOLERANCE) / self.slowness
-        motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance)
+        motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance, epsilon=epsilon)
         if motion is None:
             return None
         z, middle = _demodulate(motion.y, order, self.track.phases)

@@ -109,8 +109,10 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
         parts.append(_function(term, DampingTerm, f"_shape_{number}", f"damping term {name!r}"))
         further = [f"q[{at + i}]" for i in range(len(term.further))]
         inside = ", ".join(["x", "v", "rounding" if term.rounded else "epsilon", *further])
-        slope, sizes_argument = _slopes_of_term(parts[-1], number, len(further))
-        parts.append(slope)
+        x, v, width, *q = _arguments(parts[-1])
+        call = f"_shape_{number}({', '.join(['{}', '{}', width, *['{}'] * len(q)])})"
+        steps = ["1e-6 * sizes[0]", "1e-6 * sizes[1]", *(f"1e-6 * (abs({name}) + 1e-3)" for name in q)]
+        parts.append(_derivatives(parts[-1], f"_slopes_{number}", [x, v, *q], call, steps))
         owners += [number] * len(further)
         switches.append(bool(term.switches))
         jumps.append(bool(term.switches and not term.rounded))
@@ -123,7 +125,7 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
         by_further = [f"by_{i}" for i in range(len(further))]
         slopes += [
             f"{margin}if active[{number}]:",
-            f"{margin}    {', '.join(['f', 'by_x', 'by_v', *by_further])} = _slopes_{number}({inside}{sizes_argument})",
+            f"{margin}    {', '.join(['f', 'by_x', 'by_v', *by_further])} = _slopes_{number}({inside}, sizes)",
             f"{margin}    out[{2 + number}] = share * f",
             f"{margin}    total, x_slope, v_slope = (total + {c} * f, x_slope + {c} * by_x, v_slope + {c} * by_v)",
             *(
@@ -163,22 +165,17 @@ def _njit(signature: str, *lines: str) -> str:
     return "".join([f"@njit\ndef {signature}:\n", *(f"    {line}\n" for line in lines)])
 
 
-def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
-    """Return the source of a function that computes a damping term's force and its derivatives.
+def _derivatives(source: str, name: str, seeds: list[str], call: str, steps: list[str]) -> str:
+    """Return the source of a function `name` that computes a force and its derivatives by the seeds.
 
-    The derivatives are by x, v and the further parameters (those besides the coefficient). source: source of the term's
-    force. number: index of the term. further: number of its further parameters. Also return the text that calls of the
-    function need after their other arguments: ", sizes" if it uses difference quotients, else "".
+    Its arguments are those of the force, then `sizes`, the typical magnitudes from which steps follow. source: source
+    of the force. call, steps: for a force whose source cannot be differentiated, the call of its function with {} in
+    the place of each seed, and the text of each step of the difference quotients.
     """
-    given, name = _arguments(source), f"_slopes_{number}"
     try:
-        return derivative_source(source, name, [*given[:2], *given[3:]]), ""
+        return derivative_source(source, name, seeds)
     except NoSlopeError:
-        q = [f"q{i}" for i in range(further)]
-        call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{seed}}}' for seed in q)})"
-        steps = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
-        steps |= {seed: f"1e-6 * (abs({seed}) + 1e-3)" for seed in q}
-        return difference_source(call, ["x", "v", "epsilon", *q, "sizes"], steps, name), ", sizes"
+        return difference_source(call, [*_arguments(source), "sizes"], dict(zip(seeds, steps)), name)
 
 
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
@@ -210,24 +207,15 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
     the law's force. count: number of its parameters.
     """
     x, p = _arguments(source)
-    name = f"_numbers_of_law_{number}"
-    try:
-        own, sizes_argument = derivative_source(source, name, [x, *(f"{p}[{i}]" for i in range(count))]), ""
-    except NoSlopeError:
-        numbers = [f"p{i}" for i in range(count)]
-        call = f"_law_{number}({{x}}, ({', '.join(f'{{{seed}}}' for seed in numbers)}, 0.0))"
-        steps = {"x": "1e-6 * sizes[0]"}
-        steps |= {seed: f"1e-6 * (abs({seed}) + sizes[{2 + i}])" for i, seed in enumerate(numbers)}
-        inner = difference_source(call, ["x", *numbers, "sizes"], steps, f"{name}_moved")
-        given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
-        own = f"{inner}\n\n{_njit(f'{name}(x, p, sizes)', f'return {name}_moved({given})')}"
-        sizes_argument = ", sizes"
+    name, seeds = f"_numbers_of_law_{number}", [f"{p}[{i}]" for i in range(count)]
+    call = f"_law_{number}({{}}, ({'{}, ' * count}0.0))"
+    steps = ["1e-6 * sizes[0]", *(f"1e-6 * (abs({q}) + sizes[{2 + i}])" for i, q in enumerate(seeds))]
     by_parameters = [f"by_{i}" for i in range(count)]
     return [
-        own,
+        _derivatives(source, name, [x, *seeds], call, steps),
         _njit(
             f"_slopes_of_law_{number}(x, p, sizes, share, out, first)",
-            f"{', '.join(['f', 'by_x', *by_parameters])} = {name}(x, p{sizes_argument})",
+            f"{', '.join(['f', 'by_x', *by_parameters])} = {name}(x, p, sizes)",
             *(f"out[first + {i}] = share * {slope}" for i, slope in enumerate(by_parameters)),
             "return f, by_x",
         ),

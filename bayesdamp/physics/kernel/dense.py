@@ -32,7 +32,7 @@ def quintic(before, after, step, order):
     """Return the coefficients of powers 0 to 6 of u of the solution's order-th time derivative (0 to 2) in one step.
 
     u: fraction of the step. before, after: value, slope and curvature (first and second time derivative) at the two
-    ends; a fourth number in `before` is the factor k of the correction k u³(1 − u)³. step: length of the step in s.
+    ends, then the factor k of the correction k u³(1 − u)³; that in `after` is not used. step: length of the step in s.
     """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend
@@ -44,7 +44,7 @@ def quintic(before, after, step, order):
         -15.0 * d + 7.0 * v - a,
         6.0 * d - 3.0 * v + 0.5 * a,
     )
-    k = before[3] if before.size > 3 else 0.0  # factor of u³(1 − u)³
+    k = before[3]
     c3, c4, c5, c6 = c3 + k, c4 - 3.0 * k, c5 + 3.0 * k, -k
     if order == 0:
         return before[0], slope, c2, c3, c4, c5, c6
@@ -77,8 +77,7 @@ def end_of_step(times, node, t, first):
 def at_times(times, states, t, order):
     """Return the order-th time derivative (0 to 2) of the solution at increasing times t, (n,).
 
-    times: times of the nodes, (s,). states: value, slope, curvature (and factor k, see `quintic`) at the nodes, (s, 3
-    or 4).
+    times: times of the nodes, (s,). states: value, slope, curvature and factor k (see `quintic`) at the nodes, (s, 4).
     """
     values, first = np.empty(t.size), 0
     for node in range(times.size - 1):
@@ -125,10 +124,10 @@ def slopes_at_times(times, slopes, columns, t, order):
     """Return the order-th time derivative (0 to 2) of tangents at increasing times t, (n,): shape (n, columns.size).
 
     A tangent is the derivative of the motion by one parameter. times: times of the nodes, (s,). slopes: value, slope,
-    curvature (and factor k, see `quintic`) of all p tangents at the nodes, (s, p, 3 or 4). columns: indices of the
+    curvature and factor k (see `quintic`) of all p tangents at the nodes, (s, p, 4). columns: indices of the
     tangents to evaluate.
     """
-    k, four = columns.size, slopes.shape[2] > 3
+    k = columns.size
     values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):
         end = end_of_step(times, node, t, first)
@@ -137,10 +136,10 @@ def slopes_at_times(times, slopes, columns, t, order):
         begun, step = times[node], times[node + 1] - times[node]
         for p in range(k):
             q = columns[p]
+            for j in range(4):
+                c[j, p] = slopes[node, q, j]
             for j in range(3):
-                c[j, p], c[4 + j, p] = slopes[node, q, j], slopes[node + 1, q, j]
-            if four:
-                c[3, p] = slopes[node, q, 3]
+                c[4 + j, p] = slopes[node + 1, q, j]
         for i in range(first, end):
             u = (t[i] - begun) / step
             u2, u3 = u * u, u * u * u

@@ -34,9 +34,9 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
     """Return the source of a function `name` that returns the value of a given function and its derivatives.
 
     source: source of the given function. seeds: variables by which it is differentiated: arguments, or items of an
-    argument such as `p[0]`. The new function has the same arguments and returns a tuple: the value, then one derivative
-    for each seed. Raises NoSlopeError unless the given function consists of assignments to names and a return, in
-    operations that this module knows.
+    argument such as `p[0]`. The new function has the same arguments, then `sizes`, which it does not use, and returns a
+    tuple: the value, then one derivative for each seed. Raises NoSlopeError unless the given function consists of
+    assignments to names and a return, in operations that this module knows.
     """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
@@ -53,7 +53,7 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
                 returned = ", ".join([returned_value, *(slopes.get(seed, "0.0") for seed in seeds)])
                 lines.text.append(f"return {returned}")
                 body = "".join(f"    {line}\n" for line in lines.text)
-                return f"@njit\ndef {name}({', '.join(arguments)}):\n{body}"
+                return f"@njit\ndef {name}({', '.join([*arguments, 'sizes'])}):\n{body}"
             case _:
                 break
     raise NoSlopeError
@@ -147,17 +147,18 @@ class _Lines:
         return slopes_by_seed
 
 
-def difference_source(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
+def difference_source(call: str, arguments: list[str], steps: dict[str, str], name: str) -> str:
     """Return the source of a function `name` that returns a value and its derivatives by central differences.
 
-    call: text of an expression that computes the value, with each variable of differentiation (seed) in braces.
-    arguments: names of the arguments of the new function. seeds: for each seed, the text of the step of its difference
-    quotient. The function returns a tuple: the value, then one derivative for each seed.
+    call: text of an expression that computes the value, with {} in the place of each variable of differentiation
+    (seed). arguments: names of the arguments of the new function. steps: for each seed, in the order of `call`, the
+    text of the step of its difference quotient. The function returns a tuple: the value, then one derivative for each
+    seed.
     """
-    plain = {seed: seed for seed in seeds}
-    lines, returned = [], [call.format_map(plain)]
-    for i, (seed, change) in enumerate(seeds.items()):
-        high, low = (call.format_map(plain | {seed: f"{seed} {sign} d{i}"}) for sign in "+-")
+    seeds = list(steps)
+    lines, returned = [], [call.format(*seeds)]
+    for i, (seed, change) in enumerate(steps.items()):
+        high, low = (call.format(*seeds[:i], f"{seed} {sign} d{i}", *seeds[i + 1 :]) for sign in "+-")
         lines += [f"d{i} = {change}", f"slope{i} = ({high} - {low}) / (2.0 * d{i})"]
         returned.append(f"slope{i}")
     body = "".join(f"    {line}\n" for line in [*lines, f"return {', '.join(returned)}"])

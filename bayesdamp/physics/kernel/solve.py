@@ -81,26 +81,8 @@ class Windows:
         """Return the points and weights of only the first `count` windows."""
         return Windows(self.times[:count], self.weights[:count])
 
-
-@dataclass(frozen=True)
-class Points:
-    """Times at which a motion is evaluated: one for each value, or two whose weighted mean is the value.
-
-    Attributes
-    ----------
-    t : ndarray, shape (n,) or, with weights, (2n,)
-        Times in s, increasing. With weights, the first two give the first value, the next two the second, and so on.
-    weights : ndarray, shape (n, 2), or None
-        Weights of each pair of times in its mean; None if each time gives a value of its own.
-    """
-
-    t: np.ndarray
-    weights: np.ndarray | None = None
-
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the weighted mean of each pair of values, (n, ...); without weights, return the values themselves."""
-        if self.weights is None:
-            return values
+        """Return the weighted mean in each window, (n, ...), of values at all points in turn, (2n, ...)."""
         first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
         return first * values[::2] + second * values[1::2]
 
@@ -111,22 +93,23 @@ class Slopes:
 
     times: of the s nodes, in s, (s,). slopes: tangents by all k parameters of the kernel, with their first and second
     time derivative and a correction (see `dense`), (s, k, 4). columns: indices of the solver's own p parameters among
-    these k, (p,). points: times at which the tangents are evaluated. order: 0 for tangents of the angle, 1 of the
-    velocity, 2 of the acceleration.
+    these k, (p,). t: times at which the tangents are evaluated. windows: the windows of which `t` are the points; None
+    if `t` are the samples. order: 0 for tangents of the angle, 1 of the velocity, 2 of the acceleration.
     """
 
     times: np.ndarray
     slopes: np.ndarray
     columns: np.ndarray
-    points: Points
+    t: np.ndarray
+    windows: Windows | None
     order: int
 
     def at_samples(self) -> np.ndarray:
         """Return the tangents at each of n samples, (n, p), by interpolation."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
-        values = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
-        return self.points.mean(values)
+        values = slopes_at_times(self.times, self.slopes, self.columns, self.t, self.order)
+        return values if self.windows is None else self.windows.mean(values)
 
 
 @dataclass(frozen=True)
@@ -174,23 +157,6 @@ class Motion:
         states[:, 0] = self.states[:-1, :3]
         ends = (steps[:, None] > 0) | (np.arange(PARTS) == 0)
         return np.append(times[ends], self.times[-1:]), np.vstack([states[ends], self.states[-1:, :3]])
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """Indices of a solver's damping terms and parameters in its kernel, which may have more of them.
-
-    terms: indices of the solver's m terms among those of the kernel, (m,). given: indices of the solver's e further
-    parameters (those of terms besides the coefficients) among the further parameters of the kernel, (e,). further:
-    number of further parameters of the kernel. law: index of the restoring law in the kernel. most: largest number of
-    parameters of a restoring law in the kernel.
-    """
-
-    terms: np.ndarray
-    given: np.ndarray
-    further: int
-    law: int
-    most: int
 
 
 @dataclass(frozen=True)
@@ -271,17 +237,24 @@ class Solver:
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
-    def _read_at(self) -> dict[int | None, Points]:
-        return {}
+    def _sections(self) -> np.ndarray:
+        """Return where the kernel's parameters are split: coefficients, further ones, those of the law, start.
+
+        The kernel may have more terms and laws than the solver. The start are angle and velocity.
+        """
+        terms, laws = self.kernel.terms, self.kernel.laws
+        further = sum(len(TERMS.get(name).further) for name in terms)
+        return np.cumsum([len(terms), further, most_parameters(laws)])
 
     @cached_property
-    def _layout(self) -> _Layout:
-        terms, laws = self.kernel.terms, self.kernel.laws
+    def _places(self) -> np.ndarray:
+        """Return the index of each of the solver's parameters (`names`) among those of its kernel, (k,)."""
+        terms, (m, first_of_law, start) = self.kernel.terms, self._sections
         every = [(name, n) for name in terms for n in TERMS.get(name).further]
-        given = [every.index((name, n)) for name in self.terms for n in TERMS.get(name).further]
-        places = np.array([terms.index(name) for name in self.terms], int)
-        most = most_parameters(laws)
-        return _Layout(places, np.array(given, int), len(every), laws.index(self.restoring), most)
+        own = [every.index((name, n)) for name in self.terms for n in TERMS.get(name).further]
+        law = first_of_law + np.arange(len(LAWS.get(self.restoring).parameters))
+        coefficients = [terms.index(name) for name in self.terms]
+        return np.concatenate([coefficients, m + np.array(own, int), law, [start, start + 1]])
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -298,6 +271,7 @@ class Solver:
         tangents: int = PARAMETERS,
         stop: int | None = None,
         tolerance: float | None = None,
+        epsilon: float | None = None,
     ) -> Motion | None:
         """Integrate the equation of motion; return None if the trajectory escapes to infinity or needs too many steps.
 
@@ -316,6 +290,8 @@ class Solver:
             Number of samples to compute, from the first on; all by default.
         tolerance
             Error of a step, relative to the amplitude; `TOLERANCE` by default.
+        epsilon
+            Width ε in rad/s or m/s; by default the solver's.
 
         Returns
         -------
@@ -325,41 +301,32 @@ class Solver:
         """
         from bayesdamp.physics.kernel.dense import at_times
 
-        layout, m, law_places = self._layout, len(self.kernel.terms), self.law_places
-        if stop not in self._read_at:
-            # Writable copies: Numba would compile again for an array that is read-only.
-            self._read_at[stop] = (
-                Points(np.array(self.t[:stop], float))
-                if self.windows is None
-                else Points(self.windows.times[:stop].flatten(), self.windows.weights[:stop])
-            )
-        points = self._read_at[stop]
-        t, knots = points.t, self.knots
+        windows = None if self.windows is None else self.windows.first(self.t[:stop].size)
+        # Writable copies: Numba would compile again for an array that is read-only.
+        t = np.array(self.t[:stop], float) if windows is None else windows.times.flatten()
+        knots = self.knots
         if g is None and h is None and t[-1] < knots[-1]:
             knots = np.array([0.0, float(t[-1])])
         g, h = (np.zeros(knots.size) if d is None else np.asarray(d, float) for d in (g, h))
         most = int(MAX_STEPS_PER_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
-        p = np.asarray(p, float)
-        coefficients, switched = np.zeros(m), np.zeros(m, bool)
-        coefficients[layout.terms], switched[layout.terms] = p[: len(self.terms)], active
-        q = np.zeros(layout.further)
-        q[layout.given] = p[len(self.terms) : law_places.start]
-        law, parameters = np.zeros(layout.most + 1), p[law_places]
-        law[: parameters.size], law[-1] = parameters, layout.law
+        every, switched = np.zeros(self._sections[-1] + 2), np.zeros(len(self.kernel.terms), bool)
+        every[self._places], switched[self._places[: len(self.terms)]] = p, active
+        m, first_of_law, first_of_start = self._sections.tolist()
+        law = np.append(every[first_of_law:first_of_start], self.kernel.laws.index(self.restoring))
+        widths = self._widths(self.epsilon if epsilon is None else epsilon)
         times, states, slopes = interruptible(self.kernel.march)(
-            coefficients, q, switched, law, *self._widths(self.epsilon), p[law_places.stop :].copy(),
+            every[:m], every[m:first_of_law], switched, law, *widths, every[first_of_start:],
             knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
-        y = points.mean(at_times(times, states, t, order))
+        y = at_times(times, states, t, order)
+        y = y if windows is None else windows.mean(y)
         if not tangents:
             return Motion(y, np.zeros((y.size, 0)), times, states)
-        first = m + layout.further
-        columns = [layout.terms, m + layout.given, first + np.arange(parameters.size)]
-        columns = np.concatenate([*columns, np.arange(first + layout.most, slopes.shape[1])])
-        return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
+        columns = np.append(self._places, np.arange(every.size, slopes.shape[1]))
+        return Motion(y, Slopes(times, slopes, columns, t, windows, order), times, states)
 
     def works(
         self,
@@ -383,14 +350,15 @@ class Solver:
         epsilon
             Width ε in rad/s; by default the solver's.
         """
-        layout, m = self._layout, len(self.kernel.terms)
-        switched, q = np.zeros(m, bool), np.zeros((len(further), layout.further))
-        switched[layout.terms], q[:, layout.given] = active, further
+        m, first_of_law, _ = self._sections
+        terms, own = np.split(self._places, [len(self.terms), self.law_places.start])[:2]
+        switched, q = np.zeros(m, bool), np.zeros((len(further), first_of_law - m))
+        switched[terms], q[:, own - m] = active, further
         out = np.zeros((len(further), m))
         points = (np.array(array, float) for array in (x, v, weight))
         widths = self._widths(self.epsilon if epsilon is None else epsilon)
         self.kernel.sums(*points, *widths, q, switched, out)
-        return out[:, layout.terms]
+        return out[:, terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
         """Return the ε of dry friction, and the ε of forces that are steep but continuous at v = 0.
@@ -402,17 +370,9 @@ class Solver:
 
 def warm() -> None:
     """Compile the shared kernel of all terms and laws that ship, so that the first record does not wait for it."""
-    t, law = np.linspace(0.0, 1.0, 5), "linear"
-    solver = Solver(SHIPPED, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
-    values = {
-        **LAWS.get(law).start(4.0, 0.0, {}),
-        "theta0": 0.1,
-        "exponent": 1.0,
-        "reference_velocity": 0.4,
-        "reference_amplitude": 0.1,
-        "stribeck_velocity": 0.1,
-    }
-    p = np.array([values.get(name, 0.0) for name in solver.names])
+    t = np.linspace(0.0, 1.0, 5)
+    solver = Solver(SHIPPED, "linear", t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
+    p = np.full(len(solver.names), 0.1)
     active = np.ones(len(SHIPPED), bool)
     solver.solve(p, active, tangents=ALL)
     solver.works(t, t, t, np.ones((1, len(solver.further))), active)

@@ -36,6 +36,18 @@ class LinearForm:
     offset: np.ndarray
     decode: Callable[[np.ndarray], dict[str, float]]
 
+    @classmethod
+    def of_sum(cls, regressors: Mapping[str, np.ndarray], known: Mapping[str, float]) -> LinearForm:
+        """Return the form of a force that is the sum of parameter times regressor, each (n,), of which some are known.
+
+        The coefficients are the unknown parameters.
+        """
+        free = [name for name in regressors if name not in known]
+        zero = np.zeros_like(next(iter(regressors.values())))
+        offset = sum((known[name] * f for name, f in regressors.items() if name in known), zero)
+        columns = np.array([regressors[name] for name in free]).reshape(len(free), zero.size).T
+        return cls(columns, offset, lambda c: dict(zip(free, map(float, c))))
+
 
 class RestoringLaw(ABC):
     """A restoring force F_rest(θ) per unit of inertia, with named parameters; θ in rad (or m for a translation).

@@ -43,11 +43,7 @@ class Duffing(RestoringLaw):
         """
         if "rest_angle" in known:
             x = theta - known["rest_angle"]
-            free = [n for n in ("stiffness", "cubic") if n not in known]
-            powers = {"stiffness": x, "cubic": x**3}
-            offset = sum((known[n] * powers[n] for n in powers if n in known), np.zeros_like(x))
-            columns = np.column_stack([powers[n] for n in free]) if free else np.zeros((x.size, 0))
-            return LinearForm(columns, offset, lambda c: dict(zip(free, map(float, c))))
+            return LinearForm.of_sum({"stiffness": x, "cubic": x**3}, known)
 
         # If θ_e is unknown, fit a general cubic, which has one coefficient more than the law. θ_e is then the real
         # root of the cubic that is nearest to the mean angle; k is the slope there.

@@ -84,31 +84,18 @@ class HorizontalPendulum(RestoringLaw):
 
         The coefficients are k and γ, as far as they are unknown, and the product kθ_s if θ_s is unknown.
         """
-        names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
-        lever = theta if spring is None else theta - spring
-        if "stiffness" in known:
-            offset = offset + known["stiffness"] * lever
-        else:
-            names.append("stiffness")
-            columns.append(lever)
-        if "gravity" in known:
-            offset = offset - known["gravity"] * np.cos(theta)
-        else:
-            names.append("gravity")
-            columns.append(-np.cos(theta))
-        if spring is None:
-            names.append("torque")
-            columns.append(-np.ones_like(theta))
+        if spring is not None:
+            return LinearForm.of_sum({"stiffness": theta - spring, "gravity": -np.cos(theta)}, known)
+        regressors = {"stiffness": theta, "gravity": -np.cos(theta), "torque": -np.ones_like(theta)}
+        form = LinearForm.of_sum(regressors, known)
 
         def decode(c: np.ndarray) -> dict[str, float]:
-            values = dict(zip(names, map(float, c)))
-            if spring is None:
-                torque = values.pop("torque")
-                values["spring_angle"] = torque / values.get("stiffness", known.get("stiffness", np.nan))
-            return values
+            values = form.decode(c)
+            torque = values.pop("torque")
+            return {**values, "spring_angle": torque / {**known, **values}["stiffness"]}
 
-        return LinearForm(np.column_stack(columns) if columns else np.zeros((theta.size, 0)), offset, decode)
+        return LinearForm(form.columns, form.offset, decode)
 
 
 PLUGIN = HorizontalPendulum()

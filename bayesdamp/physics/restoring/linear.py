@@ -33,22 +33,19 @@ class LinearSpring(RestoringLaw):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
 
-        The coefficients are k and −kθ_e if both are unknown, θ_e if k is known, k if θ_e is known, and none if both are
-        known.
+        The coefficients are k, if it is unknown, and −kθ_e, if θ_e is unknown.
         """
-        k, rest = known.get("stiffness"), known.get("rest_angle")
-        none, ones = np.zeros((theta.size, 0)), np.ones_like(theta)
-        if k is not None and rest is not None:
-            return LinearForm(none, k * (theta - rest), lambda c: {})
-        if k is not None:
-            return LinearForm(-k * ones[:, None], k * theta, lambda c: {"rest_angle": float(c[0])})
+        rest = known.get("rest_angle")
         if rest is not None:
-            return LinearForm((theta - rest)[:, None], 0 * ones, lambda c: {"stiffness": float(c[0])})
-        return LinearForm(
-            np.column_stack([theta, ones]),
-            0 * ones,
-            lambda c: {"stiffness": float(c[0]), "rest_angle": float(-c[1] / c[0])},
-        )
+            return LinearForm.of_sum({"stiffness": theta - rest}, known)
+        form = LinearForm.of_sum({"stiffness": theta, "torque": np.ones_like(theta)}, known)
+
+        def decode(c: np.ndarray) -> dict[str, float]:
+            values = form.decode(c)
+            torque = values.pop("torque")
+            return {**values, "rest_angle": -torque / {**known, **values}["stiffness"]}
+
+        return LinearForm(form.columns, form.offset, decode)
 
 
 PLUGIN = LinearSpring()

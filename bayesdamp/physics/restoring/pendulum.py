@@ -37,12 +37,8 @@ class Pendulum(RestoringLaw):
         If only θ_e is known, the coefficient is k; if both are known, there is none.
         """
         k, rest = known.get("stiffness"), known.get("rest_angle")
-        zero = np.zeros_like(theta)
         if rest is not None:
-            wave = np.sin(theta - rest)
-            if k is not None:
-                return LinearForm(np.zeros((theta.size, 0)), k * wave, lambda c: {})
-            return LinearForm(wave[:, None], zero, lambda c: {"stiffness": float(c[0])})
+            return LinearForm.of_sum({"stiffness": np.sin(theta - rest)}, known)
 
         def decode(c: np.ndarray) -> dict[str, float]:
             rest = math.atan2(-c[1], c[0])
@@ -52,7 +48,7 @@ class Pendulum(RestoringLaw):
                 else {"stiffness": float(np.hypot(*c)), "rest_angle": rest}
             )
 
-        return LinearForm(np.column_stack([np.sin(theta), np.cos(theta)]), zero, decode)
+        return LinearForm(np.column_stack([np.sin(theta), np.cos(theta)]), np.zeros_like(theta), decode)
 
 
 PLUGIN = Pendulum()
