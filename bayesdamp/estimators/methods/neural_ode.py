@@ -55,7 +55,7 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
         optional_package("torchdiffeq")
         from bayesdamp.estimators.networks import shooting
 
-        return shooting.estimate(signal, problem, checked_features(signal), rng, **options.model_dump())
+        return shooting.estimate(signal, problem, checked_features(signal), rng, options)
 
 
 PLUGIN = NeuralOde()

@@ -56,7 +56,7 @@ class Pinn(Estimator[PinnOptions]):
         optional_package("torch")
         from bayesdamp.estimators.networks import collocation
 
-        return collocation.estimate(signal, problem, checked_features(signal), rng, **options.model_dump())
+        return collocation.estimate(signal, problem, checked_features(signal), rng, options)
 
 
 PLUGIN = Pinn()

@@ -6,7 +6,7 @@ Equation 17 of the paper that `bayesdamp.estimators` cites.
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -27,6 +27,9 @@ from bayesdamp.estimators.networks.training import (
 from bayesdamp.estimators.shared import decay_start, free_start, phase_of
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+if TYPE_CHECKING:
+    from bayesdamp.estimators.methods.pinn import PinnOptions
 
 UNIT = 3.0
 """Factor that enlarges the units in which the physical parameters are trained: the larger it is, the less Levenberg's
@@ -56,23 +59,18 @@ class Collocation(ScaledRecord):
         problem: Problem,
         features: Features,
         rng: np.random.Generator,
-        *,
-        start: str,
-        width: int,
-        harmonics: int,
-        collocation: int,
-        physics_weight: float,
-        start_weight: float,
+        options: PinnOptions,
     ) -> None:
         super().__init__(signal, problem, features)
         damping = UNINFORMED / self.ratios
-        if start == "direct":
+        if options.start == "direct":
             guess = decay_start(problem, features)
             damping = np.array([guess[name] for name in self.coefficients])
         free = np.array([self.base[name] for name in self.restoring])
         self.units = UNIT * np.concatenate([0.1 / self.ratios, np.maximum(np.abs(free), self.a)])
-        self.network = DenseNetwork((1 + 2 * harmonics, width, width, 1))
-        self.physics_weight, self.start_weight = physics_weight, start_weight
+        harmonics, collocation = options.harmonics, options.collocation
+        self.network = DenseNetwork((1 + 2 * harmonics, options.width, options.width, 1))
+        self.physics_weight, self.start_weight = options.physics_weight, options.start_weight
         phase, end = phase_of(signal, features).convert().coef.tolist(), float(signal.t[-1])
 
         def inputs(t: Tensor) -> Tensor:
@@ -142,14 +140,7 @@ class Collocation(ScaledRecord):
 
 @single_thread()
 def estimate(
-    signal: Signal,
-    problem: Problem,
-    features: Features,
-    rng: np.random.Generator,
-    *,
-    rounds: int,
-    start: str,
-    **settings: Any,
+    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: PinnOptions
 ) -> Estimate:
     """Train a network together with the physical parameters; return these as the estimate.
 
@@ -159,19 +150,17 @@ def estimate(
         The record, its damping terms and known parameters, and its features.
     rng
         Random generator for the first weights and the instants.
-    rounds
-        Largest number of training steps.
-    start, settings
-        Arguments of `Collocation`.
+    options
+        Options of the estimator.
 
     Raises
     ------
     Refusal
         If the loss is not finite.
     """
-    loss = Collocation(signal, problem, features, rng, start=start, **settings)
+    loss = Collocation(signal, problem, features, rng, options)
     count, last = loss.network.count, loss.network.count + len(loss.coefficients)
-    training = train(descend(loss.evaluate, loss.first), rounds, lambda x: x[count:last])
+    training = train(descend(loss.evaluate, loss.first), options.rounds, lambda x: x[count:last])
     if not np.all(np.isfinite(training.losses)):
         raise Refusal("the training of the network gave numbers that are not finite")
     watched = training.watched * loss.units[: last - count]
@@ -181,18 +170,10 @@ def estimate(
     values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
     trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
     details = {
-        "start": start,
+        "start": options.start,
         "started_from": watched[0].tolist(),
         "data_rms": loss.data(x).norm().item(),  # in amplitudes
         "physics_rms": loss.physics(x).norm().item() / loss.physics_weight**0.5,  # in units of Aω²
     }
-    return Estimate(
-        "pinn",
-        "initial",
-        values,
-        {},
-        trace,
-        details,
-        evaluations=training.evaluations,
-        outcome=training.outcome,
-    )
+    count, outcome = training.evaluations, training.outcome
+    return Estimate("pinn", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import torch
@@ -22,6 +22,9 @@ from bayesdamp.estimators.networks.training import (
 from bayesdamp.estimators.shared import free_start
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+if TYPE_CHECKING:
+    from bayesdamp.estimators.methods.neural_ode import NeuralOdeOptions
 
 MOST_SEGMENTS = 160
 """Largest number of segments of a record; without this limit a segment is half a cycle (conventional)."""
@@ -47,16 +50,14 @@ class Shooting(ScaledRecord):
         problem: Problem,
         features: Features,
         rng: np.random.Generator,
-        *,
-        width: int,
-        steps: int,
-        continuity_weight: float,
+        options: NeuralOdeOptions,
     ) -> None:
         super().__init__(signal, problem, features)
         self.units = 0.1 / self.ratios
         free = np.array([self.base[name] for name in self.restoring])
         self.free_units = torch.from_numpy(np.maximum(np.abs(free), self.a))
-        self.width, self.count = width, width * (width + 2)
+        self.width = width = options.width
+        self.count = width * (width + 2)
         self.physical = self.count + free.size
         decay = np.log(max(features.amplitude / features.final_amplitude, 1.05)) / (self.w * signal.t[-1])
         self.force_unit = 2.0 * decay
@@ -64,7 +65,7 @@ class Shooting(ScaledRecord):
         end = float(signal.t[-1]) * self.w
         self.segments = int(np.clip(round(end / np.pi), 2, MOST_SEGMENTS))
         length = end / self.segments
-        intervals = max(8, int(np.ceil(steps * length / (2 * np.pi))))
+        intervals = max(8, int(np.ceil(options.steps * length / (2 * np.pi))))
         self.nodes = torch.linspace(0.0, length, intervals + 1, dtype=REAL)
         # Each sample's segment, the node before it, and the time since then.
         s, step = self.t * self.w, length / intervals
@@ -72,7 +73,7 @@ class Shooting(ScaledRecord):
         self.segment, self.node = (torch.from_numpy(part) for part in np.divmod(interval, intervals))
         self.since = torch.from_numpy(s - interval * step)
 
-        self.weight = (1.0 / self.t.size**0.5, continuity_weight)
+        self.weight = (1.0 / self.t.size**0.5, options.continuity_weight)
         states, y = [], self.recorded / (self.a * self.w**self.order)
         for i in range(self.segments):  # angle and velocity of a sinusoid that is fitted near its start
             tau = s - i * length
@@ -216,13 +217,7 @@ def _chain(outer: Tensor, inner: Tensor) -> Tensor:
 
 @single_thread()
 def estimate(
-    signal: Signal,
-    problem: Problem,
-    features: Features,
-    rng: np.random.Generator,
-    *,
-    rounds: int,
-    **settings: Any,
+    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: NeuralOdeOptions
 ) -> Estimate:
     """Train a network for the damping force, and return its projection on the damping terms as the estimate.
 
@@ -232,18 +227,16 @@ def estimate(
         The record, its damping terms and known parameters, and its features.
     rng
         Random generator for the first weights.
-    rounds
-        Largest number of training steps.
-    settings
-        Arguments of `Shooting`.
+    options
+        Options of the estimator.
 
     Raises
     ------
     Refusal
         If a trajectory is not finite.
     """
-    loss = Shooting(signal, problem, features, rng, **settings)
-    training = train(descend(loss.evaluate, loss.first), rounds, loss.project, STEADY, loss.y.numel())
+    loss = Shooting(signal, problem, features, rng, options)
+    training = train(descend(loss.evaluate, loss.first), options.rounds, loss.project, STEADY, loss.y.numel())
     if not np.all(np.isfinite(training.watched)):
         raise Refusal("the training of the network gave trajectories that are not finite")
     x, coefficients = training.x, training.watched * loss.units

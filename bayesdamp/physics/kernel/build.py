@@ -111,7 +111,7 @@ def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
         inside = ", ".join(["x", "v", "rounding" if term.rounded else "epsilon", *further])
         x, v, width, *q = _arguments(parts[-1])
         call = f"_shape_{number}({', '.join(['{}', '{}', width, *['{}'] * len(q)])})"
-        steps = ["1e-6 * sizes[0]", "1e-6 * sizes[1]", *(f"1e-6 * (abs({name}) + 1e-3)" for name in q)]
+        steps = ["1e-6 * _sizes[0]", "1e-6 * _sizes[1]", *(f"1e-6 * (abs({name}) + 1e-3)" for name in q)]
         parts.append(_derivatives(parts[-1], f"_slopes_{number}", [x, v, *q], call, steps))
         owners += [number] * len(further)
         switches.append(bool(term.switches))
@@ -168,14 +168,14 @@ def _njit(signature: str, *lines: str) -> str:
 def _derivatives(source: str, name: str, seeds: list[str], call: str, steps: list[str]) -> str:
     """Return the source of a function `name` that computes a force and its derivatives by the seeds.
 
-    Its arguments are those of the force, then `sizes`, the typical magnitudes from which steps follow. source: source
+    Its arguments are those of the force, then `_sizes`, the typical magnitudes from which steps follow. source: source
     of the force. call, steps: for a force whose source cannot be differentiated, the call of its function with {} in
     the place of each seed, and the text of each step of the difference quotients.
     """
     try:
         return derivative_source(source, name, seeds)
     except NoSlopeError:
-        return difference_source(call, [*_arguments(source), "sizes"], dict(zip(seeds, steps)), name)
+        return difference_source(call, [*_arguments(source), "_sizes"], dict(zip(seeds, steps)), name)
 
 
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
@@ -209,7 +209,7 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
     x, p = _arguments(source)
     name, seeds = f"_numbers_of_law_{number}", [f"{p}[{i}]" for i in range(count)]
     call = f"_law_{number}({{}}, ({'{}, ' * count}0.0))"
-    steps = ["1e-6 * sizes[0]", *(f"1e-6 * (abs({q}) + sizes[{2 + i}])" for i, q in enumerate(seeds))]
+    steps = ["1e-6 * _sizes[0]", *(f"1e-6 * (abs({q}) + _sizes[{2 + i}])" for i, q in enumerate(seeds))]
     by_parameters = [f"by_{i}" for i in range(count)]
     return [
         _derivatives(source, name, [x, *seeds], call, steps),

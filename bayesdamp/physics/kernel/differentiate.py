@@ -34,8 +34,8 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
     """Return the source of a function `name` that returns the value of a given function and its derivatives.
 
     source: source of the given function. seeds: variables by which it is differentiated: arguments, or items of an
-    argument such as `p[0]`. The new function has the same arguments, then `sizes`, which it does not use, and returns a
-    tuple: the value, then one derivative for each seed. Raises NoSlopeError unless the given function consists of
+    argument such as `p[0]`. The new function has the same arguments, then `_sizes`, which it does not use, and returns
+    a tuple: the value, then one derivative for each seed. Raises NoSlopeError unless the given function consists of
     assignments to names and a return, in operations that this module knows.
     """
     function = ast.parse(source).body[0]
@@ -53,7 +53,7 @@ def derivative_source(source: str, name: str, seeds: list[str]) -> str:
                 returned = ", ".join([returned_value, *(slopes.get(seed, "0.0") for seed in seeds)])
                 lines.text.append(f"return {returned}")
                 body = "".join(f"    {line}\n" for line in lines.text)
-                return f"@njit\ndef {name}({', '.join([*arguments, 'sizes'])}):\n{body}"
+                return f"@njit\ndef {name}({', '.join([*arguments, '_sizes'])}):\n{body}"
             case _:
                 break
     raise NoSlopeError
@@ -158,8 +158,8 @@ def difference_source(call: str, arguments: list[str], steps: dict[str, str], na
     seeds = list(steps)
     lines, returned = [], [call.format(*seeds)]
     for i, (seed, change) in enumerate(steps.items()):
-        high, low = (call.format(*seeds[:i], f"{seed} {sign} d{i}", *seeds[i + 1 :]) for sign in "+-")
-        lines += [f"d{i} = {change}", f"slope{i} = ({high} - {low}) / (2.0 * d{i})"]
-        returned.append(f"slope{i}")
+        high, low = (call.format(*seeds[:i], f"{seed} {sign} _d{i}", *seeds[i + 1 :]) for sign in "+-")
+        lines += [f"_d{i} = {change}", f"_slope{i} = ({high} - {low}) / (2.0 * _d{i})"]
+        returned.append(f"_slope{i}")
     body = "".join(f"    {line}\n" for line in [*lines, f"return {', '.join(returned)}"])
     return f"@njit\ndef {name}({', '.join(arguments)}):\n{body}"

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 
+from bayesdamp.estimators.methods.neural_ode import NeuralOdeOptions
 from bayesdamp.estimators.methods.pinn import PinnOptions
 from bayesdamp.estimators.methods.rnn import COPIES, Simulator
 from bayesdamp.estimators.networks.collocation import Collocation
@@ -83,10 +84,9 @@ def test_derivatives_of_a_loss_are_differences(kind, quantity):
     signal, problem = pendulum({"mu_c": 0.03}, samples=400, free=("stiffness", "omega0"), quantity=quantity)
     features, rng = checked_features(signal), np.random.default_rng(0)
     if kind == "neural_ode":
-        loss = Shooting(signal, problem, features, rng, width=3, steps=24, continuity_weight=1.0)
+        loss = Shooting(signal, problem, features, rng, NeuralOdeOptions(width=3, steps=24))
     else:
-        settings = PinnOptions(width=4, collocation=100).model_dump(exclude={"rounds"})
-        loss = Collocation(signal, problem, features, rng, **settings)
+        loss = Collocation(signal, problem, features, rng, PinnOptions(width=4, collocation=100))
     slopes = loss.evaluate(loss.first)[1]()
     check_differences(lambda x: loss.evaluate(x)[0], loss.first, slopes, rng)
 
