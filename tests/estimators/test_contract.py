@@ -108,9 +108,6 @@ class Stub(Estimator):
     def __init__(self, error: Exception | None = None, value: float = 0.06) -> None:
         self.error, self.value = error, value
 
-    def refuses(self, damping):
-        return None
-
     def initial(self, signal, problem, options, rng):
         if self.error:
             raise self.error

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.damping import all_sums
+from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.trajectories import Trajectories, simulate
@@ -16,7 +17,6 @@ from tests.physics.independent import LAWS, PAPER, restoring, trajectory
 from validation.truth.oscillator import SUMS
 
 TIMES = np.linspace(0.0, 6.0, 241)
-QUANTITIES = ("angle", "velocity", "acceleration")
 UNITS = {**PAPER, "c_xxv": 2.0, "stiffness": 20.0, "gravity": 5.0}
 """Sizes of parameters, of which central differences are a share; 0.1 for angles and ε."""
 LIMIT = 1e-6
