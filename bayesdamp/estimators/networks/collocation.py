@@ -6,7 +6,7 @@ Equation 17 of the paper that `bayesdamp.estimators` cites.
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,9 +27,6 @@ from bayesdamp.estimators.networks.training import (
 from bayesdamp.estimators.shared import decay_start, free_start, phase_of
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
-
-if TYPE_CHECKING:
-    from bayesdamp.estimators.methods.pinn import PinnOptions
 
 UNIT = 3.0
 """Factor that enlarges the units in which the physical parameters are trained: the larger it is, the less Levenberg's
@@ -59,7 +56,7 @@ class Collocation(ScaledRecord):
         problem: Problem,
         features: Features,
         rng: np.random.Generator,
-        options: PinnOptions,
+        options: Any,
     ) -> None:
         super().__init__(signal, problem, features)
         damping = UNINFORMED / self.ratios
@@ -140,7 +137,7 @@ class Collocation(ScaledRecord):
 
 @single_thread()
 def estimate(
-    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: PinnOptions
+    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
 ) -> Estimate:
     """Train a network together with the physical parameters; return these as the estimate.
 
@@ -151,7 +148,7 @@ def estimate(
     rng
         Random generator for the first weights and the instants.
     options
-        Options of the estimator.
+        Options of the estimator, `PinnOptions`.
 
     Raises
     ------

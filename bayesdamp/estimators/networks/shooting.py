@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, cast
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -22,9 +22,6 @@ from bayesdamp.estimators.networks.training import (
 from bayesdamp.estimators.shared import free_start
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
-
-if TYPE_CHECKING:
-    from bayesdamp.estimators.methods.neural_ode import NeuralOdeOptions
 
 MOST_SEGMENTS = 160
 """Largest number of segments of a record; without this limit a segment is half a cycle (conventional)."""
@@ -50,7 +47,7 @@ class Shooting(ScaledRecord):
         problem: Problem,
         features: Features,
         rng: np.random.Generator,
-        options: NeuralOdeOptions,
+        options: Any,
     ) -> None:
         super().__init__(signal, problem, features)
         self.units = 0.1 / self.ratios
@@ -217,7 +214,7 @@ def _chain(outer: Tensor, inner: Tensor) -> Tensor:
 
 @single_thread()
 def estimate(
-    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: NeuralOdeOptions
+    signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
 ) -> Estimate:
     """Train a network for the damping force, and return its projection on the damping terms as the estimate.
 
@@ -228,7 +225,7 @@ def estimate(
     rng
         Random generator for the first weights.
     options
-        Options of the estimator.
+        Options of the estimator, `NeuralOdeOptions`.
 
     Raises
     ------
