@@ -88,9 +88,7 @@ class DeviatingTrajectories(Trajectories):
         self._given = {**dict.fromkeys(motions.solver.names, 0.0), **given}
         self._rests, self._count = False, motions.solver.t.size
 
-    def _solve(
-        self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
-    ) -> Motion | None:
+    def _solve(self, p: Mapping[str, float], tangents: int, solver: Solver | None = None) -> Motion | None:
         vector = np.array([float(p.get(name, self._given[name])) for name in self._solver.names])
         motions, tolerance = self._motions, SEARCHED if tangents else self._motions.tolerance
         motion = motions.solver.solve(
