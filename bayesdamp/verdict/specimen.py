@@ -156,8 +156,8 @@ def specimen(
         frequency, each = None, sorted(i.value for i in known)
         differ = (
             f"The natural frequencies of the records differ, from {each[0]:.3g} to {each[-1]:.3g} {known[0].unit}, so "
-            "these are hardly repeats of one specimen. The damping ratio is a mean over the records, and may be "
-            "that of none of them. Unless you changed the specimen on purpose, compare the records separately."
+            "no common one is given. The damping ratio is a mean over the records; if they are of different "
+            "specimens, it is that of none of them: then compare the records separately."
         )
     elif known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
         p = pool_records(
