@@ -134,7 +134,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
                 other = near.fit.parameters.known["exponent"]
                 u[d : d + log.size] += (other - p) * (log - log.mean())
             begin = linearise(solver, data, start, u)
-        result = linearise_at_mode(solver, data, start, variance, begin, near=begin is not None)
+        result = linearise_at_mode(solver, data, start, variance, begin)
         if result is None:
             return None
         mode = result[0]

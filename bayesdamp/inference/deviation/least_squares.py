@@ -21,7 +21,7 @@ LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
 second factor is applied; and λ from which on no further step is tried (conventional)."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
-ROUGH, CLOSE = 1e-2, 1e-7
+ROUGH, CLOSE = 1e-2, 1e-6
 """The search ends when a step decreases the sum of squares by less than this relative amount: the first value for parts
 of the record and for rough fits, the second for the last search over the whole record."""
 NOTHING = 0.1
