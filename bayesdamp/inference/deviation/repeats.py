@@ -38,8 +38,6 @@ value, in nats."""
 NATS_BEHIND = 18.0
 """A grid point of the deviations' hyperparameters is left out if its log evidence is this many nats below the best,
 both at the smallest and at the largest spread."""
-DERIVATIVE_STEP = 1e-5
-"""Step of numerical derivatives of parameters by their standard normal scores, in units of the scores."""
 
 
 @dataclass(frozen=True)
@@ -343,13 +341,7 @@ def _linear_maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray
 
     The map of a half-normal prior is continued linearly to negative scores.
     """
-    values, slopes = np.empty(z.size), np.empty(z.size)
-    for i, (prior, score) in enumerate(zip(priors.values(), z, strict=True)):
-        if prior.reflected:
-            slopes[i] = float(prior.value(np.asarray(1.0)))
-            values[i] = slopes[i] * score
-            continue
-        ends = prior.value(np.array([score - DERIVATIVE_STEP, score + DERIVATIVE_STEP]))
-        values[i] = float(prior.value(np.asarray(score)))
-        slopes[i] = float(np.diff(ends)[0]) / (2 * DERIVATIVE_STEP)
-    return values, slopes
+    each = list(zip(priors.values(), z.tolist(), strict=True))
+    slopes = np.array([float(prior.rate(1.0 if prior.reflected else score)) for prior, score in each])
+    values = [float(prior.value(np.asarray(score))) for prior, score in each]
+    return np.where([prior.reflected for prior, _ in each], slopes * z, values), slopes
