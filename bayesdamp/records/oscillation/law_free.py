@@ -681,13 +681,19 @@ class FirstWords:
             for d in self.damping
         ]
         ratio = f"the equivalent viscous damping ratio (95 %) is {fmt.listing(at)}"
-        pairs = [(a.ratio - b.ratio, np.hypot(a.stderr, b.stderr)) for a, b in ((top, middle), (top, least))]
-        spread, error = max(pairs, key=lambda pair: abs(pair[0]) / pair[1])
+        steps = [
+            (a.ratio - b.ratio, max(3 * np.hypot(a.stderr, b.stderr), 0.1 * middle.ratio))
+            for a, b in ((top, middle), (top, least), (middle, least))
+        ]
+        early, whole, late = (step if abs(step) > clear else 0.0 for step, clear in steps)
+        rise = whole or early or late
         q = self.quality
         quality = f" (Q about {float(f'{q:.2g}'):g})" if np.isfinite(q) and q > 0 else ""
-        if abs(spread) <= max(3 * error, 0.1 * middle.ratio):
+        if early * late < 0:
+            change = f"it is {'smallest' if late < 0 else 'largest'} at the middle amplitude"
+        elif rise == 0:
             change = "it does not clearly change with the amplitude (as with viscous damping)"
-        elif spread > 0:
+        elif rise > 0:
             change = "it grows with the amplitude (as with drag)"
         else:
             change = "it grows as the amplitude falls (as with dry friction)"

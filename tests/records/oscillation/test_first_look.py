@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -59,3 +60,10 @@ def test_the_sentence_tells_the_laws_apart() -> None:
     assert "grows as the amplitude falls" in said["coulomb"]
     assert "grows with the amplitude" in said["quadratic"]
     assert all("Hz" in words and "Q about" in words for words in said.values())
+    found = first_words(record("viscous", 1e-3))
+    for ratios, change in (
+        ((0.03, 0.02, 0.03), "is smallest at the middle"),
+        ((0.02, 0.03, 0.02), "is largest at"),
+    ):
+        damping = tuple(replace(d, ratio=r) for d, r in zip(found.damping, ratios, strict=True))
+        assert change in replace(found, damping=damping).sentence()
