@@ -294,9 +294,11 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
 
 def _read_estimators(raw: object) -> Estimators:
-    """Return the estimators that the table [estimators] names, with their options. Raises StudyError.
+    """Return the estimators that the table [estimators] names in `use`, with their options. Raises StudyError.
 
-    Options of an estimator are in a table of its own. A variant is an estimator with other options, under a new name.
+    Without `use`, or if the table is empty, these are all estimators (`names_for_all`). Options of an estimator are in
+    a table with its name. A variant is an estimator with other options, under a new name: a table with this name, in
+    which `variant_of` gives the estimator and all other keys are options.
     """
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)

@@ -269,7 +269,8 @@ class TabulatedLaw(DecayLaw):
     def shapes(self, x: np.ndarray) -> np.ndarray:
         """Return the decay rates -dx/dt of the terms relative to those at A_ref, (terms, n), at x = ln(A/A_ref), (n,).
 
-        They are the shapes s_i(x), also outside of the table.
+        They are the shapes s_i(x), which are evaluated at x itself: there is no interpolation between values in the
+        table, and no extrapolation outside of it.
         """
         return np.stack([shape(x) for shape in self.each])
 

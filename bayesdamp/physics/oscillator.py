@@ -127,9 +127,10 @@ class Oscillator:
         return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON_STEPS)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
-        """Return the stable equilibrium nearest to the angle `near`, in rad.
+        """Return the stable equilibrium nearest to `near`; both are in rad, or in m if the displacement is a length.
 
-        Raises ValueError if there is none within `SEARCH_REACH`.
+        p: only the parameters of the restoring law are used. Raises ValueError if there is no stable equilibrium within
+        the distance `SEARCH_REACH` of `near`.
         """
         return _equilibrium(
             self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)

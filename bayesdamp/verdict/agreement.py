@@ -70,7 +70,8 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
     first
         The verdict that is checked.
     ratios
-        Value, low and high end of the other damping ratios, in the order of the verdict's amplitudes; at least one.
+        The other damping ratios: the value and both ends of its 95 % interval (dimensionless), in the order of the
+        verdict's amplitudes. At least one; if there are fewer than amplitudes, the other amplitudes are not compared.
     """
     return max(
         _compare(first, ratios),

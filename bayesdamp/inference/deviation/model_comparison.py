@@ -691,9 +691,10 @@ class _CandidateFits:
         Returns
         -------
         tuple
-            Values of ε and their probabilities, empty if the best fit has no friction or no fit succeeds; and the ε to
-            use: the most probable one if the log posterior density of `self.epsilon` is more than `LEAD` nats smaller,
-            else `self.epsilon`.
+            First a `Friction` for each fitted ε, the largest first: ε, its posterior probability, and the fitted
+            coefficients. It is empty if the best fit has no friction or no fit succeeds. Then the ε to use: the one
+            with the largest posterior density (per unit of ln ε), if the log density of the fitted ε that is nearest to
+            `self.epsilon` is more than `LEAD` nats smaller; else `self.epsilon`.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:

@@ -397,6 +397,8 @@ def _posteriors_about(
 ) -> tuple[Motion, FitPosteriors]:
     """Return the decay at parameters p, (d + 1,), and the normal posteriors of the decay linearised about p.
 
+    There is one posterior of all unknowns for each combination of hyperparameters (see `FitPosteriors`).
+
     p: the d parameters of the law, then ln(A/A_ref) at the start. units: values of the parameters that correspond to a
     score of 1, (d,). rates: whether the parameters are damping rates, which cannot be negative.
     """

@@ -125,7 +125,8 @@ class NoiseFloor:
         The fluctuating part is circular Gaussian noise of power F with autocorrelation R. With the rest of the decay,
         of power D = `decay`, half of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured
         value, `semivariance`, gives F; the rest of `power` is constant. The weight is that of the given `slow`, for a
-        uniform prior of the constant fraction of the power.
+        uniform prior of the constant fraction of the power. If `semivariance` is larger than F = `power` allows, all of
+        `power` is fluctuating, and the weight decreases with the excess, in units of the standard error `error`.
 
         Parameters
         ----------
@@ -136,7 +137,8 @@ class NoiseFloor:
         -------
         tuple[float, float, float, float]
             Fluctuating power (at most `power`), constant power, standard deviation of the constant power, and log
-            weight of `slow`. Without a semivariance, all of `power` is fluctuating, and the others are 0.
+            weight of `slow`, which has a meaning only relative to that of another `slow`. Without a semivariance, all
+            of `power` is fluctuating, and the others are 0.
         """
         if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0

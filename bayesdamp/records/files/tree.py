@@ -150,7 +150,7 @@ def to_seconds(times: np.ndarray) -> np.ndarray:
 
 
 def join_path(path: str, key: object) -> str:
-    """Return the path of the item `key` below a path."""
+    """Return the path of the item `key` below a path, such as "run.2"; only the key if the path is "" (the file)."""
     return f"{path}.{key}" if path else str(key)
 
 

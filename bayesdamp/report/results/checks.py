@@ -406,8 +406,9 @@ class RecordChecks:
                 yield Check(text, fails=fitting is FitStatus.DOES_NOT_FIT and not self.exact_only)
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (
-                    "Between parts of the record the coefficients change by "
-                    f"{fmt.number(row['window_spread'], 2)} times the standard deviation that is expected by chance."
+                    "Between a half of the record and the whole record, a damping coefficient changes by up to "
+                    f"{fmt.number(row['window_spread'], 2)} times the standard deviation that is expected by chance; "
+                    f"above {WINDOW_SPREAD:g} the model is doubtful."
                 )
                 yield Check(text, fails=True)
             if math.isfinite(row["predictive_p"]) and not P_LIMIT < row["predictive_p"] < 1 - P_LIMIT:

@@ -296,7 +296,8 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     caption = (
         "How often the most probable model is the true one, for records grouped by the probability of that model. "
         "Mean: the mean of this probability in the group. If the probabilities are correct, all fractions are between "
-        "low and high with 99 % probability. p (Holm): the p value, corrected for the number of groups."
+        "low and high with 99 % probability. p: the p value of the difference between the fraction correct and the "
+        "probabilities; p (Holm): this p value, corrected for the number of groups."
     )
 
     def kind(b: Mapping[str, Any]) -> str:

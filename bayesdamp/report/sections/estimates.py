@@ -79,8 +79,9 @@ TABLE = (
 )
 ERRORS = (
     "Error of the damping coefficients on each signal, and the mean over the signals, in % of the true values "
-    "(absolute; over several values, the root mean square), and the published error if the study states it. *: the "
-    "method reports that this value is unreliable; the tables of the section on the estimators give the reason."
+    "(absolute; over several coefficients or repeats, the root mean square), and the published error if the study "
+    "states it. *: the method reports that this value is unreliable; the tables of the section on the estimators give "
+    "the reason."
 )
 TIMES = (
     "Computing time of each method for all these signals together, including compilation if it was necessary, and the "

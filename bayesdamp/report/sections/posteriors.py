@@ -71,7 +71,11 @@ class PosteriorsSection(SignalSection):
         )
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model."""
+        """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model.
+
+        All models with posteriors have tables; only the most probable ones (`is_drawn`) have figures. If there are
+        several repeats, figures and tables are of the first one, and a further table lists the coefficients of all.
+        """
         repeats = run.repeats(signal)
 
         def inside(r: Row) -> str:
@@ -308,7 +312,7 @@ def _searches(mode: ModeContent) -> Table:
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
     touching = fmt.listing(words.symbol(n).text for n in mode.touching_zero)
-    notes = [f"Within one standard deviation of zero at the mode: {touching}."] if touching else []
+    notes = [f"These may be zero (less than one sd above it at the mode): {touching}."] if touching else []
     return replace(Table.of(mode.climbs, columns, (0, 4), SEARCHES, kind), notes=notes)
 
 
