@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from tests.estimators.truths import QUICK, error, initial, pendulum
+from tests.estimators.truths import QUICK, dry_friction, error, initial, pendulum
 
 
 def test_initial_values_differ_and_refined_ones_agree():
@@ -36,6 +36,8 @@ def test_least_squares_variants_are_four_honest_computations():
     assert np.all(np.abs(values - 0.05) < 5 * stderr)
     assert np.all(stderr < 0.01)
     assert len(set(values)) == 16
+    # Exact friction of 0.2 (ε = 0), whose force has no error: total least squares divided by zero.
+    assert error(initial("least_squares", *dry_friction(), variant="tls").values["mu_c"], 0.2) < 1
 
 
 def test_another_damping_is_no_good_fit():

@@ -160,7 +160,10 @@ def _solve_total(
     )
     slopes = smoothed.bandwidth / np.sqrt(3.0) * np.sqrt(np.mean(((up - down) / (2 * step)) ** 2, axis=1))
     restoring = np.ones(a.shape[1] - slopes.size - drift)
-    noise = np.r_[slopes, restoring, np.full(drift, 1e-6), smoothed.bandwidth**2 / np.sqrt(5.0)]
+    # Dry friction with ε = 0 is constant except where the velocity changes its sign, and has no error either.
+    noise = np.r_[
+        np.maximum(slopes, 1e-6), restoring, np.full(drift, 1e-6), smoothed.bandwidth**2 / np.sqrt(5.0)
+    ]
     scaled = np.column_stack([a, b]) / noise
     vector = np.linalg.svd(np.linalg.qr(scaled, mode="r"))[2][-1]
     if abs(vector[-1]) < 1e-12:
