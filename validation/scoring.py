@@ -104,7 +104,8 @@ def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
     row |= {
         "outcome": OK, "seconds": time.process_time() - began, "grade": reply.grade, "named": reply.named,
         "probability": reply.probability, "true_probability": probability_of(reply, case.damping),
-        "decided": int(reply.decided), "right": int(terms_of(reply.named) == terms_of(case.damping)),
+        "decided": int(reply.decided),
+        "right": int(bool(reply.named) and terms_of(reply.named) == terms_of(case.damping)),
     }  # fmt: skip
     return (
         row

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
 from types import FunctionType
@@ -73,14 +74,12 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
             *(np.shape(part) for a in args for part in (a if isinstance(a, tuple) else (a,)))
         )
 
-        def element(a: Any, i: tuple[int, ...]) -> Any:
-            return (
-                tuple(element(part, i) for part in a)
-                if isinstance(a, tuple)
-                else np.broadcast_to(a, shape)[i].item()
-            )
+        def elements(a: Any) -> Any:
+            if isinstance(a, tuple):
+                return list(zip(*map(elements, a), strict=True)) or [()] * math.prod(shape)
+            return np.broadcast_to(a, shape).ravel().tolist()
 
-        values = [function(*(element(a, i) for a in args)) for i in np.ndindex(shape)]
+        values = [function(*row) for row in zip(*map(elements, args), strict=True)]
         return np.array(values, float).reshape(shape)
 
     return evaluate

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import REFEREE
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, compute_answer, shortlist
@@ -233,7 +234,9 @@ def _task_group_of(name: str) -> str:
     kind, method = parts.kind, parts.method
     if kind == "sensitivity" and method != "savage_dickey":
         return "sensitivity"
-    if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
+    if kind in ("posterior", "sensitivity") or method == REFEREE:
+        return "sample"
+    if kind == "evidence" and EVIDENCES.get(method).needs_draws:
         return "sample"
     return "evidence" if kind == "evidence" and method != "laplace" else "fit"
 
@@ -258,7 +261,12 @@ def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
     is stored as the result of its evidence tasks; for one that is not sampled, it replaces the results of an earlier
     run.
     """
-    selections = [CandidateSelection(study, spec, repeat, store) for spec, repeat in study.records]
+    selects = study.models.prune is not None or study.posterior.best is not None
+    selections = [
+        CandidateSelection(study, spec, repeat, store)
+        for spec, repeat in study.records
+        if not (selects and not spec.is_envelope and store.read(f"signal/{spec.name}/{repeat}").outcome != OK)
+    ]
 
     def job_of(selection: CandidateSelection, name: str, task_group: str) -> Job:
         return Job(selection.record.spec.name, selection.record.repeat, name, task_group)

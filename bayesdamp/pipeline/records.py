@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import fields, replace
 from functools import cached_property, lru_cache
 
@@ -66,16 +67,19 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
 
     The last few records are cached until their files change, because a run reads them once more before it begins.
     """
-    changed = source.path.stat().st_mtime_ns if source.path.exists() else 0
+    stamp: tuple[int, ...] = ()
+    with suppress(OSError):
+        status = source.path.stat()
+        stamp = status.st_mtime_ns, status.st_size, status.st_ino
     try:
-        return _read_free_decay(source, name, changed)
+        return _read_free_decay(source, name, stamp)
     except InputError as error:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
 
 
 @lru_cache(maxsize=CACHED_RECORDS)
-def _read_free_decay(source: Recording, name: str, changed: int) -> tuple[RawRecord, Signal]:
-    del changed
+def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
+    del stamp
     raw = read_thinned(source)
     options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
     return raw, clean(raw, name=name, **options)

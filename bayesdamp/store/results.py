@@ -263,7 +263,11 @@ class Store:
         """
         try:
             claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
-            handle = (self.folder / LOCK).open("a+")
+            path = self.folder / LOCK
+            if os.path.lexists(path) and path.lstat().st_nlink > 1:
+                raise InputError(f"{path}: is a link, {_FOREIGN}")
+            flags = os.O_CREAT | os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
+            handle = os.fdopen(os.open(path, flags, 0o666), "a+")
         except OSError as fault:
             if is_disk_full(fault):
                 raise

@@ -30,6 +30,7 @@ from bayesdamp.report.results.estimators import (
     error_series,
     estimates_of,
     sort_by_category,
+    true_models,
 )
 from bayesdamp.report.results.run import (
     Row,
@@ -53,7 +54,7 @@ from bayesdamp.types import OK
 
 Details = Mapping[str, Any]
 """Further results of an estimator by name, as it stores them."""
-MOST_LISTED = 12
+MOST_LISTED = 20
 """Largest number of values of a list that is shown among the further results of a method; the others are curves."""
 TABULATED = {
     "selected", "coefficients", "chosen", "pareto_chosen", "pareto_length", "pareto_error", "pareto_expression",
@@ -108,37 +109,50 @@ class EstimatesSection(SignalSection):
         return any(r["signal"] == signal for r in run.estimates)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a figure and a table for each model with estimates, and further results of the methods."""
+        """Return a figure and a table for each model with estimates.
+
+        Further results of the methods are shown under the model with which the signal was simulated, or else the most
+        probable one.
+        """
         repeat = run.repeats(signal)[0]
+        ranked = models_by_rank(run, signal, repeat)
+        best = true_models(run).get(signal) or ranked[0]
         models: dict[str, list[object]] = {}
-        for place, model in enumerate(models_by_rank(run, signal, repeat)):
+        for place, model in enumerate(ranked):
             rows = rows_of(run.estimates, signal=signal, model=model)
             if not rows:
                 continue
-            content: list[object] = [_table(run, signal, model, rows)]
-            models[model] = content
-            if not is_drawn(run, place):
-                continue
-            compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
-            if compared:
-                caption = f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
-                draw = partial(estimate_panels, compared)
-                content.insert(0, run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
-            curves = {
-                f"{words.method(task_result.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
-                for task_result in run.task_results("estimate", signal, repeat, model)
-                for name, curve in task_result.arrays.items()
-                if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
-            }
-            if curves:
-                caption = (
-                    f"Progress of the iterative methods on the record {signal} under {words.model(model)} damping. "
-                    f"{TRACES}"
-                )
-                figure = run.drawings.add(f"traces-{signal}-{model}", caption, partial(traces, curves))
-                content.append(collapsible("How the iterative methods converged", figure))
-            content += _further_results(run, signal, model)
+            models[model] = [_table(run, signal, model, rows)]
+            if is_drawn(run, place):
+                models[model] = _drawn(run, signal, repeat, model, models[model])
+            models[model] += _further_results(run, signal, model) if model == best else []
         return by_model(models)
+
+
+def _drawn(run: RunFolder, signal: str, repeat: int, model: str, tables: list[object]) -> list[object]:
+    """Return the figure of the estimates, the tables, and the figure of the iterations, for one model."""
+    content = [*tables]
+    compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
+    if compared:
+        caption = (
+            f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
+        )
+        draw = partial(estimate_panels, compared)
+        content.insert(0, run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
+    curves = {
+        f"{words.method(task_result.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
+        for task_result in run.task_results("estimate", signal, repeat, model)
+        for name, curve in task_result.arrays.items()
+        if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
+    }
+    if curves:
+        caption = (
+            f"Progress of the iterative methods on the record {signal} under {words.model(model)} damping. "
+            f"{TRACES}"
+        )
+        figure = run.drawings.add(f"traces-{signal}-{model}", caption, partial(traces, curves))
+        content.append(collapsible("How the iterative methods converged", figure))
+    return content
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
@@ -281,10 +295,10 @@ class ComparisonSection(Section):
     title = "Comparison of the estimators"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether several methods have errors on several signals, or on one with published errors."""
+        """Return whether several methods have errors on several signals, or published errors are given."""
         comparison = compare_estimators(run)
-        several = len(comparison.signals) > 1 or bool(comparison.published)
-        return several and len(comparison.methods) > 1 and bool(comparison.errors)
+        several = len(comparison.signals) > 1 and len(comparison.methods) > 1
+        return bool(comparison.errors) and (several or bool(comparison.published))
 
     def render(self, run: RunFolder) -> str:
         """Return tables of errors and times."""

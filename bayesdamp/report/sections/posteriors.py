@@ -30,8 +30,8 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 MAX_CHAIN_SHIFT = 0.1
 """Largest difference of a chain's mean from the mean of all chains that is not marked, in posterior sds (conventional).
 It only marks rows of a table; convergence is judged by R̂."""
-
-
+LEAST_SHARE = 1e-3
+"""A lower maximum is shown with its fraction of the posterior if this is larger."""
 PASSES = ("restarted/mean", "restarted/sd", "online/mean")
 """Arrays of a Kalman filter's running estimates: mean and sd in the last pass, and mean in the first pass."""
 TABLE = (
@@ -298,7 +298,8 @@ def _searches(mode: ModeContent) -> Table:
         if c.mode is None:
             return "no maximum"
         share = mode.modes[c.mode].share if c.mode < len(mode.modes) else math.nan
-        return f"maximum {c.mode + 1} ({fmt.percentage(share)} % of the posterior)" if c.mode else "the mode"
+        shown = f" ({fmt.percentage(share)} % of the posterior)" if share > LEAST_SHARE else ""
+        return f"maximum {c.mode + 1}{shown}" if c.mode else "the mode"
 
     def kind(c: SearchContent) -> str:
         return "alert" if c.mode is None else "quiet" if c.mode else ""
