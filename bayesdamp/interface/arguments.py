@@ -60,7 +60,7 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
         kinds = (
             {np.asarray(element).dtype.kind for element in array.flat} if array.dtype.kind == "O" else set()
         )
-        for kind in _NOT_NUMBERS.keys() & {array.dtype.kind, *kinds}:
+        for kind in (kind for kind in _NOT_NUMBERS if kind in {array.dtype.kind, *kinds}):
             right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
             raise InputError(f"{what} contains {_NOT_NUMBERS[kind]}; {right}", where)
         numbers = np.array(array, float)

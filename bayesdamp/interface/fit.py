@@ -103,7 +103,8 @@ class Prediction(Result):
         return ax
 
     def _table(self) -> Table:
-        shown = self.summary().take(range(0, self.t.size, -(-self.t.size // PRINTED_TIMES) or 1))
+        rows = np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int)
+        shown = self.summary().take(rows.tolist())
         caption = f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times"
         return frame_table(shown, caption)
 

@@ -190,11 +190,11 @@ def get_axes(
 
 
 def label_axes(ax: Axes, unit: Unit, quantity: str, title: str = "") -> None:
-    """Label axes with a recorded quantity against time, in the unit of the file; show the legend of labelled lines."""
+    """Label axes with a recorded quantity against time, in the unit of the file; show the legend of several lines."""
     ax.set_xlabel("time / s")
     ax.set_ylabel(f"{unit.quantity_name(quantity)} / {unit.of(quantity)}")
     ax.set_title(title, fontsize="small", loc="left")
-    if ax.get_legend_handles_labels()[0]:
+    if len(ax.get_legend_handles_labels()[0]) > 1:
         ax.legend(loc="upper right")
 
 

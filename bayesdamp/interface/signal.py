@@ -178,12 +178,13 @@ def signal(
     if rate is not None:
         if t is not None and y is not None:
             raise InputError("signal: give times or rate, not both")
-        y = t if y is None else y
+        given = t if y is None else y
+        y = None if given is None else numbers_of(given, "y", name)
         if not (np.isfinite(rate) and SLOWEST_RATE <= rate <= FASTEST_RATE):
             raise InputError(
                 f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST_RATE:g} to {FASTEST_RATE:g}"
             )
-        t = np.arange(np.size(y)) / rate  # type: ignore[arg-type]
+        t = None if y is None else np.arange(y.size) / rate
     if t is None or y is None:
         raise InputError(
             "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"

@@ -249,6 +249,8 @@ def _read_head(path: Path) -> bytes:
         close = get_close_matches(path.name, names, 1)
         right = f"did you mean {close[0]!r}?" if close else "give the path of a record"
         raise InputError(f"no such file; {right}") from None
+    except ValueError:
+        raise InputError("cannot be read: its path contains a NUL character") from None
     if stat.S_ISDIR(mode):
         readable = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
         kinds = Counter(p.suffix for p in islice(path.iterdir(), MOST_LISTED) if p.suffix.lower() in readable)

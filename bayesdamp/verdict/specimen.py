@@ -77,6 +77,8 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     sd = float(np.sqrt(weight @ (1 / total + (means - mean) ** 2)))
     cumulative = np.cumsum(weight)
     spread, below, above = (float(np.interp(q, cumulative, spreads)) for q in (0.5, 0.025, 0.975))
+    if not np.isfinite(sd):
+        return PooledMean(mean, sd, spread, below, above, np.nan, np.nan)
     width = np.sqrt(1 / total + spreads**2 + np.median(sds) ** 2)
     outside = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
 

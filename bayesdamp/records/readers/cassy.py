@@ -15,6 +15,7 @@ from bayesdamp.types import Fact, InputError
 
 _ROOT = b"<cassylab"
 _MEMBER = "data.xml"
+_HEAD = 65536
 
 
 class CassyReader(Reader):
@@ -29,8 +30,14 @@ class CassyReader(Reader):
     extensions = (".labx",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the text has the root element of CASSY Lab, or the file is an archive with its XML."""
-        return _ROOT in head or (head.startswith(b"PK") and _MEMBER in (archive_names(path) or ()))
+        """Return whether the file, or the XML in its archive, has the root element of CASSY Lab."""
+        if not head.startswith(b"PK") or _MEMBER not in (archive_names(path) or ()):
+            return _ROOT in head
+        try:
+            with zipfile.ZipFile(path) as archive, archive.open(_MEMBER) as member:
+                return _ROOT in member.read(_HEAD)
+        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError):
+            return False
 
     def read(self, path: Path) -> Contents:
         """Return the quantities of all runs. Raises InputError if the XML is too large or has a document type."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ class _JsonWalk(Walk):
             texts = [["" if x is None or isinstance(x, bool) else str(x).strip()] for x in cells]
             column = make_column(texts, 0, ".", join_path(path, key), path)
             if np.isfinite(column.values).any():
-                self.columns.append(column)
+                self.columns.append(replace(column, run=run))
         return None
 
 
