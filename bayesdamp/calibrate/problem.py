@@ -17,11 +17,12 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.search import find_mode
 from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.oscillator import reference_of
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import outcome_of_failure
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Seed, Signal, System
+from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
 """The estimator whose refined estimate is the starting point of the search for the posterior mode."""
@@ -124,6 +125,7 @@ def make_generator(
     free = {**spec.system.free, **(priors or {})}
     known = {k: v for k, v in spec.system.known.items() if k not in free}
     system = replace(spec.system, known=known, free=free)
+    reference = _reference(study, system)
     terms = parse_model(model)
     given = {t: p for t, p in study.models.prior.items() if t in terms}
     noise, *others = study.noises
@@ -138,17 +140,9 @@ def make_generator(
         )
     empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
     none = np.empty(0)
-    # What differs between records with these numbers as features depends on the record.
-    any_record = [Features(x, x, x, x, x, x, x, x, none, none, none, none) for x in (0.01, 0.02)]
-    references = [reference_of(system, features) for features in any_record]
-    for name in ("amplitude", "frequency"):
-        if len({getattr(reference, name) for reference in references}) > 1:
-            raise InputError(
-                f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a value "
-                "from a record would make the prior depend on the data; give a positive number"
-            )
+    any_record = (Features(x, x, x, x, x, x, x, x, none, none, none, none) for x in (1.0, 2.0))
     blank, other = (
-        build_target(empty, terms, system, features, references[0], noise=noise, term_priors=given)
+        build_target(empty, terms, system, features, reference, noise=noise, term_priors=given)
         for features in any_record
     )
     dependent = [name for name in blank.names if blank.priors[name] != other.priors[name]]
@@ -162,6 +156,27 @@ def make_generator(
     scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
     system = replace(system, known=dict(blank.known))
     return Generator(model, source or spec.source, system, replace(blank, scales=scales))
+
+
+def _reference(study: Study, system: System) -> Reference:
+    """Return the amplitude and frequency with which default priors scale, from the settings of the study.
+
+    Raises InputError if one of them is neither stated nor follows from known parameters.
+    """
+    amplitude, frequency = system.amplitude, system.frequency
+    if all(name in system.known for name in LAWS.get(system.restoring).parameters):
+        law = Oscillator((), system.restoring)
+        start = system.known.get("theta0", 0.0)
+        frequency = frequency or law.natural_frequency(system.known, start)
+        if "theta0" in system.known:
+            amplitude = amplitude or abs(start - law.equilibrium(system.known, start)) or None
+    if amplitude is None or frequency is None:
+        name = "amplitude" if amplitude is None else "frequency"
+        raise InputError(
+            f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a value from a "
+            "record would make the prior depend on the data; give a positive number"
+        )
+    return Reference(amplitude, frequency)
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:

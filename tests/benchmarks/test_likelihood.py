@@ -147,7 +147,7 @@ def measured(model: str) -> dict[str, float]:
     target = posterior_of(model, p, y)
     z = target.scores(p)
     likelihood = Likelihood.near(target, z, ERROR)
-    found["posterior error"] = float(np.max(np.abs(likelihood.motion(z) - truth)))
+    found["posterior error"] = float(np.max(np.abs(y - likelihood.residual(z) - truth)))
     runs["posterior"] = lambda: likelihood.log_posterior(z)
     assert max(found.values()) <= ERROR
     return found | dict(zip(runs, in_turns(*runs.values(), rounds=7), strict=True))

@@ -101,6 +101,28 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
     assert abs(ratio - 1) < 4 / np.sqrt(2 * 401)
 
 
+@pytest.mark.parametrize(
+    ("law", "simulated"),
+    [
+        ('"pendulum", amplitude = 0.3, stiffness = 9.81, rest_angle = 0.37', ""),
+        (
+            '"duffing", amplitude = 0.3, frequency = 20.0, stiffness = "free", rest_angle = 0.0, cubic = -50.0',
+            "stiffness = 400.0, ",
+        ),
+    ],
+)
+def test_the_reference_follows_from_the_study_alone(tmp_path, law, simulated):
+    """An equilibrium by iterations has rounding errors, and a stated frequency needs no law. Control: no amplitude."""
+    old = '"linear", amplitude = 0.3, frequency = 4.5, stiffness = 20.0, rest_angle = 0.0'
+    assert old in STUDY
+    text = STUDY.replace(old, law).replace("simulate = {", f"simulate = {{ {simulated}")
+    assert problem.make_generator(load_study(write(tmp_path, text)), "viscous").blank.names[0] == "zeta"
+    bare = text.replace("amplitude = 0.3, ", "").replace("theta0 = 0.3, omega0", 'theta0 = "free", omega0')
+    bare = bare.replace("simulate = {", "simulate = { theta0 = 0.3, ")
+    with pytest.raises(InputError, match="amplitude is missing"):
+        problem.make_generator(load_study(write(tmp_path, bare)), "viscous")
+
+
 # How it resumes.
 
 
