@@ -67,7 +67,8 @@ has a p value below this, after correction for the number of shifts (conventiona
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     """Return the autocorrelation of series x, (..., n), at lags 0 to `lags`, (..., lags + 1); it is 1 at lag 0.
 
-    The mean of each series is subtracted first. The lags are in samples.
+    The mean of each series is subtracted first. The lags are in samples. Sums at larger lags have fewer terms, which is
+    not corrected. A constant series gives 0 at all lags.
     """
     x = x - x.mean(axis=-1, keepdims=True)
     size = scipy.fft.next_fast_len(x.shape[-1] + lags, real=True)
@@ -79,15 +80,20 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
     """Draw scores from Laplace's approximation of the posterior, (count, d).
 
-    It is a normal distribution with the gradient of the log posterior at the mode and the Gauss–Newton covariance of
-    `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are truncated at zero.
+    A score is a parameter transformed to a standard normal prior; the d columns are in the order of `target.names`. The
+    approximation is a normal distribution with the gradient of the log posterior at the mode and the Gauss–Newton
+    covariance of `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are truncated at
+    zero.
     """
     normal = truncated_near(mode.near, mode.z, mode.factor)
     return normal.draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:
-    """Return the excess kurtosis of x, (..., n), along its last axis: 0 if normal, large with outliers."""
+    """Return the excess kurtosis of x, (..., n), along its last axis: 0 if normal, large with outliers.
+
+    It is −3 for a constant series.
+    """
     x = x - x.mean(axis=-1, keepdims=True)
     square = x**2
     return np.mean(square**2, axis=-1) / np.maximum(np.mean(square, axis=-1) ** 2, 1e-300) - 3.0
@@ -119,8 +125,8 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
     They are finite differences, multiplied by the posterior standard deviation of the parameter's score. Two kinds of
     parameters have no row: coefficients that are zero at the mode, because they are at their bound and do not adapt to
-    the residuals, and parameters whose derivative is not finite. Under heavy-tailed noise the residuals are not
-    whitened.
+    the residuals, and parameters whose derivative is not finite. The rows are in the order of `target.names`. Under
+    heavy-tailed noise the residuals are not whitened, but in the unit of the record.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
@@ -134,8 +140,8 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
     """Return the whitened residuals, (n,), for residuals r, (n,); under heavy-tailed noise return r itself.
 
-    Whitening of heavy-tailed noise is not linear in r, and would distort the directions of derivatives of the
-    residuals.
+    r: record minus motion, in the unit of the record. Whitening of heavy-tailed noise is not linear in r, and would
+    distort the directions of derivatives of the residuals.
     """
     # For heavy-tailed noise whitening is nonlinear, and directions in the residuals would be distorted.
     return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
@@ -225,7 +231,8 @@ def _verdict(
     """Return the verdict as text: that the model fits, or that it does not and the first reason that applies.
 
     The reasons are tried in this order: structure in the residuals, a missing force, coefficients that change during
-    the record, outliers.
+    the record, outliers. The limits are `P_LIMIT` for p, `LINE_LIMIT`, `FORM_LIMIT` and `WINDOW_LIMIT`; outliers do not
+    count if the noise model allows for them.
 
     noise: the noise model of the fit. p: p value of the predictive check of the autocorrelation. line: largest peak of
     the residuals' spectrum. form: missing force that would reduce the residuals most. window_p: p value of the shifts
@@ -249,7 +256,7 @@ def _fit_windows(
 ) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
     """Fit the first, the middle and the last half of the record separately; forecast the second half from the first.
 
-    The motion of every fit starts at the record's first sample.
+    The motion of every fit starts at the record's first sample. seed: of the draws of the forecast.
 
     Returns
     -------
@@ -311,9 +318,9 @@ class Prediction:
     Attributes
     ----------
     error : ndarray, shape (m,)
-        Record minus predictive mean.
+        Record minus predictive mean, in the unit of the record.
     sd : ndarray, shape (m,)
-        Predictive standard deviation, including the noise.
+        Predictive standard deviation, including the noise, in the same unit.
     """
 
     error: np.ndarray
@@ -346,7 +353,7 @@ def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) ->
     likelihood : Likelihood
         Likelihood of the whole record of n samples.
     draws : ndarray, shape (k, d)
-        Posterior draws given the first half, as scores.
+        Posterior draws given the first half, as standard normal scores.
     half : int
         Number of samples in the first half.
 
@@ -401,7 +408,9 @@ def forecast(
     Returns
     -------
     Forecast or None
-        None if `log_predictive` or `factor` is not finite, the covariance is singular, or no draw has a finite motion.
+        Rms error of the prediction, its expected value, the fraction of samples inside their 95 % intervals, and
+        `log_predictive`. None if `log_predictive` or `factor` is not finite, the covariance is singular, or no draw has
+        a finite motion.
     """
     if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
         return None

@@ -98,14 +98,14 @@ class Deviation(NoiseModel):
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density of residuals r, (m,), in nats, with the deviations integrated out.
 
-        The normalisation of the white noise counts `samples` values instead of m.
+        The normalisation of the white noise counts `samples` values instead of m. gaps and p have no effect.
         """
         _, across, _, each = self._parts(r)
         constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density by each residual in r, (m,)."""
+        """Return the derivative of the log density by each residual in r, (m,). gaps and p have no effect."""
         _, across, white, each = self._parts(r)
         by_basis = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ by_basis + across) / np.sqrt(self.variance)
@@ -113,8 +113,9 @@ class Deviation(NoiseModel):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v, (..., m + c k), for shifts v of the record, (..., m).
 
-        RᵀR is the Fisher information about a shift. The information is averaged over the c combinations of
-        hyperparameters with `probabilities`.
+        RᵀR is the Fisher information about a shift, averaged over the c combinations of hyperparameters (sizes and
+        correlation lengths) with `probabilities`; k is the number of deviations at the knots. gaps and p have no
+        effect.
         """
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
@@ -122,11 +123,15 @@ class Deviation(NoiseModel):
         return np.concatenate([v - along @ self.basis.T, white], axis=-1)
 
     def combination_given(self, r: np.ndarray, rng: np.random.Generator) -> int:
-        """Draw the index of a combination of hyperparameters from its posterior given residuals r, (m,)."""
+        """Draw the index of a combination of hyperparameters from its posterior given residuals r, (m,).
+
+        Hyperparameters are the prior sds and correlation lengths of the deviations. The index is along the first axis
+        of `maps`.
+        """
         return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the distribution given the combination of hyperparameters with this index."""
+        """Return the distribution given one combination of prior sds and correlation lengths, by index (see `maps`)."""
         own = slice(combination, combination + 1)
         return replace(
             self,
@@ -139,7 +144,8 @@ class Deviation(NoiseModel):
     def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Draw the deviations, g and then h at the knots, (k,), from their posterior given residuals r, (m,).
 
-        A combination of hyperparameters is drawn first, from its posterior given r.
+        g is the deviation of the log damping, h the relative one of the frequency. A combination of hyperparameters is
+        drawn first, from its posterior given r.
         """
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
@@ -167,7 +173,8 @@ class Deviation(NoiseModel):
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return whitened residuals, (m,): r + `shift`, whitened by the covariance of noise and deviations.
 
-        The covariance is that under the combination of hyperparameters that is most probable given r.
+        The covariance is that under the combination of hyperparameters (prior sds and correlation lengths of
+        deviations) that is most probable given r. gaps and p have no effect.
         """
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]

@@ -78,16 +78,17 @@ class Likelihood:
         return cls(target, target.all_values(z), tolerance, slice(None), target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
-        """Return this likelihood with the common prior scale of coefficients fixed at `scale` instead of averaged out.
+        """Return this likelihood with the common prior scale of damping coefficients fixed instead of averaged out.
 
-        scale: standard deviation of the scores of these coefficients.
+        scale: standard deviation of the scores of these coefficients, which have half-normal priors of one width (1 is
+        an equivalent damping ratio of 0.1). Without such coefficients it has no effect.
         """
         return replace(self, scales=(float(scale),))
 
     def under(self, combination: int) -> Likelihood:
         """Return this likelihood given one combination of the hyperparameters of the deviations from the laws.
 
-        combination: its index in `Deviation`. The target must have deviations.
+        combination: its index along the first axis of `Deviation.maps`, from 0. The target must have deviations.
         """
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
@@ -95,7 +96,7 @@ class Likelihood:
 
     @cached_property
     def y(self) -> np.ndarray:
-        """The samples that are used, (n,)."""
+        """The samples of the record that are used (see `part`), in its unit, (n,)."""
         return self.target.signal.y[self.part]
 
     @cached_property
@@ -116,18 +117,21 @@ class Likelihood:
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Return record minus motion at scores z, (d,), in the unit of the record, (n,); nan if it is unbounded."""
+        """Return record minus motion, (n,), in the unit of the record; nan where the motion is unbounded.
+
+        z: all d inferred parameters as standard normal scores, in the order of `Target.names`.
+        """
         return self._residual_of(self.target.all_values(z))
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
-        """Return the residuals at each of m points z, (m, d): shape (m, n)."""
+        """Return record minus motion at each of m points z, (m, d), of standard normal scores: shape (m, n)."""
         return np.stack([self.residual(row) for row in z])
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density, (...), of scores z, (..., d), in which reflected scores may be negative.
+        """Return the log prior density in nats, (...), per unit of each score, of standard normal scores z, (..., d).
 
         A reflected score has a half-normal prior and only its absolute value matters; here its prior density is that of
-        a normal distribution over both signs (see `folded`).
+        a normal distribution over both signs, so negative values are allowed (see `folded`).
         """
         shared, scales = self.target.shared, np.asarray(self.scales)
         value = -0.5 * np.einsum("...i,...i", z, z) - z.shape[-1] * HALF_LOG_2PI
@@ -140,45 +144,53 @@ class Likelihood:
         return value + 0.5 * squares + instead
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
-        """Return the log density (nats) of residuals (n,) for the noise at scores z, (d,); −∞ if it is not finite."""
+        """Return the log density (nats) of residuals, (n,), in the unit of the record; −∞ if it is not finite.
+
+        z: all parameters as standard normal scores, (d,), of which only those of the noise matter.
+        """
         return self._log_density(residual, self.target.all_values(z))
 
     def log_likelihood(self, z: np.ndarray) -> float:
-        """Return the log likelihood (nats) at scores z, (d,); −∞ if it is not finite, as for an unbounded motion."""
+        """Return the log likelihood (nats) at standard normal scores z, (d,); −∞ if it is not finite."""
         return self.log_likelihood_of(self.target.all_values(z))
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
-        """Return the log likelihood (nats) at each of m points z, (m, d): shape (m,)."""
+        """Return the log likelihood (nats) at each of m points z of standard normal scores, (m, d): shape (m,)."""
         return np.array([self.log_likelihood(row) for row in z])
 
     def log_posterior(self, z: np.ndarray) -> float:
-        """Return log prior plus log likelihood in nats at scores z, (d,); −∞ if the log likelihood is not finite.
+        """Return log prior plus log likelihood (nats) at standard normal scores z, (d,).
 
-        Reflected scores may be negative (see `folded`).
+        It is not normalised, and −∞ if the log likelihood is not finite. Scores with half-normal priors may be negative
+        (see `folded`).
         """
         return self.log_likelihood(z) + float(self.log_prior(z))
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior at each of m points z, (m, d): shape (m,)."""
+        """Return `log_posterior` (nats) at each of m points z of standard normal scores, (m, d): shape (m,)."""
         # A motion with deviations takes so long that several threads are faster.
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (m,), at scores z, (m, d), for a prior without negative reflected scores.
+        """Return the log posterior (nats), (m,), at scores z, (m, d), for a prior without negative reflected scores.
 
-        This is `log_posteriors` plus log 2 for each reflected score. The sign of the scores in z is not checked.
+        This is `log_posteriors` plus log 2 for each reflected score (one with a half-normal prior). The sign of the
+        scores in z is not checked.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
     def line(self, z: np.ndarray) -> Line:
-        """Return the motion as a linear function of its parameters, about their values at scores z, (d,)."""
+        """Return the motion as a linear function of its parameters, about their values at scores z, (d,).
+
+        z: all d inferred parameters as standard normal scores.
+        """
         return self._line_of(self.target.all_values(z))
 
     def gradient(self, z: np.ndarray, line: Line | None = None) -> tuple[float, np.ndarray]:
-        """Return the log posterior at scores z, (d,), and its gradient, (d,).
+        """Return the log posterior (nats) at standard normal scores z, (d,), and its gradient by the scores, (d,).
 
         If the log likelihood is not finite, the value is −∞ and the gradient is that of the log prior. line: the motion
-        linearised at z, if it is known already.
+        linearised at z, if it is known already; by default it is computed.
         """
         line = line or self.line(z)
         value = self.log_noise(line.residual, z)
@@ -187,7 +199,10 @@ class Likelihood:
         return value + float(self.log_prior(z)), self.gradient_along(line, z)
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
-        """Return the gradient, (d,), of the log posterior at scores z, (d,), for the linearised motion `line`."""
+        """Return the gradient, (d,), of the log posterior by the scores z, (d,), for the linearised motion `line`.
+
+        The motion is extrapolated linearly to z from the point of `line`; no motion is computed.
+        """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
         slopes = self._slopes(line.residual - away @ line.slopes, line.slopes, p)
@@ -196,9 +211,9 @@ class Likelihood:
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and its Gauss–Newton information, (d, d).
 
-        The information approximates the negative Hessian and is positive definite; it has no cross terms between
-        parameters of the motion and of the noise. If the log likelihood is not finite, the value is −∞, and gradient
-        and information are those of the log prior.
+        The log posterior is in nats, and derivatives are by the scores. The information approximates the negative
+        Hessian and is positive definite; it has no cross terms between parameters of the motion and of the noise. If
+        the log likelihood is not finite, the value is −∞, and gradient and information are those of the log prior.
         """
         line = self.line(z)
         value, gradient = self.gradient(z, line)
@@ -224,25 +239,30 @@ class Likelihood:
         return value, gradient, information
 
     def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Return whitened residuals, (n,): independent and standard normal if the noise is that at scores z, (d,)."""
+        """Return whitened residuals, (n,): independent and standard normal if the noise is that at scores z, (d,).
+
+        residual: record minus motion in the unit of the record, (n,).
+        """
         return self.target.noise_model.whiten(residual, self.gaps, self.target.all_values(z))
 
     def information(self, change: np.ndarray, z: np.ndarray) -> float:
         """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
 
-        To second order, such a shift lowers the mean log likelihood by half of this, in nats.
+        change: in the unit of the record. To second order, such a shift lowers the mean log likelihood by half of the
+        result, in nats.
         """
         root = self.target.noise_model.information_root(change, self.gaps, self.target.all_values(z))
         return float(np.sum(root**2))
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
-        """Return the log likelihood (nats) for values of all parameters by name; −∞ if it is not finite."""
+        """Return the log likelihood (nats) for values of all parameters, also known ones, by name; −∞ if not finite."""
         return self._log_density(self._residual_of(p), p)
 
     def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
-        """Return the log likelihood for parameter values by name, and its derivatives by the inferred parameters, (d,).
+        """Return the log likelihood (nats) for parameter values, and its derivatives by the inferred ones, (d,).
 
-        The derivatives are 0 if the log likelihood is −∞.
+        These are derivatives by the values, not by the scores, in the order of `Target.names`; all are 0 if the log
+        likelihood is −∞. p: values of all parameters by name, also of known ones.
         """
         line = self._line_of(p)
         value = self._log_density(line.residual, p)
@@ -253,7 +273,8 @@ class Likelihood:
     def _slopes(self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivatives of the log density of residuals, (n,), by the d inferred parameters, (d,).
 
-        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: parameters by name.
+        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: values of all parameters by
+        name. Derivatives are by values, not by scores.
         """
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))

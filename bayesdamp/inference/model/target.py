@@ -78,7 +78,10 @@ class Scores:
         return precision
 
     def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw scores from the prior, (count, d); reflected scores are not negative."""
+        """Draw scores from the prior, (count, d), in the order of `priors`; reflected scores are not negative.
+
+        Coefficients with a common, unknown prior scale share one random scale in each draw.
+        """
         z = rng.standard_normal((count, len(self.priors)))
         if self.shared.any():
             z[:, self.shared] *= rng.choice(self.scales, count)[:, None]
@@ -90,7 +93,11 @@ class Scores:
         return [(type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivative of each inferred parameter by its own score, at scores z, both (d,)."""
+        """Return the derivative of each inferred parameter by its own standard normal score, at scores z, (d,).
+
+        The derivatives, (d,), have the units of the parameters. Where a parameter has a half-normal prior,
+        `NEAR_ZERO_SCORE` replaces a score of 0.
+        """
         both = zip(self._rates, z.tolist(), strict=True)
         return np.array(
             [
@@ -203,7 +210,8 @@ class Target(Scores):
     def follow_step(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Return the end, (d,), of a step from scores z, (d,), that is straight in the law's natural coordinates.
 
-        To first order it is z + step (see `retract`).
+        Natural coordinates are quantities that a record determines well, such as the frequency. To first order the end
+        is z + step; it is exactly that if the law has no such coordinates or not all of its parameters are inferred.
         """
         return self.retract(self.oscillator.restoring, z, z + step)
 
@@ -211,17 +219,20 @@ class Target(Scores):
         """Return the standard normal scores of parameter values by name, (d,), limited to ±6.
 
         A parameter without a value gets the score 0, or ½ if it is reflected (has a half-normal prior). A score that is
-        nan becomes 0.
+        nan becomes 0. Other names are ignored.
         """
         z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the inferred parameters at scores z, (..., d), as arrays (...) by name."""
+        """Return the inferred parameters at standard normal scores z, (..., d), as arrays (...) by name.
+
+        They have the units of the parameters.
+        """
         return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return all parameters, known and inferred, at scores z, (d,), by name."""
+        """Return all parameters in their units, known and inferred, at standard normal scores z, (d,), by name."""
         values = self._given.copy()
         for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             values[name] = value(score, *numbers)
@@ -295,7 +306,7 @@ def build_target(
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
     """Return the default priors of damping terms' parameters by name: first of all coefficients, then of all others.
 
-    reference: amplitude and frequency with which the priors scale.
+    reference: amplitude (rad or m) and angular frequency (rad/s) with which the priors scale.
     """
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]

@@ -70,26 +70,32 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters, by name, from residuals, (n,); the search for the best ones starts there."""
+        """Estimate the parameters, by name, from residuals, (n,); the search for the best ones starts there.
+
+        gaps: times between the samples in s, (n - 1,).
+        """
 
     @abstractmethod
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of residuals r, (..., n), in nats: (...).
+        """Return the joint log density of all n residuals r, (..., n), in nats: (...).
 
-        gaps, p: times between the samples, and parameters by name (see the class).
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name, each a number
+        or an array of shape (...).
         """
 
     @abstractmethod
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density of residuals r by each residual, (..., n).
+        """Return the derivative of the log density (nats) of residuals r by each residual, (..., n).
 
-        gaps, p: times between the samples, and parameters by name (see the class).
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name, each a number
+        or an array of shape (...).
         """
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
         """Return the derivatives of the log density of residuals r, (n,), by the parameters, by name.
 
-        They are computed by central differences, unless a subclass has a closed form. gaps, p: see the class.
+        They are computed by central differences, unless a subclass has a closed form; constants have no entry. gaps:
+        times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
         """
         slopes = {}
         for name in self.parameters:
@@ -102,25 +108,32 @@ class NoiseModel(ABC):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift.
 
-        gaps, p: times between the samples, and parameters by name (see the class).
+        v: change of each sample in the unit of the record, (..., n). The sum of squares of the result is the
+        information about the size of the shift. gaps: times between the samples in s, (n - 1,). p: parameters and
+        constants of the noise by name.
         """
 
     @abstractmethod
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return whitened residuals, (..., n), which are independent and standard normal if the model is right.
 
-        gaps, p: times between the samples, and parameters by name (see the class).
+        r: residuals in the unit of the record, (..., n). gaps: times between the samples in s, (n - 1,). p: parameters
+        and constants of the noise by name.
         """
 
     @abstractmethod
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density of each residual given all others, (..., n), in nats, for cross-validation.
 
-        gaps, p: times between the samples, and parameters by name (see the class).
+        r: residuals in the unit of the record, (..., n). gaps: times between the samples in s, (n - 1,). p: parameters
+        and constants of the noise by name.
         """
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise of one record, (n,), for n − 1 gaps. Raises Refusal if the model cannot do this."""
+        """Draw the noise of one record, (n,), in the unit of the record. Raises Refusal if the model cannot do this.
+
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
+        """
         raise Refusal(f"noise {self.name!r} cannot be simulated")
 
 
@@ -135,44 +148,60 @@ class IndependentNoise(NoiseModel):
 
     @abstractmethod
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the log density of each residual in nats, shape (..., n); the values in p broadcast to r."""
+        """Return the log density of each residual in nats, shape (..., n).
+
+        r: residuals in the unit of the record, (..., n). p: parameters and constants of the noise by name, in shapes
+        that broadcast to r (see `by_sample`).
+        """
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for the scale, by name; its sigma is 1.
+        """Return a lognormal prior, under the key `noise_sd`; its sigma (sd of the logarithm) is 1.
 
-        Its median is the roughness of the record, the sd of its noise over short windows.
+        Its median is the roughness of the record: the sd of its noise over short windows, in the unit of the record.
         """
         return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the scale, by name, as the root mean square of the residuals."""
+        """Return the root mean square of residuals r, (n,), under the key `noise_sd`. gaps has no effect."""
         return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the sum of the log densities of the residuals in nats, shape (...)."""
+        """Return the sum of the log densities of residuals r, (..., n), in nats: (...).
+
+        gaps has no effect. p: parameters and constants of the noise by name, each a number or an array of shape (...).
+        """
         return np.sum(self.log_likelihoods(r, gaps, p), axis=-1)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of each residual in nats, (..., n); it does not depend on the other residuals."""
+        """Return the log density of each residual in nats, (..., n); it does not depend on the other residuals.
+
+        gaps has no effect. p: parameters and constants of the noise by name, each a number or an array of shape (...).
+        """
         return self.log_density(r, by_sample(p))
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of each log density by its residual, (..., n), by central differences."""
+        """Return the derivative of each log density by its residual, (..., n), by central differences.
+
+        gaps has no effect. p: parameters and constants of the noise by name; the step is a fraction of `noise_sd`.
+        """
         p = by_sample(p)
         above, below = r + DERIVATIVE_STEP * p["noise_sd"], r - DERIVATIVE_STEP * p["noise_sd"]
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v divided by the scale, which is correct for normal noise (see `NoiseModel.information_root`)."""
+        """Return v / noise_sd, (..., n); for normal noise its sum of squares is the Fisher information about a shift v.
+
+        v: change of each sample in the unit of the record, (..., n). p: must contain `noise_sd`. gaps has no effect.
+        """
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the residuals divided by the scale, which is correct for normal noise."""
+        """Return r / noise_sd, (..., n), which is correct for normal noise. gaps has no effect."""
         return r / by_sample(p)["noise_sd"]
 
 
 def by_sample(p: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Return the parameters by name with a last axis of length 1, so that they broadcast against residuals."""
+    """Return the parameters in p, (...) each, with a last axis of length 1, to broadcast against residuals (..., n)."""
     return {name: np.asarray(value, float)[..., None] for name, value in p.items()}
 
 
@@ -273,7 +302,7 @@ class SampleNoise:
 
     @property
     def likeliest(self) -> str:
-        """Name of the noise model with the largest evidence; `name` if none was weighed.
+        """Name of the noise model with the largest evidence in `weighed`; `name` if that is empty.
 
         It may differ from `name`: it may be "correlated", while the chosen model is "gaussian".
         """
@@ -294,7 +323,9 @@ def fit_noise(
     known: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
 ) -> FittedNoise:
-    """Fit a noise model to residuals: maximise the posterior density of the scores of its parameters.
+    """Fit a noise model to residuals: maximise the posterior density of its parameters.
+
+    The density is that of standard normal scores, into which the priors transform the parameters.
 
     Parameters
     ----------
@@ -307,7 +338,8 @@ def fit_noise(
     features : Features
         Features of the record, on which default priors depend.
     known, priors : mapping, optional
-        Known values of noise parameters, and priors that replace the default ones, by name; other names are ignored.
+        Known values of noise parameters, which are then not inferred, and priors that replace the default ones, by
+        name; names that are not parameters of this model are ignored.
 
     Returns
     -------

@@ -30,9 +30,10 @@ class CorrelatedNoise(NoiseModel):
     the record determines noise_sd, and only an upper limit of noise_time."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return a lognormal prior for noise_sd, and a log-uniform one for noise_time, by name.
+        """Return a lognormal prior for noise_sd, and a log-uniform one for noise_time (s), by name.
 
-        The median of noise_sd is the roughness of the record, the sd of its noise over short windows.
+        The median of noise_sd is the roughness of the record, the sd of its noise over short windows; its sigma is 1.
+        noise_time is between `FASTEST` and `SLOWEST` periods of the oscillation.
         """
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
@@ -40,7 +41,11 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate noise_sd from residuals, (n,), and noise_time in s from the correlation of neighbours."""
+        """Estimate noise_sd and noise_time (s), by name, from residuals r, (n,).
+
+        noise_sd is the root mean square. noise_time follows from the correlation of neighbours (taken as 0.01 to
+        0.9999) and the median of gaps, the times between the samples in s, (n - 1,).
+        """
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
             "noise_sd": float(np.sqrt(np.mean(r**2))),
@@ -48,9 +53,10 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the innovations r_i − ρ r_{i−1}, (..., n), each divided by its sd; the first is r_0/σ.
+        """Return the innovations r_i − ρ r_{i−1}, (..., n), each divided by its sd σ √(1 − ρ²); the first is r_0/σ.
 
-        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd.
+        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd. gaps: times between the samples
+        in s, (n - 1,). p: noise_sd and noise_time (s) by name.
         """
         p = by_sample(p)
         return _innovations(r, *_decay(gaps, p)) / p["noise_sd"]
@@ -58,7 +64,8 @@ class CorrelatedNoise(NoiseModel):
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density of residuals r, (...): Σ log N(r_i − ρ r_{i−1}; 0, σ²(1 − ρ²)) + log N(r_0; 0, σ²).
 
-        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd.
+        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd. gaps: times between the samples
+        in s, (n - 1,). p: noise_sd and noise_time (s) by name. The result is in nats.
         """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
@@ -70,7 +77,8 @@ class CorrelatedNoise(NoiseModel):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density by each residual, −K⁻¹ r, (..., n), with the covariance matrix K.
 
-        It is computed by applying the transposed whitening to the innovations.
+        K_ij = noise_sd² exp(−|t_i − t_j| / noise_time), with the times between samples in gaps, (n - 1,), in s. p:
+        noise_sd and noise_time (s) by name. K is never built: the transposed whitening is applied to the innovations.
         """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
@@ -80,7 +88,11 @@ class CorrelatedNoise(NoiseModel):
         return slopes / p["noise_sd"] ** 2
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return, by name, the derivatives of the log density of residuals, (n,), by the parameters, in closed form."""
+        """Return the derivatives of the log density (nats) of residuals, (n,), by noise_sd and noise_time, by name.
+
+        They are from closed forms. gaps: times between the samples in s, (n - 1,). p: noise_sd and noise_time (s) by
+        name.
+        """
         sd, time = p["noise_sd"], p["noise_time"]
         lost, fresh = _decay(gaps, {"noise_time": np.asarray(time)})
         innovations = _innovations(r, lost, fresh)
@@ -93,7 +105,10 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the shift v, whitened like residuals, (..., n): whitening is linear, and the noise is normal."""
+        """Return a shift v of the record, (..., n), whitened; its sum of squares is the Fisher information about it.
+
+        This holds because whitening is linear and the noise normal. gaps, p: as in `whiten`.
+        """
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
@@ -112,7 +127,11 @@ class CorrelatedNoise(NoiseModel):
         return -0.5 * score**2 - np.log(sd) + 0.5 * np.log(precision) - 0.5 * LOG_2PI
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise at the times of the samples, (n,): a stationary Ornstein–Uhlenbeck process."""
+        """Draw the noise at the times of the samples, (n,): a stationary Ornstein–Uhlenbeck process.
+
+        gaps: times between the samples in s, (n - 1,). p: noise_sd and noise_time (s) by name; noise_sd is the sd of
+        each value.
+        """
         lost, fresh = _decay(gaps, by_sample(p))
         r = rng.standard_normal(gaps.size + 1)
         for i in range(gaps.size):
@@ -123,7 +142,7 @@ class CorrelatedNoise(NoiseModel):
 def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return 1 − ρ and √(1 − ρ²) for each gap, (..., n − 1), without loss of digits if ρ is close to 1.
 
-    ρ = exp(−gap / noise_time) is the correlation of two neighbouring residuals.
+    ρ = exp(−gap / noise_time) is the correlation of two neighbouring residuals; gaps and `noise_time` in p are in s.
     """
     lost = -np.expm1(-gaps / p["noise_time"])
     return lost, np.sqrt(lost * (2 - lost))
@@ -132,8 +151,8 @@ def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, n
 def _innovations(r: np.ndarray, lost: np.ndarray, fresh: np.ndarray) -> np.ndarray:
     """Return the first residual, then (r_{i+1} − ρ r_i)/√(1 − ρ²): independent N(0, σ²) values, shape (..., n).
 
-    lost, fresh: 1 − ρ and √(1 − ρ²) from `_decay`, where ρ is the correlation of neighbours. The differences of
-    neighbours are computed first, to lose no digits for slow noise.
+    lost, fresh: 1 − ρ and √(1 − ρ²) from `_decay`, (..., n − 1), with the correlation ρ of neighbours. The differences
+    of neighbours are computed first, to lose no digits for slow noise.
     """
     steps = (r[..., 1:] - r[..., :-1] + lost * r[..., :-1]) / fresh
     innovations = np.empty((*steps.shape[:-1], r.shape[-1]))

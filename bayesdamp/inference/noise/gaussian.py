@@ -19,26 +19,32 @@ class Gaussian(IndependentNoise):
     name = "gaussian"
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return log N(r; 0, σ²) for each residual, (..., n), where σ is noise_sd."""
+        """Return log N(r; 0, σ²) in nats for each residual in r, (..., n), where σ is noise_sd in p."""
         return -0.5 * np.square(r / p["noise_sd"]) - (np.log(p["noise_sd"]) + 0.5 * LOG_2PI)
 
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the log density of all residuals, (...), −Σ r²/(2σ²) − n log(√(2π) σ), where σ is noise_sd."""
+        """Return the log density of all residuals, (...), −Σ r²/(2σ²) − n log(√(2π) σ).
+
+        σ is noise_sd in p. gaps has no effect, because the noise is independent.
+        """
         sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return Σ r²/σ³ − n/σ, the derivative of the log density by noise_sd, by name."""
+        """Return Σ r²/σ³ − n/σ, the derivative of the log density by σ, as `noise_sd`; gaps has no effect."""
         sd = p["noise_sd"]  # divided one by one, because powers overflow at extreme values
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density by each residual, −r/σ², (..., n), where σ is noise_sd."""
+        """Return the derivative of the log density by each residual, −r/σ², (..., n), where σ is noise_sd.
+
+        gaps has no effect, because the noise is independent.
+        """
         sd = by_sample(p)["noise_sd"]
         return -r / sd / sd
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw white noise with standard deviation noise_sd, (n,)."""
+        """Draw white noise with standard deviation noise_sd, (n,); gaps sets only the number of samples, n − 1 gaps."""
         return p["noise_sd"] * rng.standard_normal(gaps.size + 1)
 
 

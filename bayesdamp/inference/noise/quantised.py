@@ -23,7 +23,7 @@ class QuantisedNoise(IndependentNoise):
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the recording step of the signal as `noise_step`. Raises Refusal if it has none."""
+        """Return the recording step of the signal, in its unit, as `noise_step`. Raises Refusal if it has none."""
         if not signal.step > 0:
             raise Refusal(
                 "the record has no recording step, so quantised noise is the same as gaussian noise"
@@ -53,18 +53,23 @@ class QuantisedNoise(IndependentNoise):
         return np.sign(r) * hazard * np.expm1(-step * np.abs(r) / sd**2) * np.exp(-log_fraction) / sd
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v/√(noise_sd² + step²/12), (..., n): rounding adds the variance step²/12 (Sheppard, 1898)."""
+        """Return v/√(noise_sd² + step²/12), (..., n): rounding adds the variance step²/12 (Sheppard, 1898).
+
+        It is the root of the Fisher information about a shift v of the record, (..., n). step is noise_step. gaps has
+        no effect.
+        """
         p = by_sample(p)
         return v / np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the residuals divided by √(noise_sd² + noise_step²/12)."""
+        """Return the residuals divided by √(noise_sd² + noise_step²/12), (..., n). gaps has no effect."""
         return self.information_root(r, gaps, p)
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw the error of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
 
-        The exact values are assumed to be uniformly distributed within a step.
+        The exact values are assumed to be uniformly distributed within a step. p: noise_sd and noise_step by name. gaps
+        sets only the number of samples, n − 1 gaps.
         """
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)

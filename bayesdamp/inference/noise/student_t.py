@@ -21,15 +21,19 @@ class StudentT(IndependentNoise):
     heavy_tailed = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """Return, by name, a lognormal prior for noise_sd, and one with median 6 for the degrees of freedom."""
+        """Return, by name, lognormal priors of the scale noise_sd and of the degrees of freedom noise_dof.
+
+        That of noise_sd has the roughness of the record (sd of its noise over short windows) as median and sigma 1;
+        that of noise_dof has the median 6 and sigma 0.8.
+        """
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the scale, by name, from the median absolute residual; the degrees of freedom are set to six."""
+        """Return by name noise_sd, 1.4826 times the median absolute residual, and noise_dof, always 6."""
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the log of Student's density, with scale noise_sd and noise_dof degrees of freedom, (..., n)."""
+        """Return the log of Student's density (nats) of each residual, (..., n); scale noise_sd, noise_dof degrees."""
         sd, dof = p["noise_sd"], p["noise_dof"]
         constant = betaln(0.5 * dof, 0.5) + 0.5 * np.log(dof) + np.log(sd)
         return -0.5 * (dof + 1) * np.log1p(np.square(r / sd) / dof) - constant
@@ -37,7 +41,7 @@ class StudentT(IndependentNoise):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density by each residual, −(ν + 1) r / (ν σ² + r²), (..., n).
 
-        σ is noise_sd and ν is noise_dof.
+        σ is noise_sd and ν is noise_dof. gaps has no effect, because the noise is independent.
         """
         p = by_sample(p)
         sd, dof = p["noise_sd"], p["noise_dof"]
@@ -46,20 +50,24 @@ class StudentT(IndependentNoise):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return v/σ √((ν + 1)/(ν + 3)), (..., n), from the Fisher information of Student's t distribution.
 
-        σ is noise_sd and ν is noise_dof.
+        σ is noise_sd and ν is noise_dof. v: shift of the record, (..., n). gaps has no effect.
         """
         p = by_sample(p)
         return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return whitened residuals, (..., n): the standard normal quantiles of their cumulative probabilities."""
+        """Return whitened residuals, (..., n): the standard normal quantiles of their cumulative probabilities.
+
+        These are of Student's t distribution with scale noise_sd and noise_dof degrees of freedom. The map is not
+        linear in r. gaps has no effect.
+        """
         p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]
         tail = 0.5 * betainc(0.5 * dof, 0.5, dof / (dof + t**2))
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw independent noise, (n,): Student's t with noise_dof degrees of freedom, times noise_sd."""
+        """Draw independent noise, (n,), for n − 1 gaps: noise_sd times Student's t with noise_dof degrees."""
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 
