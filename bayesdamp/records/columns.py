@@ -106,7 +106,8 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     Returns
     -------
     OscillationMeasure
-        The measures; period inf and size 0 if the values are constant, too few, or too large to compute with.
+        The measures; period inf, size 0 and the rest False if the values are constant, fewer than ten, or too large
+        to compute with.
     """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
@@ -230,7 +231,7 @@ def choose_columns(
     content
         Contents of the file.
     time, values
-        Columns of the times and of the values, by name or number from 1.
+        Columns of the times and of the values, by name or number from 1; by default chosen automatically.
     rate
         Sampling rate in Hz; replaces the times of the file.
     runs
@@ -419,7 +420,7 @@ def _is_sample_numbers(y: np.ndarray) -> bool:
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
     """Return the record with times or a sampling rate; without both, use the rate that the column states.
 
-    Raises InputError if there is no such rate.
+    Raises InputError if there is no such rate; content has no other use than its message.
     """
     if record.time is not None or record.rate is not None:
         return record

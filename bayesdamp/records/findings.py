@@ -103,7 +103,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     unit, quantity
         Unit (of UNITS) and quantity in which it is read.
     given
-        Whether the user gave the unit.
+        Whether the user gave the unit, which is then not doubted.
 
     Returns
     -------

@@ -62,8 +62,9 @@ def read_record(
 ) -> RawRecord:
     """Return the record of a run and channel of a file, or the only record of the file.
 
-    The arguments are those of `read_records`, with one `run` and one `channel`. Raises InputError also if the arguments
-    select several records.
+    The arguments are those of `read_records`, with one `run` and one `channel`; `value` and `channel` both give the
+    column of the recorded quantity, so only one of them may be given. Raises InputError also if the arguments select
+    several records.
     """
     records = read_records(
         path,
@@ -104,13 +105,14 @@ def read_records(
         files a name is a path with dots, such as `Theta1.signals.values`; a number at its end is a column of a matrix.
         A column that is not given is chosen automatically if the choice is clear, and a note says so.
     rate
-        Sampling rate in Hz; replaces the times and the rate that the file states.
+        Sampling rate in Hz; replaces the times and the rate that the file states. Only one of `time` and `rate` may be
+        given.
     runs
         Which runs to read, such as `1,3-5`; all by default.
     channels
-        Several columns of recorded quantities, each as in `value`.
+        Further columns of recorded quantities, each as in `value`; each gives a record.
     time_unit
-        Unit of the times; by default that of the file, else s.
+        Unit of the times in the file (s, ms, us, ns, ps, min, h or d); by default that which it states, else s.
 
     Returns
     -------
@@ -293,8 +295,9 @@ def _refuse_unusable(y: np.ndarray) -> None:
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:
     """Convert times (n,) to s. Raises InputError for implausible times.
 
-    given: unit of the times; None for that of the column `time`, or s if that states none. Times in days that are dates
-    (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, `notes` gets a note.
+    given: unit of the times, a key of SECONDS; None for that of the column `time`, or s if that states none. Times in
+    days that are dates (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, `notes`
+    gets a note.
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):

@@ -39,7 +39,8 @@ def simulate_signal(
     Parameters
     ----------
     osc, p
-        The oscillator, and its parameters by name.
+        The oscillator, and the values of all its parameters by name (`Oscillator.parameters`), with the start `theta0`
+        and `omega0`, in rad or m (see `unit`) and s.
     duration
         Duration in s.
     samples
@@ -58,11 +59,11 @@ def simulate_signal(
     gaps
         Number of missing stretches, each 1/50 of the record; none is at the ends.
     quantum
-        Recording step to which the values are rounded; 0 for none.
+        Recording step to which the values are rounded, in the unit of the recorded quantity; 0 for none.
     quantity
-        "angle", "velocity" or "acceleration".
+        The recorded quantity: "angle" (the displacement), "velocity" or "acceleration".
     unit
-        Unit of the displacement, "rad" or "m".
+        Unit of the displacement, "rad" or "m": that in which p is given. Nothing is converted.
     name
         Name of the record.
     rng

@@ -71,7 +71,7 @@ steps."""
 
 
 def recording_step(y: np.ndarray) -> float:
-    """Return the recording step (resolution) of values y (n,); 0 if they are not multiples of a step.
+    """Return the recording step (resolution) of values y (n,), in their unit; 0 if they are not multiples of a step.
 
     The multiples may themselves be rounded, as for a step of 0.088° written with two decimals. With only two different
     values it is their difference.
@@ -144,7 +144,8 @@ def clean(
 
     With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
     where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
-    (`sensor_offset`). Outliers are counted but not removed.
+    (`sensor_offset`). Outliers are counted but not removed. Angles are not unwrapped (see `unwrap`), and samples are
+    not reduced (see `decimate`).
 
     Parameters
     ----------
@@ -153,7 +154,8 @@ def clean(
     name
         Name of the record in messages and results.
     unit
-        Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²).
+        Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²). It
+        and `quantity` replace those that the record states.
     quantity
         "angle", "velocity" or "acceleration".
     clock
@@ -165,7 +167,8 @@ def clean(
     Returns
     -------
     Signal
-        The part that is used. Its times begin at 0; its provenance contains notes and warnings.
+        The part that is used. Its times begin at 0; its provenance contains notes, warnings, and the start and the stop
+        in s of the file's times.
 
     Raises
     ------
@@ -274,9 +277,10 @@ def clean(
 
 
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
-    """Return the factor that converts a unit to its base unit, and the base unit.
+    """Return the factor that multiplies a value in `unit` to give its base unit, and the name of the base unit.
 
-    Raises InputError for an unknown unit or quantity. where: name of the record for the message.
+    Raises InputError for an unknown unit or quantity; the quantity has no other effect. where: name of the record for
+    the message.
     """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
@@ -313,10 +317,10 @@ def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
 
 
 def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:
-    """Return the indices of the first and last sample between start and stop (s, or "auto").
+    """Return the indices of the first and last sample (both included) between start and stop.
 
-    "auto" stands for the start or the end of the record. Raises InputError if start or stop is invalid, or if there are
-    fewer than ten samples between them.
+    start, stop: in s on the clock of the times t (n,), or "auto" for the start or the end of the record. Raises
+    InputError if start or stop is invalid, or if there are fewer than ten samples between them.
     """
     bounds = [float(t[0]), float(t[-1])]
     for i, (what, at) in enumerate((("start", start), ("stop", stop))):
@@ -343,9 +347,11 @@ def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name:
 def decimate(raw: RawRecord) -> RawRecord:
     """Reduce the samples of a record with more than `MOST_SAMPLES` to as many as its oscillation needs.
 
-    Values are low-pass filtered first; a note describes the filter. The first and last samples, for which the filter
-    lacks neighbours, are left out. The result has times instead of a rate, and no rows. A shorter record, one that is
-    not uniformly sampled, and one whose oscillation needs all samples are returned unchanged.
+    These are about `SAMPLES_PER_CYCLE` samples a cycle (in records of many cycles fewer, but at least
+    `LEAST_SAMPLES_PER_CYCLE`), or more if the spectrum contains higher frequencies. Values are
+    low-pass filtered first; a note in the provenance describes the filter. The first and last samples, for which the
+    filter lacks neighbours, are left out. The result has times instead of a rate, and empty `rows`. A shorter record,
+    one that is not uniformly sampled, and one whose oscillation needs all samples are returned unchanged.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing
@@ -408,7 +414,8 @@ def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     Returns
     -------
     tuple
-        The values for which the filter has all neighbours, and the index in y of the first of them.
+        The values for which the filter has all neighbours (none if y is shorter than the filter), and the index in y of
+        the first of them.
 
     References
     ----------

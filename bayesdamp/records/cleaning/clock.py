@@ -58,7 +58,7 @@ class Clock:
     used
         "rate" (from the sampling rate), "as_logged" or "uniform".
     repeated
-        Fraction of time stamps that repeat the one before.
+        Fraction (0 to 1) of time stamps that repeat the one before; 0 without time stamps.
     notes
         Sentences on what was done.
     """
@@ -72,9 +72,9 @@ class Clock:
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     """Return the times of a record.
 
-    A record without times has those of its sampling rate, whatever the clock. Otherwise the clock "as_logged" uses the
-    time stamps, and a uniform clock is first stamp + row index × step. The clock "auto" applies the first of these
-    rules that fits ("refused" means InputError):
+    A record without times has those of its sampling rate, from 0 on, whatever the clock. Otherwise the clock
+    "as_logged" uses the time stamps, and a uniform clock is first stamp + row index × step. The clock "auto" applies
+    the first of these rules that fits ("refused" means InputError):
 
     1. The stamps are the rounded times of a uniform sampling, and no rows are missing: uniform, with the step of that
        sampling. Refused if the unit of the last digit is longer than the step.
@@ -99,7 +99,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     Raises
     ------
     InputError
-        If stamps decrease; if they repeat and the clock is "as_logged"; if the choice for "auto" is not clear.
+        If stamps decrease or are all equal; if they repeat and the clock is "as_logged"; if the choice for "auto" is
+        not clear; if there is neither a time stamp nor a sampling rate.
     """
     if clock not in ("auto", "as_logged", "uniform"):
         raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)
@@ -180,7 +181,8 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
     """Return whether rows are missing at the longer steps of times t (n,).
 
     These steps are then multiples of the smallest one, and the values y (n,) change more across them than across the
-    other steps. If the stamps are only rounded to about their step, the values do not.
+    other steps. If the stamps are only rounded to about their step, the values do not. The result is False if there are
+    fewer than `MIN_PAUSES` longer or other steps.
 
     rows: row numbers of the samples in the file, (n,).
     """

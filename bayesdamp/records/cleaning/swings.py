@@ -76,7 +76,7 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     turns
         The turning points.
     floor
-        Smallest distance of a turning point from the midline; closer ones are noise.
+        Smallest distance of a turning point from the midline, in the unit of the values; closer ones are noise.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
     """Return a measure of how much information a stretch contains about the damping.
 
     It is the number of swings times (0.02 + ln of a ratio): the larger of the first two ranges divided by the smaller
-    of the last two. stretch: index of its first turning point, and that after its last.
+    of the last two, at least 1. stretch: index of its first turning point, and that after its last.
     """
     ranges = np.abs(np.diff(turns.values[slice(*stretch)]))
     few = min(2, ranges.size)
@@ -126,7 +126,8 @@ def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
 def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
     """Return start and end (exclusive), as indices of swings, of runs that are in phase and above the noise.
 
-    A run continues across a turning point that a spike spoils, and across a gap in the samples.
+    Swing i is between turning points i and i + 1. A run continues across a turning point that a spike spoils, and
+    across a gap in the samples. The arguments are those of `find_stretches`.
     """
     gaps, ranges = np.diff(turns.times), np.abs(np.diff(turns.values))
     if gaps.size == 0:
@@ -273,8 +274,8 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
 class Swings:
     """The k − 1 swings of a stretch of k turning points.
 
-    Besides the fields below it has the ranges of the swings and their durations in s (`gaps`), each (k − 1,), and the
-    midline at each turning point except the first and the last (`midlines`, (k − 2,)).
+    Besides the fields below it has the ranges of the swings (`ranges`, maximum minus minimum) and their durations in s
+    (`gaps`), each (k − 1,), and the midline at each turning point except the first and the last (`midlines`, (k − 2,)).
 
     Attributes
     ----------
@@ -436,7 +437,8 @@ class Series:
     def moves(self, begin: float, end: float, swing: float) -> bool:
         """Return whether the range of the values between begin and end (s) shows that the body moves.
 
-        It must exceed STILL_FRACTION × `swing` + 2 `step` + NOISE_ERRORS × `noise`. swing: range of a half cycle.
+        It must exceed STILL_FRACTION × `swing` + 2 `step` + NOISE_ERRORS × `noise`. swing: range of a half cycle, in
+        the unit of the values.
         """
         part = self.values[(self.grid >= begin) & (self.grid <= end)]
         return (
@@ -488,8 +490,8 @@ class Series:
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
     """Extrapolate by how much ln of the range fell from the swing before the given ones to the second given one.
 
-    logs: ln of the ranges of successive swings, (k ≥ 2,). Return this fall over a cycle, and an allowance for its
-    error. Raises InputError if k < 2.
+    logs: ln of the ranges of successive swings, (k ≥ 2,). Return this fall over a cycle (positive if the ranges become
+    smaller), and an allowance for its error. Raises InputError if k < 2.
     """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])

@@ -103,7 +103,7 @@ class _Decays:
     """The turning points of a record, its stretches of free decay, and the one with the most `information`.
 
     stretches, best: start and end (exclusive) among the turning points. noise: standard deviation of a sample. period:
-    in s. floor: smallest distance of a turning point from the midline.
+    in s. floor: smallest distance of a turning point from the midline. noise and floor are in the unit of the values.
     """
 
     turns: TurningPoints
@@ -252,7 +252,8 @@ def _find_decays(
 ) -> _Decays:
     """Return the stretches of free decay for the period whose best stretch has the most `information`.
 
-    Raises InputError if no period has a stretch.
+    The arguments are those of `free_decay`; periods that explain less than `MIN_VARIANCE_SHARE` are not tried. Raises
+    InputError if no period has a stretch.
     """
     options: list[_Decays] = []
     for period, share in periods:
@@ -354,7 +355,10 @@ def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
 
 
 def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
-    """Return a note on the free decays outside of the used one (start to stop, s); "" if there are none."""
+    """Return a note with the times of the free decays outside of the used one; "" if there are none.
+
+    start, stop: of the used one, in s on the clock of `decays`. At most `LISTED_DECAYS` are listed.
+    """
     others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
         return ""
@@ -436,7 +440,8 @@ def _find_start(
 def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int, str]:
     """Return the index of the last sample of the free decay, and the reason as a clause.
 
-    The reason is "" for the end of the record. floor: smallest distance of a turning point from the midline.
+    The reason is "" for the end of the record. decay: turning points of the free decay. floor: smallest distance of a
+    turning point from the midline, in the unit of the values.
     """
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1

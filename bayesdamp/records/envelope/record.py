@@ -73,12 +73,15 @@ class EnvelopeRecord:
 
 
 def level_unit(unit: str) -> str:
-    """Return the unit of the levels of a record in `unit`: dB of 1 V for V; a unit of DECIBELS stays."""
+    """Return the unit of a record's levels: "dB of 1 V" for unit "V"; a unit of DECIBELS is returned unchanged."""
     return unit if unit in DECIBELS else f"dB of 1 {unit}"
 
 
 def unit_in(name: str) -> str | None:
-    """Return the unit of DECIBELS or POWER that a column's name contains; None if it contains none or several."""
+    """Return the unit of DECIBELS or POWER that a column's name contains; None if it contains none or several.
+
+    Upper and lower case are not distinguished (except in "W"); the result is written as in these lists.
+    """
     words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
     known = {unit.lower(): unit for unit in (*DECIBELS, *POWER) if len(unit) > 1}
     units = {known[word.lower()] for word in words if word.lower() in known}
@@ -109,7 +112,7 @@ def make_record(
     unit
         A unit of DECIBELS for levels, of POWER for powers, any other for amplitudes.
     frequency
-        Frequency of the oscillation in Hz.
+        Frequency of the oscillation in Hz; None if it is not known.
     facts, notes
         As in `EnvelopeRecord`.
 
@@ -158,8 +161,8 @@ def make_record(
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
     """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS.
 
-    The unit is the given one; else that in the name `value`; else that in the last line with letters at the start of
-    the file. A file that cannot be opened is not an envelope.
+    The unit is `unit` if given; else that in the name `value` (a number has no effect); else that in the last line with
+    two successive letters in the first `HEAD_BYTES` bytes of the file. A file that cannot be opened is not an envelope.
     """
     if unit is not None:
         return unit in DECIBELS
@@ -182,7 +185,7 @@ def are_envelopes(
     unit: str | None = None,
     quantity: str | None = None,
 ) -> bool:
-    """Return whether all files are envelopes: according to `quantity` if given, else to `is_envelope`.
+    """Return whether all files are envelopes: whether `quantity` is "envelope"; if it is None, by `is_envelope`.
 
     Raises
     ------
@@ -219,10 +222,10 @@ def read_envelope(
     time, value
         Columns by name or number from 1; by default chosen as in `read_record`.
     rate
-        Sampling rate in Hz, for a file without times.
+        Sampling rate in Hz; replaces the times and the rate of the file. Only one of `time` and `rate` can be given.
     unit
-        Unit of the readings; by default that in the column's name, else "units". Readings in DECIBELS are levels, in
-        POWER powers, in any other unit amplitudes.
+        Unit of the readings; by default that in the column's name, else the text in brackets at its end, else "units".
+        Readings in DECIBELS are levels, in POWER powers, in any other unit amplitudes.
     frequency
         Frequency of the oscillation in Hz; by default that in the header of the file (`% Frequency [Hz]: 1562325`).
 
@@ -266,7 +269,7 @@ def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplit
     sums
         Damping sums, each a tuple of the names of its terms.
     log_amplitude
-        ln of the amplitude at the start, in the unit of the record.
+        ln of the amplitude at the start, in the unit of the record (for a power in m^2, in m).
 
     Returns
     -------

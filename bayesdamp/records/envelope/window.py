@@ -103,11 +103,11 @@ differs from that of the lines after it by more than this many times the median 
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """A measured noise floor, in units of power.
+    """A measured noise floor. All powers are linear (not in dB) and in the unit of the readings.
 
     power: mean power of the floor; decay: mean power of the decay that remains in the readings from which the floor was
-    measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` apart, NaN if
-    there are too few readings; error: relative standard error of semivariance / power².
+    measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` decay times
+    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN without it.
     """
 
     power: float
@@ -116,7 +116,7 @@ class NoiseFloor:
     error: float = float("nan")
 
     def scaled(self, factor: float) -> NoiseFloor:
-        """Return the floor with all powers multiplied by a factor."""
+        """Return the floor with all powers multiplied by a factor, and `semivariance` by its square."""
         return NoiseFloor(self.power * factor, self.decay * factor, self.semivariance * factor**2, self.error)
 
     def parts(self, slow: float) -> tuple[float, float, float, float]:
@@ -162,7 +162,7 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     t
         Times in s, shape (n,).
     power, decay
-        Power of the readings, and of the decay at these times, shape (n,).
+        Power of the readings, and that of the (fitted) decay at these times, linear and in one unit, shape (n,).
     rate
         Mean decay rate -d ln A/dt in 1/s.
 
@@ -194,7 +194,11 @@ def _relative_error(values: np.ndarray) -> float:
 
 
 def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Average in at most `most` blocks; return mean times and values, (blocks,), and block bounds, (blocks + 1,)."""
+    """Average times and values (n,) in `most` blocks of about equally many samples, or in n blocks if n is smaller.
+
+    Return mean times and mean values, (blocks,) each, and the bounds, (blocks + 1,): block i consists of the samples
+    with indices bounds[i] to bounds[i + 1] − 1.
+    """
     count = min(most, t.size)
     edges = np.linspace(0, t.size, count + 1).round().astype(int)
     size = np.diff(edges)
@@ -216,7 +220,8 @@ def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
 class Levels:
     """Levels against time, and their means in blocks.
 
-    t: times in s, y: levels in dB, (n,); tb, yb: their means, (blocks,); edges: bounds of the blocks, (blocks + 1,).
+    t: times in s, y: levels in dB, (n,); tb, yb: their means in blocks, (blocks,). edges, (blocks + 1,): block
+    i consists of the readings with indices edges[i] to edges[i + 1] − 1.
     """
 
     t: np.ndarray
@@ -456,10 +461,11 @@ def _refuse_small(drop: float) -> None:
 
 
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
-    """Return the window between start and stop, in s of the record's times; one that is None is set by `find_window`.
+    """Return the window from start to stop (both included), in s of the record's times.
 
-    The noise floor is that of `find_window`, None if this finds no decay. Raises Refusal if too few readings are
-    between start and stop, or if one of them is None and no decay is found.
+    t, y: times in s and levels in dB, (n,). A start or stop that is None is that of `find_window`. So is the noise
+    floor, which is None if no decay is found. Raises Refusal if too few readings are between start and stop, or if one
+    of them is None and no decay is found.
     """
     try:
         window = find_window(t, y)
@@ -607,7 +613,8 @@ def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int
     """Return whether the readings from `floor_at` (or the last few) to `stop` belong to the decay, not to a floor.
 
     They do (in a decay that steepens more than any power law) if they fall faster than the readings before `floor_at`
-    and are not much rougher than the first eighth of the decay, which starts at `begin`.
+    and are not much rougher than the first eighth of the decay, which starts at `begin`. t: times in s, y: levels in
+    dB, (n,); begin, floor_at, stop: indices of readings, of which `stop` is excluded.
     """
     floor_at = min(floor_at, stop - LEAST_LAST_READINGS)
     before = slice(max(begin, floor_at - max(SHORTEST_LINE, (floor_at - begin) // 4)), floor_at)

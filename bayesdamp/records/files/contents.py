@@ -85,7 +85,7 @@ class Contents:
     notes
         Sentences on what the reader did.
     layout
-        Separator and decimal mark of a text file, for run.json.
+        For a text file, its "separator" and "decimal" mark, which are written to run.json; else empty.
     first_line
         Line number (from 1) of the first row of numbers in a text file.
     lines
@@ -127,7 +127,10 @@ class Reader(Protocol):
     foreign: bool = False
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the first bytes, up to 64 KiB, show that the file is of this format."""
+        """Return whether the file is of this format.
+
+        This is decided by its first bytes, `head` (up to 64 KiB), and by its path if they are not enough.
+        """
         ...
 
     def read(self, path: Path) -> Contents:
@@ -143,7 +146,10 @@ def refuse_large(size: float) -> None:
 
 
 def refuse_archive(path: Path) -> None:
-    """Raise InputError if a zip archive is encrypted or too large, zipfile.BadZipFile if it is damaged."""
+    """Raise InputError if a zip archive is encrypted or unpacks to more than LARGEST_FILE bytes.
+
+    Raises zipfile.BadZipFile if it is damaged.
+    """
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
     if any(member.flag_bits & 1 for member in members):
@@ -152,7 +158,7 @@ def refuse_archive(path: Path) -> None:
 
 
 def archive_names(path: Path) -> list[str] | None:
-    """Return the names of a zip archive's members; None if it cannot be opened."""
+    """Return the names of a zip archive's members; None if it cannot be opened or is not a zip archive."""
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.namelist()

@@ -136,7 +136,10 @@ def _unit_candidates(name: str) -> list[str]:
 
 
 def seconds_in(name: str) -> float | None:
-    """Return the seconds in the unit that the name of a column of times states; None if it states none or several."""
+    """Return the seconds in the unit that the name of a column of times states: 0.001 for `Time [ms]`.
+
+    Return None if it states none or several.
+    """
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
         units = [(joined[1] or joined[2]).lower()]
@@ -151,7 +154,7 @@ def seconds_in(name: str) -> float | None:
 
 
 def seconds_written(unit: str) -> float | None:
-    """Return the seconds in a unit of time such as `h` or `ms since 2024-01-01`; None for other units."""
+    """Return the seconds in a unit of time: 3600 for `h`, 0.001 for `ms since 2024-01-01`; None for other units."""
     return SECONDS.get(_normalise_time_unit(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
 
 
@@ -212,7 +215,7 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
     Returns
     -------
     tuple
-        Unit (unchanged if unknown) and quantity, each None if not stated.
+        Unit (unchanged if unknown) and quantity, each None if not stated. A unit of displacement states no quantity.
     """
     if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
         return unit, quantity
@@ -310,8 +313,9 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     columns
         All columns of the file.
     wanted
-        A name, or a number from 1. In a file with several runs, a name without run and unit selects one column of each
-        run.
+        A name, or a number from 1 (digits are a number unless a column has exactly this name). The name may be written
+        in upper or lower case, with or without the unit. In a file with several runs, a name without run selects one
+        column of each run.
 
     Raises
     ------
@@ -386,7 +390,7 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
 
 
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
-    """Return the facts, by name, in the lines above a table.
+    """Return the facts in the lines above a table, as texts by name.
 
     A line with a fact is `key: value`, `key = value`, `key,value,unit`, `key,value,value` with the same value for each
     channel, or a line of names followed by a line of as many values.

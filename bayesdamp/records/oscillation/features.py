@@ -87,7 +87,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
     period
         Period of the presumed oscillation, s.
     noise
-        Standard deviation of the noise of a sample.
+        Standard deviation of the noise of a sample, in the unit of y.
     """
     usual = 2.5 * float(np.median(np.diff(t)))
 
@@ -142,13 +142,13 @@ def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> Tur
 
 @dataclass(frozen=True)
 class Features(FeatureValues):
-    """Features of a record, with its turning points.
+    """Features of a record, with its turning points. The scalar features are those of `FeatureValues`.
 
     Attributes
     ----------
     turning_times, turning_values
-        Times in s and values of the turning points (alternating maxima and minima) in the longest regular run
-        (`regular_runs`), each (k,).
+        Times in s and values (in the unit of the record) of the turning points (alternating maxima and minima) in the
+        longest regular run (`regular_runs`), each (k,).
     turning_amplitudes
         Distance of the turning values from the midline, (k,).
     crossing_times

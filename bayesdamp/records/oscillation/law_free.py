@@ -97,7 +97,7 @@ class Sinusoids:
     amplitudes
         Amplitudes in the unit of the record, (k,).
     phases
-        Unwrapped phases in rad, (k,).
+        Unwrapped phases φ in rad of the sinusoids A cos φ at these times, (k,).
     errors
         Standard errors of the phases, which equal the relative standard errors of the amplitudes, (k,).
     correlation
@@ -190,10 +190,11 @@ def _fit_windows(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
-    change: time derivative of `pace`, in rad/s², (m,); a constant frequency would lose amplitude. crossings: times
-    in s at which the record crosses its midline, (c,). Return times, amplitudes, unwrapped phases,
-    noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies, (k,) each, of the windows
-    with enough samples. Raises Refusal if there are too few.
+    t, y: times in s and values, (n,). pace, change: angular frequency in rad/s, and its time derivative in rad/s², (m,)
+    each; a constant frequency would lose amplitude. crossings: times in s at which the record crosses its midline,
+    (c,), which count the half cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases
+    (rad), noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies (rad/s), (k,) each, of
+    the windows with enough samples. Raises Refusal if there are fewer than `FEWEST_WINDOWS`.
     """
     width = periods * 2 * np.pi / pace
     begins = np.searchsorted(t, middles - 0.5 * width)
@@ -238,7 +239,9 @@ def _fit_windows(
 def _solve_weighted(
     columns: np.ndarray, values: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve weighted least squares in w windows, with columns (w, n, 6), values and weights (w, n).
+    """Solve weighted least squares (minimise Σ weight × residual²) in w windows.
+
+    columns: (w, n, 6); values, weight: (w, n).
 
     Return the coefficients (w, 6), and the matrices (w, 6, n) that give them from the values.
     """
@@ -277,12 +280,12 @@ class LawFree:
     windows
         Sinusoids fitted in windows, with the phases of the displacement and the amplitudes of the recorded quantity.
     sizes
-        Log amplitudes of the displacement in the windows, (k,).
+        ln of the amplitudes of the displacement (rad or m) in the windows, (k,).
     backbone
         Frequency as a polynomial in the squared amplitude of the displacement.
     line
-        Log amplitude as a polynomial in time, where the time is scaled to −1 to 1 between the middles of the first and
-        last window.
+        ln of the amplitude of the displacement (rad or m) as a polynomial in time, where the time is scaled to −1 to 1
+        between the middles of the first and last window.
     """
 
     windows: Sinusoids
@@ -311,7 +314,10 @@ class LawFree:
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     def at(self, times: np.ndarray) -> Curves:
-        """Return amplitude (displacement), damping ratio and frequency, with standard errors, at times in s, (k,)."""
+        """Return amplitude (displacement), damping ratio and frequency, with standard errors, at times in s, (k,).
+
+        The times should be within `span`; outside, the curves are extrapolated.
+        """
         first, last = self.span
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
@@ -414,7 +420,7 @@ def _smooth(
 def _mix_curves(
     weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and variance, (k,), of a mixture with weights (m,) of curves with means and sds (m, k)."""
+    """Return mean and variance, (k,), of a mixture with weights (m,; sum 1) of curves with means and sds (m, k)."""
     mean = weights @ np.array(values)
     return mean, weights @ (np.square(sds) + (np.array(values) - mean) ** 2)
 
@@ -426,9 +432,10 @@ class Backbone:
     Attributes
     ----------
     largest
-        Largest amplitude, by which amplitudes are divided.
+        Largest amplitude (rad or m), by which amplitudes are divided.
     parts
-        For each degree, its weight, the coefficients (m,) and their covariance (m, m).
+        For each degree, its weight (their sum is 1), the coefficients (m,) in rad/s of the powers 0, 1, ... of
+        (amplitude/`largest`)², and the covariance (m, m) of the coefficients.
     """
 
     largest: float
@@ -437,7 +444,7 @@ class Backbone:
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return, at amplitudes (k,), the frequency ω (rad/s), the ratio q (s), and the sd of q, (k,) each.
 
-        q is the damping ratio divided by the decay rate −Ȧ/A.
+        q is the damping ratio divided by the decay rate −Ȧ/A (1/s). Amplitudes are in the unit of `largest`.
         """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
@@ -456,8 +463,10 @@ class Backbone:
     def third_harmonic(self, amplitude: np.ndarray) -> np.ndarray:
         """Return the amplitude ε of the third harmonic divided by that of the first, at amplitudes (k,), (k,).
 
-        For a cubic spring it is (1 − (ω₀/ω)²)/24 in the first order of its nonlinearity (A. H. Nayfeh and D. T. Mook,
-        Nonlinear Oscillations, 1979, 2.3), with the frequency ω₀ of small oscillations.
+        It is that of a cubic spring, (1 − (ω₀/ω)²)/24 in the first order of its nonlinearity (A. H. Nayfeh and D. T.
+        Mook, Nonlinear Oscillations, 1979, 2.3), with the frequency ω₀ of small oscillations. It is limited to ±
+        `MOST_HARMONIC`, and negative if the frequency falls with the amplitude. Amplitudes are in the unit of
+        `largest`.
         """
         natural, pace = self.at(np.zeros(1))[0], self.at(amplitude)[0]
         return np.clip((1 - (natural / pace) ** 2) / 24, -MOST_HARMONIC, MOST_HARMONIC)

@@ -90,7 +90,7 @@ noise."""
 
 @dataclass(frozen=True)
 class Modes:
-    """Damped sinusoids fitted to a record; first the one with the largest amplitude (at its larger end).
+    """Damped sinusoids fitted to a record, the largest first (by the larger of `first` and `last`).
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Modes:
     rates, errors
         Decay rates in 1/s (negative for growth), and their standard errors, each (k,).
     first, last
-        Amplitudes at the first and at the last time, each (k,).
+        Amplitudes at the first and at the last time of the record, in its unit, each (k,).
     left
         Fraction of the variance about the midline that the fit does not explain.
     """
@@ -160,7 +160,7 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
 def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return the columns of the linear fit, (n, 1 + 2k): 1, then damped cosine and sine of each mode.
 
-    points: angular frequency and decay rate of each mode, (k, 2).
+    t: times in s, (n,). points: angular frequency (rad/s) and decay rate (1/s) of each mode, (k, 2).
     """
     parts = [np.ones_like(t)]
     for omega, rate in points:
@@ -220,7 +220,8 @@ def _add_mode(
     def slopes(z: np.ndarray) -> np.ndarray:
         """Return the derivatives of the residuals by the scaled frequencies and rates z, (n, 2k + 2).
 
-        The formula is that of Golub and Pereyra.
+        z contains angular frequencies in units of 2π/T and decay rates in units of 1/T, with the duration T. The
+        formula is that of Golub and Pereyra.
         """
         columns = _columns(few, (z * scale).reshape(-1, 2))
         inverse = np.linalg.pinv(columns)
@@ -256,7 +257,8 @@ def _add_mode(
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Average a record in the largest blocks that leave `LEAST_AVERAGED` samples, and `PER_CYCLE` samples a period.
 
-    A record with less than twice as many samples is not averaged. Return the mean times and values, (m,) each.
+    A record with less than twice as many samples is not averaged. t, period: in s. Return the mean times and values,
+    (m,) each; an incomplete last block is dropped.
     """
     cycles = float(t[-1] - t[0]) / period
     block = max(int(t.size / max(LEAST_AVERAGED, PER_CYCLE * cycles)), 1)
@@ -429,7 +431,10 @@ def transient_duration(two: Modes, longest: float) -> float:
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the range (maximum − minimum) of each period with more than three samples and no gap, in time order."""
+    """Return the range (maximum − minimum) of each period with more than three samples and no gap, in time order.
+
+    t, period: in s; the result is in the unit of y.
+    """
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
@@ -447,7 +452,7 @@ def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_P
     ranges
         Ranges of successive periods or half cycles, (n,).
     noise
-        Standard deviation of the noise of a sample.
+        Standard deviation of the noise of a sample, in the unit of the ranges.
     together
         The largest of this many successive ranges is compared with the smallest of as many later ones.
     """

@@ -150,8 +150,8 @@ def residuals(
     Returns
     -------
     tuple of np.ndarray
-        Residual of each sample, (n,); noise standard deviation of each window, (m,); index of the window of each
-        sample, (n,). Residuals and sds are NaN for windows with fewer than seven samples.
+        Residual of each sample, (n,), and noise standard deviation of each window, (m,), both in the unit of y; index
+        of the window of each sample, (n,). Residuals and sds are NaN for windows with fewer than seven samples.
     """
     spacing = (t[-1] - t[0]) / (t.size - 1)
     length = max(period, 14 * spacing)
@@ -170,9 +170,10 @@ def residuals(
 
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return the standard deviation of the noise of y (n,): the median over windows of about a period.
+    """Return the standard deviation of the noise of a sample of y (n,), in its unit.
 
-    Return 0 if no window has enough samples.
+    t, period: in s. The result is the median over windows of about a period (see `residuals`); 0 if no window has
+    enough samples.
     """
     sd = residuals(t, y, period, ENOUGH_WINDOWS)[1]
     return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0

@@ -72,8 +72,8 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        The explained mean square minus that expected for white noise, and its fraction of the mean square about the
-        trend.
+        The explained mean square (in the squared unit of y) minus that expected for white noise, and its fraction of
+        the mean square about the trend. Both may be slightly below 0.
     """
     length = int(min(max(round(2 * samples), 7), y.size))
     u = np.linspace(-1.0, 1.0, length)
@@ -96,7 +96,8 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
 def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return the period in s, to a few per cent, and the fraction of the variance that the oscillation explains.
 
-    If the period changes with the amplitude, it is an average. For noise the fraction is about 0.
+    Periods of at least four samples, up to the duration of the record, are searched. If the period changes with the
+    amplitude, it is an average. For noise the fraction is about 0.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class TurningPoints:
     values
         Values in the unit of the record, (k,).
     gain
-        Noise of each value relative to the noise of a sample, (k,).
+        Standard deviation of the noise of each value, relative to that of a sample, (k,).
     """
 
     times: np.ndarray
@@ -152,7 +152,10 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
 
 
 def _basis(x: np.ndarray, order: int) -> np.ndarray:
-    """Return the basis 1, cos x, sin x, x, x cos x, x sin x (..., 6) at phases x (...), or its derivative 1 or 2."""
+    """Return the basis 1, cos x, sin x, x, x cos x, x sin x at phases x (...) in rad, (..., 6).
+
+    order: 0 for the basis itself, 1 or 2 for its first or second derivative by x.
+    """
     c, s, zero, unity = np.cos(x), np.sin(x), np.zeros_like(x), np.ones_like(x)
     if order == 0:
         columns = [unity, c, s, x, x * c, x * s]
@@ -267,7 +270,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     period
         Approximate period in s.
     roughness
-        Standard deviation of the noise of a sample; if it is small, the fits use narrower windows.
+        Standard deviation of the noise of a sample, in the unit of y; if it is small, the fits use narrower windows.
     """
     grid, smooth, a_period = resample(t, y, period)
     width = int(1.2 * a_period) | 1

@@ -82,7 +82,10 @@ class ExcelReader(Reader):
 
 
 def _cell(value: object) -> str:
-    """Return a cell as text: numbers without rounding, dates and times of day as in ISO 8601, durations in s."""
+    """Return a cell as text: numbers without rounding, dates and times of day as in ISO 8601, durations in s.
+
+    An empty cell gives "".
+    """
     if value is None:
         return ""
     if isinstance(value, datetime.datetime | datetime.time):

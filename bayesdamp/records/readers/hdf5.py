@@ -26,7 +26,10 @@ class Hdf5Reader(Reader):
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file has the HDF5 signature at byte 0, 512, 1024 or 2048, or a MATLAB 7.3 header."""
+        """Return whether the file has the HDF5 signature at byte 0, 512, 1024 or 2048, or a MATLAB 7.3 header.
+
+        Only its first bytes, `head`, are examined.
+        """
         signed = any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048))
         return signed or head.startswith(b"MATLAB 7.3")
 

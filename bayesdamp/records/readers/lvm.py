@@ -53,7 +53,7 @@ class LvmReader(Reader):
     extensions = (".lvm",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the text begins with the words of the header."""
+        """Return whether the first bytes begin with the words "LabVIEW Measurement"; the path has no effect."""
         return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK.encode())
 
     def read(self, path: Path) -> Contents:

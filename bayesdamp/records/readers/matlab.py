@@ -35,7 +35,8 @@ class MatlabReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return numeric variables, and fields of structs, as columns named by their paths.
 
-        Raises InputError if the file has none, as if it contains only MATLAB objects, or if it unpacks to too much.
+        Raises InputError if the file has none, as if it contains only MATLAB objects, or if it unpacks to more than
+        LARGEST_FILE bytes.
         """
         from scipy.io import loadmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque

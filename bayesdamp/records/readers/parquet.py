@@ -21,11 +21,14 @@ class ParquetReader(Reader):
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file begins with PAR1, or with PARE if it is encrypted."""
+        """Return whether the first bytes are PAR1, or PARE (encrypted); the path has no effect."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
-        """Return the columns of numbers and times. Raises InputError if the file is encrypted."""
+        """Return the columns of numbers and times; others are left out.
+
+        Raises InputError if the file is encrypted or unpacks to more than LARGEST_FILE bytes.
+        """
         import pyarrow
         import pyarrow.parquet as parquet
 

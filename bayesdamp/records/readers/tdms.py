@@ -20,7 +20,7 @@ class TdmsReader(Reader):
     extensions = (".tdms",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file begins with the tag of a TDMS segment."""
+        """Return whether the first bytes are the tag of a TDMS segment; the path has no effect."""
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:

@@ -67,14 +67,17 @@ class TextReader(Reader):
     extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the bytes are text: no zero bytes (except in UTF-16) and hardly any control characters."""
+        """Return whether the bytes are text: no zero bytes (except in UTF-16) and at most 1 % control characters.
+
+        The path has no effect.
+        """
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return True
         controls = len(head) - len(head.translate(None, _CONTROLS))
         return b"\0" not in head and controls <= 0.01 * len(head)
 
     def read(self, path: Path) -> Contents:
-        """Return the table's columns. Raises InputError for a text that is too large."""
+        """Return the table's columns. Raises InputError for a text that is too large or has no rows of numbers."""
         return parse_table(read_text(path).splitlines())
 
 
@@ -110,7 +113,10 @@ class Layout:
 
 
 def split_cells(line: str, separator: str) -> list[str]:
-    """Return the cells of a line, stripped of blanks and quotes."""
+    """Return the cells of a line, without blanks and quotes around them.
+
+    separator: a character, or BLANKS for any number of blanks; within double quotes it does not separate.
+    """
     if separator == BLANKS:
         return [cell.strip("\"'") for cell in re.findall(r'"[^"]*"|\S+', line)]
     if '"' in line:
@@ -126,7 +132,7 @@ def parse_number(cell: str, decimal: str) -> float | None:
     cell
         Text without blanks at its ends.
     decimal
-        Decimal mark, "." or ",".
+        Decimal mark, "." or ","; the other one may separate thousands, as in 1,234.5.
 
     Returns
     -------
@@ -430,7 +436,10 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
-    """Return the text of a file, in UTF-8, UTF-16 or else Latin-1. Raises InputError if it is too large."""
+    """Return the text of a file, in UTF-8, UTF-16 or else Latin-1.
+
+    Raises InputError if it is larger than `largest` bytes.
+    """
     if path.stat().st_size > largest:
         raise InputError(
             f"is a text of more than {largest >> 20} MiB; give a part of it, or save it as .npy or HDF5"

@@ -33,7 +33,7 @@ class UffReader(Reader):
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the text contains the opening lines of a data set."""
+        """Return whether the first bytes contain the opening lines of a data set; the path has no effect."""
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:

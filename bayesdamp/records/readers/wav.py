@@ -17,11 +17,11 @@ class WavReader(Reader):
     extensions = (".wav", ".wave")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file is RIFF, RIFX or RF64 of type WAVE."""
+        """Return whether the first bytes are those of RIFF, RIFX or RF64 of type WAVE; the path has no effect."""
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels. Raises InputError if the header states no sampling rate."""
+        """Return the channels, in counts: the numbers of the file. Raises InputError if the header states no rate."""
         from scipy.io import wavfile
 
         rate, data = wavfile.read(path)
