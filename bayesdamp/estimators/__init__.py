@@ -45,7 +45,7 @@ def parse_options(name: str, options: Mapping[str, object] | None, shown: str | 
     name
         Name of the estimator.
     options
-        Values by option.
+        Values by the name of the option; None to use only defaults.
     shown
         The name of the estimator's table in the study file, for messages; by default `name`.
 
@@ -94,9 +94,9 @@ def run(
     problem
         The damping terms to estimate, and the known parameters of the system.
     options
-        Options of the estimator, by name.
+        Options of the estimator, by name; None to use only defaults.
     stages
-        The stages to compute, of `STAGES`.
+        The stages to return, of `STAGES`. For "refined" alone, the initial estimate is computed but not returned.
     seed
         Seed of the estimator's random numbers.
 

@@ -69,6 +69,7 @@ class Estimator(ABC, Generic[OptionsType]):
     def refuses(self, damping: tuple[str, ...]) -> str | None:
         """Return a reason of this method's own why it cannot estimate a sum of damping terms, or None (the default).
 
+        damping: names of the terms. The reason is text for a message, without a capital letter and a full stop.
         `reason_not_applicable` asks this first, then applies `by_position` and `with_parameters`.
         """
         return None
@@ -79,10 +80,19 @@ class Estimator(ABC, Generic[OptionsType]):
     ) -> Estimate:
         """Estimate the unknown parameters from the record.
 
+        Parameters
+        ----------
+        signal, problem
+            The record; the damping terms to estimate, and the known parameters of the system.
+        options
+            Options of this estimator.
+        rng
+            The only source of random numbers for methods that need them.
+
         Returns
         -------
         Estimate
-            Values of the damping coefficients and of the unknown restoring and start parameters, by name.
+            Values of the damping coefficients and of the unknown restoring and start parameters, by name, in SI units.
             `estimators.run` adds the estimator's name, the stage and the duration.
 
         Raises
@@ -93,7 +103,10 @@ class Estimator(ABC, Generic[OptionsType]):
 
 
 def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -> str | None:
-    """Return the reason why an estimator cannot estimate a sum of these damping terms, or None if it can."""
+    """Return the reason why an estimator cannot estimate a sum of these damping terms, or None if it can.
+
+    damping: names of the terms. The reason is text for a message, without a capital letter and a full stop.
+    """
     if reason := estimator.refuses(damping):
         return reason
     for term in map(TERMS.get, damping):
@@ -111,5 +124,8 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
 
 
 def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
-    """Return a row for each estimator: its name, and a list of `reason_not_applicable` for each term alone."""
+    """Return a row for each estimator: its name, and for each term alone the result of `reason_not_applicable`.
+
+    terms: names of damping terms. A result is None if the estimator can estimate the term.
+    """
     return [(e.name, [reason_not_applicable(e, (term,)) for term in terms]) for e in estimators]

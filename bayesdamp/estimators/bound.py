@@ -26,14 +26,15 @@ def cramer_rao(
 
     For independent normal noise the Fisher information is JᵀJ/σ², where J (n, k) has the derivatives of the n samples
     by the k unknowns: the damping coefficients, and every restoring parameter, theta0 and omega0 that is not in
-    `problem.system.known`. Known parameters, and the width ε of the smoothed sign in Coulomb friction, have no error.
+    `problem.system.known`. Known parameters, parameters of damping terms other than their coefficients, and the width ε
+    of the smoothed sign in dry friction have no error.
 
     Parameters
     ----------
     problem
         The damping terms, and the known parameters of the system.
     parameters
-        The true value of every parameter of the oscillator.
+        The true value of every parameter of the oscillator, by name (`Oscillator.parameters`).
     times
         Times of the samples, s, shape (n,), not decreasing; the motion starts at times[0].
     noise_sd

@@ -136,7 +136,10 @@ class Expression:
         return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))
 
     def widths(self) -> list[float]:
-        """Return the width 1/w of every factor tanh(w·v), also inside other functions; it is negative if w is."""
+        """Return the width 1/w of every factor tanh(w·v), also inside other functions.
+
+        It is in the unit of v, and negative if w is.
+        """
         widths = []
         for atoms, _ in self.terms:
             for atom in atoms:
@@ -204,13 +207,14 @@ def front(
     """Search the Pareto front of error and length for y (n,) as a function of x (n,).
 
     It uses NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each offspring take `polish` steps
-    of Levenberg–Marquardt, in single precision. One thread: the same seed gives the same front. x and y
-    should be of order one. population: number of expressions in a generation. length: largest number of nodes.
+    of Levenberg–Marquardt, in single precision. One thread: the same seed gives the same front. x and y should be of
+    order one. population: number of expressions in a generation. generations: largest number of generations. length:
+    largest number of nodes of an expression.
 
     Returns
     -------
     list of ScoredExpression, int
-        The front, and the number of models that were evaluated.
+        The front (not sorted; errors are in units of y²), and the number of models that were evaluated.
     """
     data = op.Dataset(np.asfortranarray(np.column_stack([x, y])))
     columns = sorted(data.Variables, key=lambda column: column.Index)

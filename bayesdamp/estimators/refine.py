@@ -81,7 +81,7 @@ class _TrajectoryFit:
         return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
 
     def until(self, time: float) -> _TrajectoryFit:
-        """Return the same problem, with the record cut at a time (s)."""
+        """Return the same problem with the samples up to a time (s) only."""
         early = self.signal.t <= time
         return replace(self, signal=replace(self.signal, t=self.signal.t[early], y=self.signal.y[early]))
 
@@ -94,7 +94,10 @@ class _TrajectoryFit:
         return values - self.signal.y, slopes.T
 
     def mean_square(self, x: np.ndarray, escaped: float) -> float:
-        """Return the mean square of the residuals, or `escaped` if the trajectory is unbounded."""
+        """Return the mean square of the residuals in the squared unit of the record, or `escaped`.
+
+        It is `escaped` if the trajectory is unbounded. x: the unknowns in natural units, in the order of `names`.
+        """
         r = self.trajectories.record(self._parameters(x)) - self.signal.y
         value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
         return value if np.isfinite(value) else escaped
@@ -199,6 +202,7 @@ def least_squares(
     """Minimise a sum of squares over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
 
     linearise: maps x to residuals (n,) and their Jacobian (n, k). A step to residuals that are not finite is rejected.
+    There are at most `STEPS` steps; `Minimum.converged` says whether they were enough.
     """
     costs: list[float] = []
 
@@ -224,7 +228,7 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
     """Return start values (k,) of the unknowns: the estimate `first`, with damping coefficients of at least `units`.
 
     All other unknowns are those of the record's features instead, if `first` has values of them that fit the first
-    three periods worse.
+    three periods worse. units: smallest start of each damping coefficient, in its unit.
     """
     estimated = {**fit.base, **first.values}
     damping = {name: max(estimated[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
@@ -241,7 +245,8 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
     """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise; else None.
 
-    White noise is reported as a misfit in less than one of 10⁶ records.
+    residual: trajectory minus record, in the unit of the record. White noise is reported as a misfit in less than one
+    of 10⁶ records.
     """
     n = residual.size
     rms = float(np.sqrt(np.mean(residual**2)))

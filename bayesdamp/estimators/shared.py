@@ -111,7 +111,7 @@ def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, floa
 
 
 def epsilon_of(problem: Problem, features: Features) -> float:
-    """Return the width ε of friction (rad/s): the known value, or 2 % of the record's peak velocity."""
+    """Return the width ε of friction (rad/s or m/s): the known value, or 2 % of the record's peak velocity."""
     known = problem.system.known.get("epsilon")
     if known is not None:
         return float(known)
@@ -271,10 +271,11 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
 
 
 def phase_of(signal: Signal, features: Features) -> Polynomial:
-    """Return the phase of a record in rad, a polynomial in time that grows by π from one midline crossing to the next.
+    """Return the phase of a record in rad, a polynomial in time (s).
 
-    If 8 or more crossings span over 0.75 of the record, the degree is 3, so that it follows a frequency that drifts
-    with the amplitude; it is 0 at the first crossing. Otherwise it is a straight line, 0 at the first turning point.
+    It grows by π from one midline crossing to the next. If 8 or more crossings span over 0.75 of the record, the degree
+    is 3, so that it follows a frequency that drifts with the amplitude; it is 0 at the first crossing. Otherwise it is
+    a straight line, 0 at the first turning point.
     """
     crossings, count = features.crossing_times, features.crossing_times.size
     span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
@@ -410,9 +411,9 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _fit_spline(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
-    """Fit a spline of degree 7 (less if the samples are few) with these inner knots by least squares.
+    """Fit a spline of degree 7 (less if the samples are few) to y (n,) at times t (n,) by least squares.
 
-    Raises Refusal if that is not possible.
+    inner: the knots between the ends. Raises Refusal if that is not possible.
     """
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap allow only a lower degree
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
@@ -431,7 +432,8 @@ def integrate(
     Returns
     -------
     (displacement, velocity, acceleration), int
-        The motion as functions of time, and the number of constants of integration that were guessed.
+        The motion as functions of time in s (rad, rad/s and rad/s², or m), and the number of constants of integration
+        that were guessed because theta0 or omega0 is not known.
     """
     known, t, order = problem.system.known, signal.t, ORDER[signal.quantity]
     if order == 0:
@@ -474,7 +476,7 @@ def integrate(
 def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
     """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first.
 
-    With fewer than four turning points the only coefficient is the mean of y.
+    With fewer than four turning points, the polynomial is the mean of y. t, period: in s. degree: of the polynomial.
     """
     turns = turning_points(t, y, period)
     if turns.times.size < 4:
@@ -483,7 +485,7 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
 
 
 def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
-    """Minimise `cost` over x ≥ 0 by Brent's bounded method (paper, section 3.3).
+    """Minimise `cost` over x ≥ 0 by Brent's bounded method (section 3.3 of the paper that `estimators` cites).
 
     The bracket is [guess/3, 3·guess]; it is shifted, at most 12 times, while the minimum is at one of its ends.
 
@@ -535,8 +537,8 @@ def search_further(
     """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty if `priors` is empty.
 
     cost: maps values by name to the number to minimise. The search of Nelder and Mead varies the standard normal scores
-    of the parameters, from the best point of a grid. If the cost is the residual with the best coefficients, this is
-    variable projection (Golub and Pereyra 1973).
+    of the parameters between ±`SCORE`, from the best point of a grid. If the cost is the residual with the best
+    coefficients, this is variable projection (Golub and Pereyra 1973).
     """
     if not priors:
         return {}

@@ -145,7 +145,7 @@ def coefficient_from_rate(
     rate
         Decay rates -d ln A/dt in 1/s at the reference amplitude, any shape.
     reference
-        The reference amplitude.
+        The reference amplitude, in any unit.
     omega
         Angular frequency in rad/s, or None if unknown. If known, the result is the coefficient `zeta`, `mu_c` or `mu_q`
         of the equation of motion; else the coefficient c of the decay of the amplitude, dA/dt = -c A (viscous, also
@@ -477,7 +477,7 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
     """Return the value of a term's parameter at a standard normal score; for scores ~ N(0, 1) it has its prior.
 
     This also holds for half-normal priors, whose own coordinate is the absolute value of a standard normal number.
-    scale: amplitude and frequency on which the prior depends.
+    The value is in the unit of the parameter. scale: amplitude and frequency on which the prior depends.
     """
     prior = p.prior(scale.amplitude, scale.frequency)
     return float(
@@ -490,7 +490,10 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
-    """Return a term's parameters other than its coefficient, by name, at their standard normal scores."""
+    """Return a term's parameters other than its coefficient, by name, at their standard normal scores.
+
+    scores: one for each of `term.inferred`, in this order. scale: as in `parameter`.
+    """
     return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
 
@@ -501,16 +504,17 @@ def log_loss(
     """Return a function that computes ln of the decay rate which a damping term causes at a coefficient of 1.
 
     The function takes x = ln(A/A_start), any shape, and returns ln of the rate -d ln A/dt (1/s). It interpolates a
-    table.
+    table over `LOSS_GRID`, and extrapolates the rate as a power of A outside.
 
     Parameters
     ----------
     term
         The damping term.
     scores
-        Standard normal scores of the term's parameters other than its coefficient, see `parameter`.
+        Standard normal scores of the term's parameters other than its coefficient, in the order of `term.inferred`
+        (see `parameter`).
     scale
-        Amplitude at the start and angular frequency.
+        Amplitude A_start at the start (rad or m) and angular frequency (rad/s).
 
     Raises
     ------

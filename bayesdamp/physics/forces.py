@@ -99,7 +99,7 @@ def slope_of(
 
 
 def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
-    """Return the restoring force as a function of the position only.
+    """Return the restoring force as a function of the position only, which maps positions (n,) to forces (n,).
 
     kernel: kernel of a restoring law. law: values of its parameters in the order that the kernel needs, (r,).
     """
@@ -110,8 +110,8 @@ def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
     """Return the grid points below and above the stable equilibrium nearest to `near`; None if the grid has none.
 
-    near, reach, points: centre, half-width and number of points of the grid. At a stable equilibrium the force changes
-    from negative to positive.
+    near, reach, points: centre and half-width (rad or m) and number of points of the grid. At a stable equilibrium the
+    force changes from negative to positive.
     """
     grid = near + np.linspace(-reach, reach, points)
     for part in (grid[points // 2 - CENTRE_POINTS : points // 2 + CENTRE_POINTS + 1], grid):
@@ -137,14 +137,14 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 def frequency_over(force: Force, low: float, high: float) -> float:
     """Return the frequency √F′ in rad/s, where F′ is the mean slope of the force from `low` to `high`.
 
-    low, high: positions. The result is 0 if F′ < 0.
+    low, high: positions in rad or m. The result is 0 if F′ < 0.
     """
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
 
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
-    """Return the equilibrium that Newton's method reaches from `near`.
+    """Return the equilibrium that Newton's method reaches from the position `near` (both in rad or m).
 
     force_and_slope: function that returns the force at a position, and its derivative. The result is None if the
     derivative is not positive at a position on the way, or if the method has not converged after `MAX_STEPS` steps.
@@ -164,7 +164,7 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
     """Return the positions after a fixed number of Newton steps from `near` towards zero force, in the shape of `near`.
 
-    They are equilibria if the method has converged, which is not checked.
+    They are equilibria, stable or not, if the method has converged, which is not checked. Positions: in rad or m.
     """
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):

@@ -99,7 +99,10 @@ class Oscillator:
         return (*self.parameters, *self.scales)
 
     def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
-        """Return F_damp(θ, θ̇) in rad/s², for arrays θ and θ̇ of one shape; the parameters p broadcast against it."""
+        """Return F_damp(θ, θ̇) in rad/s², for arrays θ and θ̇ of one shape; the parameters p broadcast against it.
+
+        theta, omega: in rad and rad/s (or m for rad). p: the damping coefficients, and what `shapes` needs.
+        """
         total = np.zeros(np.shape(omega))
         for term, shape in zip(self.terms, self.shapes(theta, omega, p), strict=True):
             total = total + p[term.parameter] * shape
@@ -108,8 +111,9 @@ class Oscillator:
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
         """Return the force of each term per unit of its coefficient, as one array for each term.
 
-        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. If epsilon is missing in p, it is 0,
-        as in `Trajectories`.
+        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. p must have the values that the
+        terms need: further parameters, given numbers (`scales`), and the parameters of the restoring law if `rest` is
+        one of these (see `with_equilibrium`). If epsilon is missing in p, it is 0, as in `Trajectories`.
         """
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 0.0)
@@ -137,9 +141,10 @@ class Oscillator:
         )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
-        """Return ω_n = √F′_rest in rad/s at the stable equilibrium nearest to `near`.
+        """Return ω_n = √F′_rest in rad/s at the stable equilibrium nearest to `near` (rad or m).
 
-        Raises ValueError if there is none within `SEARCH_REACH`.
+        p: only the parameters of the restoring law are used. Raises ValueError if there is no stable equilibrium within
+        `SEARCH_REACH`.
         """
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
@@ -148,7 +153,7 @@ class Oscillator:
         """Return ω_n in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
 
         The slope of the force is its difference quotient over the grid step that contains the equilibrium. Raises
-        ValueError if no stable equilibrium is within `reach` of `near`.
+        ValueError if no stable equilibrium is within `reach` of `near` (rad or m).
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, SEARCH_POINTS)
@@ -172,11 +177,12 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 
 
 def reference_of(system: System, features: FeatureValues) -> Reference:
-    """Return the reference amplitude and angular frequency, with which the widths of priors scale.
+    """Return the reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale.
 
     Each is the value that `system` states. Else, if all parameters of the restoring law are known, the frequency is ω_n
     at the equilibrium θ_e; and if theta0 is known too, the amplitude is |θ₀ − θ_e|, unless this is 0. Else it is that
-    of the record, rounded to two digits. features: features of the record, such as its amplitude and frequency.
+    of the record (the amplitude at its first sample, the mean frequency), rounded to two digits. features: features of
+    the record.
 
     Raises
     ------

@@ -96,9 +96,10 @@ class Trajectories:
             )
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
-        """Return the samples, (n,), for parameters p by name; all NaN if the trajectory escapes.
+        """Return the samples of the quantity, (n,), for parameters p by name; all NaN if the trajectory escapes.
 
-        All are also NaN if a damping term needs the equilibrium and there is none.
+        All are also NaN if a damping term needs the equilibrium and there is none. If epsilon is missing in p, it is 0;
+        all other parameters of the oscillator are necessary.
         """
         motion = self._solve(p, NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
@@ -130,7 +131,7 @@ class Trajectories:
         return motion.y[: self._count], slopes
 
     def motion(self, p: Mapping[str, float]) -> Motion | None:
-        """Return the solver's `Motion`, with derivatives by all parameters in `kernel_names`.
+        """Return the solver's `Motion` for parameters p by name, with derivatives by all parameters in `kernel_names`.
 
         Return None if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
         """
@@ -139,7 +140,8 @@ class Trajectories:
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
         """Return angle, velocity and acceleration, (3,), `gap` s after the start, for parameters p by name.
 
-        They are NaN if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
+        The units are rad, rad/s and rad/s² (or m for rad). The values are NaN if the trajectory escapes, or if a
+        damping term needs the equilibrium and there is none.
         """
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
@@ -153,7 +155,10 @@ class Trajectories:
         return self._solver.names
 
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter."""
+        """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
+
+        A row is NaN if the trajectory escapes, as in `record`.
+        """
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
 

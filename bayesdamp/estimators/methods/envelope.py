@@ -63,7 +63,11 @@ class Envelope(Estimator[EnvelopeOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the parameters of the trajectory whose Hilbert envelope is closest to the record's."""
+        """Return the unknown parameters of the trajectory whose Hilbert envelope is closest to the record's.
+
+        There are no standard errors. Raises Refusal if the record has fewer than `LEAST_CYCLES` cycles or is above the
+        noise for less than a period, or if the trajectory is unbounded.
+        """
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
             raise Refusal(
@@ -137,16 +141,20 @@ class _EnvelopeMatch:
         return np.maximum(np.asarray(savgol_filter(raw, width, 3)), 1e-300)
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
-        """Return all parameters of the trajectory with the unknowns x (k,), in the order of `names`.
+        """Return all parameters of the trajectory, by name, for values x (k,) of the unknowns in the order of `names`.
 
-        The initial displacement from the midline and the initial velocity are multiplied by `scale`.
+        The initial velocity, and the initial displacement from the record's midline (from 0 for a recorded velocity or
+        acceleration), are multiplied by `scale`.
         """
         p = {**self.base, **dict(zip(self.names, map(float, x)))}
         theta0 = self.midline + scale * (p["theta0"] - self.midline)
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
 
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
-        """Return ln A_simulated − ln A_observed at the used samples, (u,); all 10 if the trajectory is unbounded."""
+        """Return ln A_simulated − ln A_observed at the used samples, (u,).
+
+        Every value is 10 if the trajectory is unbounded. x, scale: as in `parameters`.
+        """
         self.evaluations += 1
         y = self.trajectories.record(self.parameters(x, scale))
         if not np.all(np.isfinite(y)):

@@ -80,7 +80,7 @@ class Genetic(Estimator[GeneticOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: GeneticOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the parameters with the least misfit in the last generation.
+        """Return the unknown parameters with the least misfit in the last generation, without standard errors.
 
         Raises Refusal if all trajectories escape.
         """
@@ -135,8 +135,8 @@ class Genes:
     motion at the record's middle amplitude, from which they follow by harmonic balance. (If stiffness and gravity were
     searched themselves, most pairs would miss the record's frequency and so lose its phase, even if both values are
     nearly right.) For all other parameters the variable is the parameter, scaled to the search range. names: names of
-    the unknown parameters; labels: names of what is varied for each; low, high (d,): its range; positive (d,): whether
-    it must not be negative.
+    the unknown parameters; labels: names of what is varied for each; low, high (d,): its range, in its unit (rad/s for
+    the frequency); positive (d,): whether it must not be negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -191,10 +191,10 @@ def _balance(
 ) -> dict[str, np.ndarray]:
     """Return the stiffness and the angle (m,), or one of them, that give the wanted frequency and midline.
 
-    They follow from harmonic balance at this amplitude, by Newton's method. p: the law's parameters, each (m,), from
-    which the method starts. wanted: the frequency under the name "stiffness", and the midline under the angle's name,
-    each (m,); the names in it are those of the result. `NEWTON` steps are taken, and convergence is not checked. Values
-    are not finite where a step cannot be computed.
+    They follow from harmonic balance at this amplitude (rad or m), by Newton's method. p: the law's parameters, each
+    (m,), from which the method starts. wanted: the frequency (rad/s) under the name "stiffness", and the midline under
+    the angle's name, each (m,); the names in it are those of the result. `NEWTON` steps are taken, and convergence is
+    not checked. Values are not finite where a step cannot be computed.
     """
     names = tuple(wanted)
     wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
@@ -252,7 +252,8 @@ def _next_generation(
 ) -> np.ndarray:
     """Return the next generation of variables, (m, d), of which the first `elite` rows are the best of the present one.
 
-    people: variables of the present generation, (m, d), the best first.
+    people: variables of the present generation, (m, d), the best first. New variables may be outside 0 to 1; those that
+    must not be negative are reflected at 0.
     """
     size, count = people.shape
     children = size - elite

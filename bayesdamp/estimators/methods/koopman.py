@@ -63,7 +63,10 @@ class Koopman(Estimator[KoopmanOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients that express the acceleration row of the dictionary's generator along the record."""
+        """Return the coefficients that express the acceleration row of the dictionary's generator along the record.
+
+        They include unknown restoring parameters; the start comes from the smoothed record. No standard errors.
+        """
         features = checked_features(signal)
         library = candidates(problem, features, signal.unit, mixed=True)
         osc = oscillator(problem)
@@ -112,7 +115,8 @@ def observe(
 
     The state comes from the smoothed motion, interpolated to an even clock if necessary. For a noisy record all
     observables pass the same compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the
-    record itself. lag: in periods, 0 to choose it by the noise.
+    record itself. library: the functions of the dictionary. lag: in periods, 0 to choose it by the noise. Raises
+    Refusal if the record is too short.
 
     Returns
     -------
@@ -169,8 +173,9 @@ def decompose(
     Returns
     -------
     tuple
-        The one-step matrix K and its generator, (r, r) each, in the basis of r singular vectors; the maps from
-        observables to this basis, (p, r), and back, (r, p).
+        The one-step matrix K and its generator in 1/s, (r, r) each, in the basis of r singular vectors; the maps from
+        observables to this basis, (p, r), and back, (r, p). K and the generator multiply column vectors; the maps are
+        for rows (values @ map). The generator is (log K − log K')/(2 lag), with the matrix K' for one step backwards.
     """
     both = np.vstack([before, after])
     scale = np.linalg.norm(both, axis=0)

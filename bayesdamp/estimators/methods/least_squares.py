@@ -53,7 +53,10 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on the damping shapes and the unknown restoring terms; return values and errors."""
+        """Regress the acceleration on the damping shapes and the unknown restoring terms.
+
+        Return all unknown parameters, with standard errors of the damping coefficients and restoring parameters.
+        """
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)
         osc, known = oscillator(problem), known_restoring(problem)

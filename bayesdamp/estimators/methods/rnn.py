@@ -62,9 +62,9 @@ COPIES = 2
 class RnnOptions(Options):
     """Options of the recurrent network.
 
-    cell: kind of the recurrent layer. units: number of units in this layer. records: number of records that are
-    simulated in each round for the training; a tenth more, but at least 64, test the network. epochs: largest number of
-    training steps in a round; each step uses all training records.
+    cell: kind of the recurrent layer, "lstm" or "gru". units: number of units in this layer. records: number of records
+    that are simulated in each round for the training; a tenth more, but at least 64, test the network. epochs: largest
+    number of training steps in a round; each step uses all training records.
     """
 
     cell: Literal["lstm", "gru"] = "lstm"
@@ -74,8 +74,9 @@ class RnnOptions(Options):
 
 
 class Rnn(Estimator[RnnOptions]):
-    """Estimate one damping coefficient; its standard error is the network's rms error on simulated test records.
+    """Estimate one damping coefficient with a recurrent network that is trained on simulated records.
 
+    The relative standard error is the network's rms error on simulated test records, in ln of the coefficient.
     Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features.
     """
 
@@ -164,7 +165,7 @@ class Stretches:
             )
 
     def quadratures(self, y: np.ndarray) -> np.ndarray:
-        """Return (a, b) of each stretch, (m, count, 2), of m records y, (m, n)."""
+        """Return (a, b) of each stretch, (m, count, 2), of m records y, (m, n), in the unit of y."""
         y = y - self.rest
         return np.stack([y[:, rows] @ solver.T for rows, solver in zip(self.rows, self.solvers)], axis=1)
 
@@ -230,8 +231,10 @@ class Simulator:
         Returns
         -------
         (ndarray, ndarray), (ndarray, ndarray), ndarray
-            Sequences (m, count, 2) to train with, and the place of each in the range (m,), −1 to 1; the same for other
-            records, whose error ends the training; the given record's sequence (1, count, 2).
+            Sequences (m, count, 2) to train with (see `_sequence`), and for each the place of its coefficient's
+            logarithm in the range, −1 to 1, (m,); the same for other records, whose error ends the training; the given
+            record's sequence (1, count, 2). Sequences are scaled to mean 0 and standard deviation 1 over the training
+            records, and clipped at ±5.
         """
         every = records + max(64, records // 10)
         place = self.rng.uniform(-1.0, 1.0, every)
@@ -251,7 +254,7 @@ class Simulator:
         return (scaled[:last], place[:last]), (scaled[last:], place[last:]), record
 
     def noise(self, records: int) -> np.ndarray:
-        """Draw the noise in (a, b) of simulated records, (records, count, 2).
+        """Draw the noise in (a, b) of simulated records, (records, count, 2), in units of the record's amplitude.
 
         The sd of each record's noise is within a factor of two of that of the given record.
         """
@@ -263,7 +266,8 @@ class Simulator:
 def _sequence(quadratures: np.ndarray) -> np.ndarray:
     """Return the log amplitude of each stretch and its difference from the stretch before, (m, count, 2).
 
-    quadratures: (a, b) of each stretch, (m, count, 2).
+    quadratures: (a, b) of each stretch, (m, count, 2), in units of the record's amplitude. `FLOOR` is added to the
+    amplitude √(a² + b²) before the logarithm. The difference of the first stretch is 0.
     """
     size = np.log(np.hypot(quadratures[..., 0], quadratures[..., 1]) + FLOOR)
     return np.stack([size, np.diff(size, axis=1, prepend=size[:, :1])], axis=2)

@@ -57,7 +57,8 @@ In a solution above it, large terms cancel each other and fit noise."""
 class SindyOptions(Options):
     """Options of SINDy.
 
-    switch: the form of friction in the library, tanh(θ̇/ε) or sign(θ̇) (paper, section 3.4).
+    switch: the form of friction in the library: "tanh" for tanh(θ̇/ε), "sign" for sign(θ̇) (section 3.4 of the paper
+    that `bayesdamp.estimators` cites).
     """
 
     switch: Literal["tanh", "sign"] = "tanh"
@@ -67,11 +68,12 @@ class SindyOptions(Options):
 class Derivatives:
     """State and acceleration computed from the record.
 
-    t, y (n,): the samples. theta, omega, alpha (n,): the motion at all samples. rows (m,): indices of the samples that
-    the regression uses. project: smooths values (n,) at all samples as the record is smoothed, and returns them at the
-    rows, (m,). integrated: number of constants of integration that were guessed. freedom: effective number of
-    independent rows. smoothing: log₁₀ of the spline's penalty. spline: the smoothing spline of a recorded angle; None
-    for other quantities, and for a record without noise.
+    t, y (n,): times in s, and samples. theta, omega, alpha (n,): the motion at all samples, in rad, rad/s, rad/s² (or m
+    for rad). rows (m,): indices of the samples that the regression uses. project: smooths values (n,) at all samples as
+    the record is smoothed, and returns them at the rows, (m,). integrated: number of constants of integration that were
+    guessed. freedom: effective number of independent rows. smoothing: log₁₀ of the smoothing spline's penalty; 0 for a
+    record without noise. spline: the smoothing spline of a recorded angle; None for other quantities, and for a record
+    without noise.
     """
 
     rows: np.ndarray
@@ -91,9 +93,10 @@ class Derivatives:
 class SparseModel:
     """A sparse solution.
 
-    support (p,): whether each term of the library is used. x (p,): the coefficients. threshold, ridge: settings of the
-    regression that selected the terms. sound: whether its damping coefficients are not negative and its terms do not
-    cancel each other. score: see `score_models`; the smallest is best.
+    support (p,): whether each term of the library is used. x (p,): the coefficients in natural units, 0 for unused
+    terms. threshold, ridge: settings of the regression that selected the terms, for columns and target of unit norm
+    (∞ and 0 for a solution without functions of θ). sound: whether its damping coefficients are not negative and its
+    terms do not cancel each other. score: see `score_models`; the smallest is best.
     """
 
     support: np.ndarray
@@ -124,7 +127,10 @@ class Sindy(Estimator[SindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016)."""
+        """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
+
+        Damping coefficients have standard errors. The outcome says if the selected solution has other terms.
+        """
         optional_package("pysindy")
         features = checked_features(signal)
         state = _differentiate(signal, problem, features)
@@ -224,8 +230,9 @@ def sparse_models(
 
     For each set of damping terms and each ridge, the threshold is raised so that functions of θ are removed one by one.
     Of these solutions the `TESTED` ones with the least Bayesian information criterion are kept, sound ones (see
-    `SparseModel`) first; in it the number of samples is `freedom`, the effective number of independent rows. dissipates
-    (p,): which terms are damping.
+    `SparseModel`) first; in it the number of samples is `freedom`, the effective number of independent rows. The list
+    is in the order of the sets, not of the criterion. columns (n, p), target (n,): both sides of the regression, target
+    = columns @ x. dissipates (p,): which terms are damping. Raises Refusal if the target is zero.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
     if size == 0.0:
@@ -285,8 +292,9 @@ def score_models(
     """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(p choose k).
 
     n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
-    library. Solutions that are not sound have the score ∞ and come first in the result. floor: smallest root mean
-    square error of a prediction that is distinguished from zero, in the unit of the record.
+    library. Solutions that are not sound have the score ∞ and come first in the result; the others keep the order of
+    `path`. columns, target: those of `sparse_models`, from which scales of the coefficients follow. floor: smallest
+    root mean square error of a prediction that is distinguished from zero, in the unit of the record.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]
@@ -312,7 +320,8 @@ def standard_errors(
     """Return standard errors (p,) of a solution's coefficients; 0 for terms that it does not use.
 
     For a smoothed angle the noise of the samples is propagated to first order through θ̈, θ and θ̇ into the regression.
-    Otherwise they follow from the residual, with the effective number of independent rows.
+    Otherwise they follow from the residual, with the effective number of independent rows. columns (m, p), target (m,):
+    those of the regression. force: the known part of the restoring force as a function of the displacement.
     """
     a, spread = columns[:, model.support], np.zeros(model.support.size)
     scale = np.linalg.norm(a, axis=0)

@@ -87,7 +87,7 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SymbolicRegressionOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Estimate the coefficients from the chosen expression on the Pareto front."""
+        """Estimate the coefficients from the chosen expression on the Pareto front; there are no standard errors."""
         optional_package("pyoperon")
         from bayesdamp.estimators.expressions import front
 
@@ -189,7 +189,7 @@ class Force:
         self._variance = float(np.var(self._damping_force))
 
     def thin(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities and forces at m evenly spread samples, followed by the negatives of both, each (2m,).
+        """Return velocities (rad/s) and forces (rad/s²) at m evenly spread samples, then their negatives, each (2m,).
 
         m is half of `samples`, or all samples if these are fewer. A damping force is odd in the velocity; the negatives
         enforce this.
@@ -200,7 +200,11 @@ class Force:
         return np.r_[x, -x], np.r_[y, -y]
 
     def misfit(self, expression: Expression) -> np.ndarray:
-        """Return the residual (m,) of an expression as the damping force, in units of the force's sd."""
+        """Return the residual (m,) of an expression as the damping force, in units of the force's standard deviation.
+
+        It is the measured minus the expression's force at the m times of `motion`, both smoothed, without the part that
+        unknown restoring parameters and guessed constants of integration can explain.
+        """
         left = self.target - self.motion.project(expression(self.omega))
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
@@ -237,7 +241,7 @@ def _polish(force: Force, expression: Expression) -> Expression:
 def _read(
     force: Force, expression: Expression, problem: Problem, features: Features
 ) -> tuple[dict[str, float], float | None, str]:
-    """Return the damping parameters by name, the width of a tanh, and a clause on how they were obtained.
+    """Return the damping parameters by name, the width of a tanh (rad/s), and a clause on how they were obtained.
 
     The width is that of the expression's tanh(θ̇/width) that is nearest to the known ε; None if there is none, or if no
     term of the model has a tanh.

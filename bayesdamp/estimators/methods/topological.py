@@ -93,7 +93,10 @@ class Topological(Estimator[TopologicalOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: TopologicalOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Compute the coefficient from the decrease of the persistence lifetimes."""
+        """Compute the coefficient from the decrease of the persistence lifetimes, without a standard error.
+
+        Unknown restoring parameters and an unknown start come from the record's features and the smoothed record.
+        """
         features = checked_features(signal)
         osc, known = oscillator(problem), known_restoring(problem)
         omega = features.frequency
@@ -128,7 +131,7 @@ class Topological(Estimator[TopologicalOptions]):
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the finite sublevel components of y (n,) at times t (n,), in time order: three arrays (k,).
 
-    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth.
+    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. t, period: in s.
 
     Components that are born within a tenth of a period of an end of the record or of a gap, or die so near a gap, are
     incomplete and left out.
@@ -159,8 +162,8 @@ def significant_pairs(
     Variant "published": the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise,
     else the noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median.
     Each lifetime is reduced by the noise floor: twice the median amount by which white noise raises the maximum of the
-    samples at a turning point. Variant "as_printed": the cutoff of equation (7) and the floor of equation (8), with
-    erfc⁻¹(2α/N) for N lifetimes.
+    samples at a turning point. Variant "as_printed": the cutoff of equation (7) and the floor of equation (8) of the
+    paper that `bayesdamp.estimators` cites, with erfc⁻¹(2α/N) for N lifetimes.
     """
     y, sigma = signal.y - features.rest, noise_level(signal)
     v, p, born = sublevel_pairs(signal.t, y, features.period)
@@ -204,12 +207,15 @@ def significant_pairs(
 def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
     """Return the coefficient by the published formulae.
 
+    damping: viscous, coulomb or quadratic. pairs: in the unit of the displacement (rad or m). omega: ω_n in rad/s.
+
     Viscous: ω_n [1 + (2πn/ln(L_0/L_n))²]^(−1/2); the factor ω_n converts the damping ratio to the paper's rate.
     Coulomb: a lifetime decreases by 8μ_c/ω_n² in a cycle.
     Quadratic: for the half cycle from a minimum v_i to the next maximum p_{i+1} of a linear oscillator, p_{i+1} − v_i =
     ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), which follows from u = θ̇², du/dθ = −2ω_n²θ − 2μu. The result is the median
     of μ over the first four half cycles, in 1/rad. Each half cycle is taken about its own midline, because the formula
-    assumes zero mean. A half cycle whose maximum is not smaller than its minimum in size counts as μ = 0.
+    assumes zero mean. A half cycle whose maximum is not smaller than its minimum in size counts as μ = 0. Raises
+    Refusal if there is no such half cycle.
     """
     longest, shorter, n = pairs.choose_lifetimes()
     if damping == "viscous":

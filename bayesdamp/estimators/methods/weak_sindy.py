@@ -79,7 +79,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: WeakSindyOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021)."""
+        """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021).
+
+        Damping coefficients have standard errors. The outcome says if the regression selects other terms.
+        """
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
         library = candidates(problem, features, signal.unit)
@@ -157,9 +160,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
     """Return the record's pieces between gaps, interpolated to even clocks, with displacement and velocity.
 
-    Of a recorded velocity or acceleration it is only the first piece.
-
-    sigma: standard deviation of the noise.
+    Of a recorded velocity or acceleration it is only the first piece. sigma: standard deviation of the noise, in the
+    unit of the record.
     """
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:
@@ -207,8 +209,8 @@ def _column(
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
     """Return ∫φ f for one candidate, (m,), and its derivatives by the samples, (m, n), which propagate their noise.
 
-    phi: weights (m, n) of the test functions φ. The derivatives are 0 for a recorded velocity or acceleration, except
-    where the integral is linear in the record.
+    phi: weights (m, n) of the m test functions φ on n samples. width: their width in s. The derivatives are 0 for a
+    recorded velocity or acceleration, except where the integral is linear in the record.
     """
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
     if candidate.damping == "viscous" and stretch.order < 2:

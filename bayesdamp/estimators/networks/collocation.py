@@ -102,12 +102,18 @@ class Collocation(ScaledRecord):
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
-        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where they are not known."""
+        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where they are not known.
+
+        They are in units of A and Aω, times the square root of the option `start_weight`.
+        """
         motion = self.motion(x, self.begin_inputs).diagonal()
         return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
 
     def physics(self, x: Tensor) -> Tensor:
-        """Return the weighted residuals of the equation of motion at the collocation instants, (n,), in Aω²."""
+        """Return the weighted residuals of the equation of motion at the n collocation instants, (n,), in Aω².
+
+        Their sum of squares is the option `physics_weight` times the mean square residual.
+        """
         angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
         physical = x[..., self.network.count :] * torch.from_numpy(self.units)
         damping, restoring = physical.tensor_split([len(self.coefficients)], dim=-1)
@@ -124,7 +130,10 @@ class Collocation(ScaledRecord):
         return self.network.output(x[..., : self.network.count], inputs)
 
     def evaluate(self, x: np.ndarray) -> Evaluated:
-        """Return all misfits (n,), and a function that computes their Jacobian by the unknowns, (n, k)."""
+        """Return the misfits of record, start and equation of motion, (n,), in this order, for the unknowns x (k,).
+
+        The second result is a function that computes their Jacobian by the unknowns, (n, k).
+        """
         unknowns = torch.from_numpy(x)
 
         def derive() -> np.ndarray:
@@ -139,7 +148,7 @@ class Collocation(ScaledRecord):
 def estimate(
     signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
 ) -> Estimate:
-    """Train a network together with the physical parameters; return these as the estimate.
+    """Train a network together with the physical parameters; return these as the estimate, without standard errors.
 
     Parameters
     ----------

@@ -80,12 +80,13 @@ class RecurrentNetwork:
             Sequences (m, steps, inputs) and their right answers (m,): those to train with, and those whose error ends
             the training.
         epochs
-            Largest number of rounds.
+            Largest number of rounds; each is one step of `descend` on all sequences.
 
         Returns
         -------
         ndarray, list of float, float
-            The weights with the smallest root mean square error on `others`; the loss of each round; this error.
+            The weights with the smallest root mean square error on `others`; the loss after each round, which is the
+            mean square error on `own`; and the smallest error on `others`.
         """
         sequences, targets = torch.from_numpy(own[0]), own[1]
         unit = len(targets) ** -0.5

@@ -96,19 +96,25 @@ class Shooting(ScaledRecord):
         return self.force_unit * (hidden * last).sum(-1)
 
     def paths(self, x: Tensor) -> Tensor:
-        """Return angle and velocity at the nodes of each segment, (nodes, segments, 2), for unknowns x (k,)."""
+        """Return angle and velocity at the nodes of each segment, (nodes, segments, 2), for unknowns x (k,).
+
+        They are in A about the rest and in Aω; the nodes are the ends of the solver's steps.
+        """
         starts = x[self.physical :].reshape(self.segments, 2)
         return _runge_kutta(lambda state: self._rate(x, state), starts, self.nodes)
 
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return the time derivatives (n, 2) of angle and velocity, `state` (n, 2), for unknowns x (k,), or (n, k)."""
+        """Return the derivatives (n, 2) of `state` (n, 2), angle in A and velocity in Aω, by time in units of 1/ω.
+
+        x: the unknowns, (k,), or one row for each state, (n, k).
+        """
         angle, velocity = state.unbind(-1)
         values = x[..., self.count : self.physical] * self.free_units
         restoring = self.restoring_force(self.rest + self.a * angle, values) / (self.a * self.w**2)
         return torch.stack([velocity, -restoring - self.force(x, velocity)], dim=-1)
 
     def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
-        """Return angle and velocity (n, 2) one step after each state (n, 2); `duration` (n,) is that of each step."""
+        """Return angle and velocity (n, 2) one step after each state (n, 2); duration (n,): of each step, in 1/ω."""
         ends = torch.tensor([0.0, 1.0], dtype=REAL)
         return _runge_kutta(lambda state: duration[:, None] * self._rate(x, state), state, ends)[1]
 
@@ -123,7 +129,8 @@ class Shooting(ScaledRecord):
     def evaluate(self, x: np.ndarray) -> Evaluated:
         """Return the weighted misfit of the samples, the gaps between segments, and the misfit of a known start, (n,).
 
-        The second result is a function that computes their Jacobian by the unknowns, (n, k).
+        The sum of squares is the mean square misfit of the samples plus the squared option `continuity_weight` times
+        the squares of the others. The second result is a function that computes the Jacobian by the unknowns, (n, k).
         """
         unknowns = torch.from_numpy(x)
         with torch.no_grad():
@@ -217,6 +224,8 @@ def estimate(
     signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
 ) -> Estimate:
     """Train a network for the damping force, and return its projection on the damping terms as the estimate.
+
+    Unknown restoring parameters and an unknown start are those of the trained model. There are no standard errors.
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ def single_thread() -> Iterator[None]:
 def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor, Tensor]:
     """Return the values of a function at each row, (n,) or (n, m), and their derivatives, (n, k) or (n, m, k).
 
-    Each value depends only on its own row of `rows` (n, k), so that the gradient of the sum of all values contains the
-    gradients of the single values.
+    Each value may depend only on its own row of `rows` (n, k), so that the gradient of the sum of all values contains
+    the gradients of the single values. m: number of values for each row.
     """
     rows = rows.clone().requires_grad_()
     values = function(rows)
@@ -74,7 +74,7 @@ def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor
 def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
     """Return a function's jets (n, j, …): its value and its first j − 1 time derivatives.
 
-    argument: the jets of its argument, (n, j, …).
+    function: maps values (n, …) to values (n, …). argument: the jets of its argument, (n, j, …).
     """
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
@@ -178,7 +178,10 @@ Evaluated = tuple[np.ndarray, Callable[[], np.ndarray]]
 
 
 class Round(NamedTuple):
-    """A point of a descent: unknowns x (k,), the loss there, and the number of evaluations of the residuals so far."""
+    """A point of a descent: unknowns x (k,), the loss there, and the number of evaluations of the residuals so far.
+
+    The loss is the sum of squares of the residuals.
+    """
 
     x: np.ndarray
     loss: float
@@ -302,13 +305,13 @@ def train(
 
 
 class ScaledRecord:
-    """A record and its oscillator in the record's scales: the amplitude a and the angular frequency w.
+    """A record and its oscillator in the record's scales: the amplitude a (rad or m) and angular frequency w (rad/s).
 
-    t, recorded: times and samples, (n,) each. order: order of the recorded derivative of the displacement. y: the
-    samples (a displacement minus the rest) in units of a wᵒʳᵈᵉʳ. base: values of all parameters but the coefficients.
-    ratios: equivalent damping ratio per unit of each coefficient. coefficients, restoring: names of the unknown
-    parameters. is_given, known_begin (2,): 1 where the angle or the velocity at the start is known, else 0; their
-    values in amplitudes.
+    t, recorded: times in s and samples, (n,) each, at most `MOST_SAMPLES`. order: order of the recorded derivative of
+    the displacement. y: the samples (a displacement minus the rest) in units of a wᵒʳᵈᵉʳ. base: values of all
+    parameters but the coefficients. ratios: equivalent damping ratio per unit of each coefficient. coefficients,
+    restoring: names of the unknown parameters. is_given (2,): 1 where the angle or the velocity at the start is known,
+    else 0. known_begin (2,): their values, the angle about the rest, in a and a w.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:

@@ -55,7 +55,7 @@ def candidates(
     features
         Features of the record.
     unit
-        Unit of the displacement; the library of a record in metres has no cos θ and sin θ.
+        Unit of the displacement, "rad" or "m"; the library of a record in metres has no cos θ and sin θ.
     sharp
         Whether friction is sign(θ̇) instead of tanh(θ̇/ε).
     mixed
@@ -150,8 +150,9 @@ class RecordToPredict:
 def residual_squares(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, unit: np.ndarray, floor: float
 ) -> np.ndarray:
-    """Return the residual sum of squares (m,) of the predictions by each of the models x (m, p).
+    """Return the residual sum of squares (m,), in the squared unit of the record, of predictions by models x (m, p).
 
+    Row i of x has the coefficients of model i, in the order of the library; 0 for terms that it does not have.
     The start and the nonzero coefficients of each model are first improved by one Gauss–Newton step, so that errors of
     the regression do not count. unit (p,): scales of the coefficients. floor: smallest root mean square residual;
     smaller ones count as this.
@@ -177,8 +178,10 @@ def residual_squares(
 def predict(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the recorded quantity (n, m) that models x (m, p) predict from the start states (m, 2).
+    """Return the recorded quantity (n, m) that m models predict from start states (m, 2) at the first sample.
 
+    Model i is θ̈ = −(known force) − Σ x[i, j] · (function j of the library), with x (m, p). A start state is
+    displacement and velocity.
     Forces that are not damping are interpolated in tables, as functions of θ at θ̇ = 0. Beyond twice the range of the
     record all forces are constant.
     """

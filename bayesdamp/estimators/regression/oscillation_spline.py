@@ -77,7 +77,10 @@ class OscillationSpline:
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def adjoint(self, weights: np.ndarray, order: int) -> np.ndarray:
-        """Return g (n,) such that g·y = weights·(derivative of the smoothed y), for any y (n,). weights: (n,)."""
+        """Return g (n,) such that g·y = weights·(derivative of the smoothed y), for any y (n,).
+
+        weights: one for each sample, (n,). order: of the derivative, 0 to 2.
+        """
         return self._weight * (self._designs[0] @ self._solve(self._designs[order].T @ weights))
 
     def _solve(self, right: np.ndarray) -> np.ndarray:
@@ -129,7 +132,10 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
 
 
 def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
-    """Return the matrix of ∫(Lx)² as a quadratic form of the coefficients, with L in units of frequency⁵."""
+    """Return the matrix of ∫(Lx)² as a quadratic form of the coefficients, with L in units of frequency⁵.
+
+    frequency: ω in rad/s.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = knots[DEGREE : knots.size - DEGREE]
     half = np.diff(ends)[:, None] / 2

@@ -64,7 +64,9 @@ def derivatives(s: np.ndarray, order: int) -> np.ndarray:
 def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.csr_matrix:
     """Return the weights (m, n) by which n samples, h (s) apart, are integrated against derivatives of test functions.
 
-    Row j is (−1)^order h φ_j^(order), where φ_j has unit integral and is `width` (s) wide.
+    Row j is (−1)^order h φ_j^(order), where φ_j has unit integral, is `width` (s) wide (or more, if that is too few
+    samples), and is entirely within the samples. Each function begins an eighth of the width (`OVERLAP`) after the one
+    before.
     """
     half = max(int(width / h) // 2, POWER)
     step = max(2 * half // OVERLAP, 1)
@@ -94,7 +96,8 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
     """Return the half width (samples) of the kernel −ψ′ whose velocity has the smallest mean square error.
 
     The assumed velocity has amplitude `size` at `frequency` (rad/s) and a third harmonic of one hundredth of it, as dry
-    friction causes; the displacement has white noise of standard deviation `noise`. most: largest half width.
+    friction causes; the displacement has white noise of standard deviation `noise`. size: in rad/s or m/s; noise: in
+    rad or m. h: sampling interval in s. most: largest half width in samples.
     """
     best, least = 4, np.inf
     for half in range(4, max(most, 4) + 1, max(1, most // 60)):
@@ -169,7 +172,8 @@ class WhiteRows:
 def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> WhiteRows:
     """Return the rows, transformed so that their errors are independent if the coefficients are x (p,).
 
-    sigma: standard deviation of the samples' noise. wanted (p,): the columns whose moments are computed.
+    sigma: standard deviation of the samples' noise, in the unit of the record. wanted (p,) of bool: the columns whose
+    moments are computed; the others are 0, and all are 0 if the noise is negligible (`NOISELESS`).
     """
     maps = [sum((c * b for c, b in zip(x, columns) if c != 0.0), first) for first, columns in rows.noise]
     values, vectors = np.linalg.eigh(sparse.block_diag([a @ a.T for a in maps]).toarray())
@@ -244,7 +248,8 @@ def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[
     """Return sparse solutions: for every set of damping terms, other terms are removed in the order of their t-values.
 
     The score is the Bayesian information criterion for errors of known size. Solutions with negative damping, and those
-    whose terms cannot be distinguished despite the noise, are excluded. dissipates (p,): which terms are damping.
+    whose terms cannot be distinguished despite the noise, are excluded. The list is not sorted by the score, and can be
+    empty. dissipates (p,): which terms are damping. sigma: standard deviation of the samples' noise.
     """
     floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
     damping = np.flatnonzero(dissipates)

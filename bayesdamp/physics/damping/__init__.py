@@ -185,7 +185,7 @@ class DampingTerm(ABC):
 
 
 def median(prior: Prior) -> float:
-    """Return the median of a prior distribution, in the unit of its parameter."""
+    """Return the median of a parameter's prior distribution, in the unit of the parameter."""
     return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
 
 

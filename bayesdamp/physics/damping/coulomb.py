@@ -32,7 +32,10 @@ class Coulomb(DampingTerm):
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 2/(πω²A) for μ_c = 1 rad/s² at amplitude A and frequency ω (rad/s)."""
+        """Return the equivalent damping ratio 2/(πω²A) for μ_c = 1 rad/s².
+
+        The amplitude A is in rad, the frequency ω in rad/s.
+        """
         return 2.0 / (math.pi * frequency**2 * amplitude)
 
 

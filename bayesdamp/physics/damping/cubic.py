@@ -7,7 +7,10 @@ from bayesdamp.types import Symbol
 
 
 class Cubic(DampingTerm):
-    """Cubic damping F = μ₃ θ̇³ per unit of inertia, with μ₃ in s/rad²; a cycle dissipates the energy 3π/4 μ₃ ω³ A⁴."""
+    """Cubic damping F = μ₃ θ̇³ per unit of inertia, with μ₃ in s/rad².
+
+    A cycle of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 3π/4 μ₃ ω³ A⁴.
+    """
 
     name = "cubic"
     parameter = "mu_3"
@@ -25,7 +28,7 @@ class Cubic(DampingTerm):
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 3A²ω/8 for μ₃ = 1 s/rad² at amplitude A and frequency ω (rad/s)."""
+        """Return the equivalent damping ratio 3A²ω/8 for μ₃ = 1 s/rad² at amplitude A (rad) and frequency ω (rad/s)."""
         return 3.0 / 8.0 * amplitude**2 * frequency
 
 

@@ -10,7 +10,8 @@ from bayesdamp.types import Symbol
 class Displacement(DampingTerm):
     """Damping F = c (θ − θ_e)² θ̇ per unit of inertia, with the equilibrium θ_e and c in 1/(s rad²).
 
-    A cycle dissipates the energy π c ω A⁴/4, which is proportional to A⁴ as for cubic damping.
+    A cycle of amplitude A (rad) and frequency ω (rad/s) dissipates the energy π c ω A⁴/4, which is proportional to A⁴
+    as for cubic damping.
     """
 
     name = "displacement"
@@ -32,7 +33,10 @@ class Displacement(DampingTerm):
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio A²/(8ω) for c = 1/(s rad²) at amplitude A and frequency ω (rad/s)."""
+        """Return the equivalent damping ratio A²/(8ω) for c = 1/(s rad²).
+
+        The amplitude A is in rad, the frequency ω in rad/s.
+        """
         return amplitude**2 / (8.0 * frequency)
 
 

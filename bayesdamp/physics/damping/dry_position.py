@@ -17,8 +17,8 @@ class DryPosition(DampingTerm):
     """Friction F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε) per unit of inertia, with u = (θ − θ_e)/A and μ_p in rad/s².
 
     θ_e is the equilibrium, A a reference amplitude, μ_p the friction at the equilibrium, s its slope and q its
-    curvature with the position. As long as 1 + s u + q u² > 0, a cycle of amplitude a dissipates 4 μ_p a (1 + q
-    (a/A)²/3); the slope has no effect on this energy.
+    curvature with the position (s, q: numbers without unit). As long as 1 + s u + q u² > 0, a cycle of amplitude a
+    dissipates the energy 4 μ_p a (1 + q (a/A)²/3); the slope has no effect on this energy.
     """
 
     name = "dry_position"
@@ -66,10 +66,11 @@ class DryPosition(DampingTerm):
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle for μ_p = 1 rad/s², as `DampingTerm.work` does, in closed form.
+        """Return the energy lost in a cycle for μ_p = 1 rad/s², per unit of inertia (rad²/s²), in closed form.
 
-        For a cycle of amplitude a it is 2 A ∫ (1 + s u + q u²) du over those u between −a/A and a/A at which the
-        integrand is positive.
+        For a cycle of amplitude a (rad) it is 2 A ∫ (1 + s u + q u²) du over those u between −a/A and a/A at which the
+        integrand is positive. It does not depend on the frequency. further: values of `friction_slope` (s),
+        `friction_curvature` (q) and `reference_amplitude` (A, by default a), by name.
         """
         s, q = further["friction_slope"], further["friction_curvature"]
         scale = further.get("reference_amplitude", amplitude)

@@ -16,8 +16,8 @@ class Power(DampingTerm):
     """Power-law damping F = c V |θ̇/V|^p sgn θ̇ per unit of inertia, with a reference velocity V and c in 1/s.
 
     The force is smoothed within ε, because it is steep at θ̇ = 0 if p < 1. The prior of the exponent extends a little
-    beyond 0 and 3, so that neither value lies at an end of the prior. A cycle dissipates the energy 2√π Γ(1 +
-    p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
+    beyond 0 and 3, so that neither value lies at an end of the prior. A cycle of amplitude A (rad) and frequency ω
+    (rad/s) dissipates the energy 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
     """
 
     name = "power"
@@ -50,7 +50,11 @@ class Power(DampingTerm):
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle for c = 1/s, as `DampingTerm.work` does, in closed form."""
+        """Return the energy lost in a cycle for c = 1/s, per unit of inertia (rad²/s²), in closed form.
+
+        amplitude, frequency: in rad and rad/s. further: values of `exponent` and `reference_velocity` (rad/s, by
+        default amplitude times frequency), by name.
+        """
         p, peak = further["exponent"], amplitude * frequency
         scale = further.get("reference_velocity", peak)
         shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 0.5 * p) / math.gamma(1.5 + 0.5 * p)

@@ -21,7 +21,8 @@ class Stribeck(DampingTerm):
     """Stribeck friction F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε) per unit of inertia.
 
     μ_k is the kinetic friction in rad/s², (1 + s) μ_k the static friction, and v_s the Stribeck velocity in rad/s. A
-    cycle dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
+    cycle of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and
+    Dawson's integral D.
     """
 
     name = "stribeck"
@@ -61,7 +62,11 @@ class Stribeck(DampingTerm):
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle for μ_k = 1 rad/s², as `DampingTerm.work` does, in closed form."""
+        """Return the energy lost in a cycle for μ_k = 1 rad/s², per unit of inertia (rad²/s²), in closed form.
+
+        amplitude, frequency: in rad and rad/s. further: values of `static_excess` (s) and `stribeck_velocity` (v_s,
+        rad/s), by name.
+        """
         a = amplitude * frequency / further["stribeck_velocity"]
         return 4.0 * amplitude * (1.0 + further["static_excess"] * float(scipy.special.dawsn(a)) / a)
 

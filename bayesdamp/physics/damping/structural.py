@@ -12,9 +12,9 @@ from bayesdamp.types import Symbol
 class Structural(DampingTerm):
     """Structural damping F = κ |θ − θ_e| tanh(θ̇/ε) per unit of inertia, with the equilibrium θ_e and κ in 1/s².
 
-    A cycle dissipates the energy 2κA², which is a loss factor of 2κ/(πω²). Unlike a complex stiffness, this force is
-    causal and defined in the time domain. In a free decay the amplitude falls exponentially, as with viscous damping;
-    only the shape within a cycle distinguishes the two.
+    A cycle of amplitude A (rad) dissipates the energy 2κA², which is a loss factor of 2κ/(πω²) at the frequency ω
+    (rad/s). Unlike a complex stiffness, this force is causal and defined in the time domain. In a free decay the
+    amplitude falls exponentially, as with viscous damping; only the shape within a cycle distinguishes the two.
     """
 
     name = "structural"

@@ -96,7 +96,10 @@ class Track:
         return np.stack([one * size, white, other * midline], axis=1).reshape(-1, *size.shape[1:])
 
     def separate(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return amplitudes, phases and midlines, (b,) each, from values y, (3b,); this inverts `combine`."""
+        """Return amplitudes (unit of the record), phases (rad) and midlines, (b,) each, from values y, (3b,).
+
+        This inverts `combine`. The phases are relative to the reference phases.
+        """
         size, white, midline = y.reshape(-1, NUMBERS).T
         return size / self.weights[:, 0], np.linalg.solve(self.whitening, white), midline / self.weights[:, 1]
 

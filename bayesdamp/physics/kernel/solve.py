@@ -105,7 +105,7 @@ class Slopes:
     order: int
 
     def at_samples(self) -> np.ndarray:
-        """Return the tangents at each of n samples, (n, p), by interpolation."""
+        """Return the tangents at each of n samples, (n, p), by interpolation, or their means over each of n windows."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         values = slopes_at_times(self.times, self.slopes, self.columns, self.t, self.order)
@@ -201,7 +201,7 @@ class Solver:
     def at(self, t: np.ndarray, quantity: str) -> Solver:
         """Return a solver without windows for another quantity at other times t in s, (n,).
 
-        The times must not be after the last knot.
+        The times must not be after the last knot. quantity: one of `QUANTITIES`.
         """
         return replace(self, t=t, quantity=quantity, windows=None)
 

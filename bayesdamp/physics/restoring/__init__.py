@@ -97,7 +97,11 @@ class RestoringLaw(ABC):
 
     @abstractmethod
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`."""
+        """Write the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`.
+
+        known: values of known parameters of the law, by name. The coefficients can be other quantities than the
+        parameters; `LinearForm.decode` converts them.
+        """
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Convert the law's parameters to natural coordinates, which are quantities that a record determines well.
