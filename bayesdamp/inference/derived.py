@@ -81,7 +81,7 @@ class Motions:
 
     @cached_property
     def _rest(self) -> np.ndarray:
-        """Equilibrium of each draw in rad or m, in the shape of the draws."""
+        """Equilibrium of each draw in rad or m, found by Newton's method from `near`, in the shape of the draws."""
         return rest_position(self.osc, self._numbers, self.near)
 
     @cached_property
@@ -94,8 +94,9 @@ class Motions:
     def damping_ratio(self) -> np.ndarray | None:
         """The damping ratio of each draw at the equilibrium; None if F′_damp is 0 for all draws, as for dry friction.
 
-        It is F′_damp/(2ω_n), where F′_damp is the derivative by the velocity of the damping forces without
-        `DampingTerm.switches`. It is nan without a stable equilibrium.
+        It is F′_damp/(2ω_n), where F′_damp is the derivative of the damping force, per unit of inertia, by the velocity
+        at zero velocity, in 1/s. Terms that jump there (`DampingTerm.switches`) are left out. It is nan without a
+        stable equilibrium.
         """
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
@@ -116,7 +117,7 @@ class Motions:
 
     @cached_property
     def cycle(self) -> Cycle:
-        """The undamped cycle at the reference amplitude."""
+        """The undamped cycle of each draw at the reference amplitude."""
         return self.at(self.amplitude)
 
     @property
@@ -136,8 +137,8 @@ class Motions:
     def coefficient(self, name: str, factor: float = 1.0) -> np.ndarray | None:
         """Return a damping coefficient in SI units for each draw: factor · inertia · the coefficient `name`.
 
-        factor: a number from the definition, such as 2 for 2ζ. Return None if the inertia is not known or the model
-        does not have this coefficient.
+        name: its parameter, such as "zeta" or "mu_c". factor: a number from the definition, such as 2 for 2ζ. Return
+        None if the inertia is not known or the model does not have this coefficient.
         """
         if self.inertia is None or name not in self.osc.coefficients:
             return None
@@ -189,8 +190,9 @@ QUANTITIES = (
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
     """Compute the derived quantities that apply to the model; return by name an array with the values of all draws.
 
-    A value is nan or infinite if the quantity is not defined for that draw. The natural frequency is left out if the
-    parameters of the restoring law are scalars, which are the same for all draws.
+    Names are those of `QUANTITIES`, units those of `units`. Quantities that do not apply have no entry. A value is nan
+    or infinite if the quantity is not defined for that draw. The natural frequency is left out if the parameters of the
+    restoring law are scalars, which are the same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
@@ -198,7 +200,7 @@ def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def units(displacement: str) -> dict[str, str]:
-    """Return the unit of each derived quantity by name, for displacements in "rad" or "m"."""
+    """Return the unit of each derived quantity by name, for displacements in "rad"; for any other text, in "m"."""
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
@@ -233,7 +235,7 @@ def curves_against_amplitude(
 
 
 def _ratio(at: Cycle) -> np.ndarray:
-    """Return the equivalent damping ratio ΔE/(4πE) for the cycle of each draw; ΔE: energy lost, E: energy."""
+    """Return the equivalent damping ratio ΔE/(4πE) for each draw's cycle; ΔE: energy lost in it, E: energy."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 

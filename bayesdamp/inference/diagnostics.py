@@ -35,8 +35,8 @@ def rhat(draws: np.ndarray) -> float:
     """Return the rank-normalised split R̂ of draws, (chain, draw).
 
     It is the larger of two values: that of the draws (bulk), and that of their absolute distances from the median
-    (tails); see section 4.1 of Vehtari et al. 2021. It is nan if there is one chain, too few draws, or a draw that is
-    not finite.
+    (tails); see section 4.1 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there is one chain, too few
+    draws, or a draw that is not finite.
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -47,15 +47,17 @@ def rhat(draws: np.ndarray) -> float:
 def ess_bulk(draws: np.ndarray) -> float:
     """Return the bulk effective sample size of draws, (chain, draw): that of their normalised ranks.
 
-    See section 4.2 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    See section 4.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
+    finite.
     """
     return _ess(_normalised(_split(draws))) if _usable(draws) else float("nan")
 
 
 def ess_tail(draws: np.ndarray) -> float:
-    """Return the tail effective sample size of draws, (chain, draw): the smaller one of their 5 % and 95 % quantiles.
+    """Return the tail effective sample size of draws, (chain, draw): the smaller one for the 5 % and 95 % quantiles.
 
-    See section 4.3 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    See section 4.3 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
+    finite.
     """
     if not _usable(draws):
         return float("nan")
@@ -65,7 +67,8 @@ def ess_tail(draws: np.ndarray) -> float:
 def effective_mean(draws: np.ndarray) -> float:
     """Return the effective sample size for the mean of draws, (chain, draw).
 
-    See section 3.2 of Vehtari et al. 2021. It is nan if there are too few draws or one is not finite.
+    See section 3.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
+    finite.
     """
     return _ess(_split(draws)) if _usable(draws) else float("nan")
 
@@ -86,7 +89,7 @@ def _usable(draws: np.ndarray) -> bool:
 def _split(draws: np.ndarray) -> np.ndarray:
     """Return the first and the last half of each chain as two separate chains, (2 · chain, draw // 2).
 
-    draws: shape (chain, draw). The middle draw of an odd number is left out.
+    All first halves come first. draws: shape (chain, draw). The middle draw of an odd number is left out.
     """
     half = draws.shape[1] // 2
     return np.vstack((draws[:, :half], draws[:, -half:]))
@@ -95,7 +98,7 @@ def _split(draws: np.ndarray) -> np.ndarray:
 def _normalised(draws: np.ndarray) -> np.ndarray:
     """Return the standard normal quantiles of the ranks of draws among all draws, (chain, draw) each.
 
-    Equal draws get their mean rank (formula 14 of Vehtari et al. 2021).
+    Equal draws get their mean rank (formula 14 of Vehtari et al., Bayesian Analysis 16 (2021)).
     """
     _, which, ties = np.unique(draws, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(ties) - (ties - 1) / 2)[which].reshape(draws.shape)
@@ -105,8 +108,8 @@ def _normalised(draws: np.ndarray) -> np.ndarray:
 def _rhat(chains: np.ndarray) -> float:
     """Return the potential scale reduction factor R̂ of chains, (chain, draw), without splitting or rank normalisation.
 
-    See formulas (1) to (4) of Vehtari et al. 2021. It is infinite if the chains are constant but differ, and nan if all
-    draws are equal.
+    See formulas (1) to (4) of Vehtari et al., Bayesian Analysis 16 (2021). It is infinite if the chains are constant
+    but differ, and nan if all draws are equal. There must be at least two chains.
     """
     n = chains.shape[1]
     between = n * np.var(np.mean(chains, axis=1), ddof=1)
@@ -118,8 +121,8 @@ def _rhat(chains: np.ndarray) -> float:
 def _ess(chains: np.ndarray) -> float:
     """Return the effective sample size of chains, (chain, draw), without splitting or rank normalisation.
 
-    See formulas (10) to (13) of Vehtari et al. 2021. The sum of autocorrelations is truncated by Geyer's initial
-    monotone positive sequence. For N draws the result is at most N log₁₀ N, and N if all are equal.
+    See formulas (10) to (13) of Vehtari et al., Bayesian Analysis 16 (2021). The sum of autocorrelations is truncated
+    by Geyer's initial monotone positive sequence. For N draws the result is at most N log₁₀ N, and N if all are equal.
     """
     if np.ptp(chains) < np.finfo(float).resolution:
         return float(chains.size)
@@ -143,7 +146,7 @@ def _ess(chains: np.ndarray) -> float:
 def moments_and_quantiles(values: np.ndarray) -> dict[str, float]:
     """Return mean, sd, five quantiles and the ends of the shortest 95 % interval of values, (n,).
 
-    They have the names that `summarise` lists.
+    The names are mean, sd, q2.5, q25, median, q75, q97.5, hdi_low and hdi_high; all are in the unit of the values.
     """
     ordered = np.sort(values)
     inside = int(np.ceil(HDI_PROBABILITY * ordered.size))
@@ -191,9 +194,10 @@ def summarise(
 
 
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
-    """Return "ok", or a sentence on the first parameter whose draws are not reliable (`RHAT_LIMIT`, `ESS_LIMIT`).
+    """Return "ok", or a sentence on the first parameter whose draws are not reliable.
 
-    summaries: the result of `summarise` for each parameter, by name. A diagnostic that is nan counts as not reliable.
+    summaries: the result of `summarise` for each parameter, by name. R̂ must be at most
+    `RHAT_LIMIT`, and both effective sample sizes (bulk and tail) at least `ESS_LIMIT`; nan counts as not reliable.
     """
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:
@@ -208,7 +212,9 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
 def to_netcdf(posterior: Posterior) -> bytes:
     """Return the content of a netCDF file for ArviZ: draws by parameter, log likelihood and sample statistics.
 
-    The content is built in memory and not in a file, because HDF5 crashes the process if the disk is full.
+    The groups are posterior, sample_stats and log_likelihood; the latter contains the log likelihood of the whole
+    record (`record`), one value for each draw, not one for each sample. The content is built in memory and not in a
+    file, because HDF5 crashes the process if the disk is full.
     """
     from arviz_base import from_dict
 

@@ -43,12 +43,16 @@ class TruncatedNormal:
     def about(
         cls, at: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, reflected: np.ndarray
     ) -> TruncatedNormal:
-        """Return the distribution whose log density has this gradient, (d,), at the scores `at`, (d,)."""
+        """Return the distribution whose log density has this gradient, (d,), at the scores `at`, (d,).
+
+        covariance: before the truncation, (d, d). reflected: mask of the scores that are restricted to values ≥ 0,
+        (d,). The mean before the truncation is at + covariance @ gradient.
+        """
         return cls(at + covariance @ gradient, covariance, reflected)
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean, (d,), and Cholesky factor of the covariance, (d, d), of the truncated distribution.
+        """Mean, (d,), and lower Cholesky factor of the covariance, (d, d), of the truncated distribution.
 
         The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed. Raises LinAlgError if a
         matrix is singular.
@@ -82,7 +86,7 @@ class TruncatedNormal:
         return draws[:n]
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density at scores z, (n, d), up to a constant, (n,); −∞ if a score of `walls` is < 0."""
+        """Return the log density (nats) up to a constant at scores z, (n, d): (n,); −∞ if a score of `walls` is < 0."""
         white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         inside = np.all(z[:, self.walls] >= 0, axis=1)
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
@@ -91,8 +95,8 @@ class TruncatedNormal:
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """Return a truncated normal whose log density has the same gradient at z, (d,), as the log posterior.
 
-    Its covariance before the truncation is factor @ factor.T. Reflected scores in z are first replaced by their
-    absolute values, and the distribution is restricted to values ≥ 0 of these scores.
+    Its covariance before the truncation is factor @ factor.T. Reflected scores (those with half-normal priors) in z are
+    first replaced by their absolute values, and the distribution is restricted to values ≥ 0 of these scores.
     """
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
@@ -103,9 +107,9 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     """Return Laplace's approximation at a mode: a truncated normal with the log posterior's gradient and full Hessian.
 
     The Hessian is computed by finite differences of gradients about the mode; reflected scores nearer to zero than two
-    steps are first moved there. For a mode with a reflected score at zero, the gradient is not zero and the mean of the
-    normal distribution is negative. The unknown scale of the priors of coefficients is fixed at the value in
-    `Mode.near`.
+    steps are first moved to two steps from zero. For a mode with a reflected score at zero, the gradient is not zero
+    and the mean of the normal distribution is negative. The unknown scale of the priors of coefficients is fixed at the
+    value in `Mode.near`.
 
     Raises
     ------

@@ -134,7 +134,11 @@ class NoiseMap:
         return cls(first, second, scipy.interpolate.PchipInterpolator(level, values))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
-        """Convert level scores (see the class) to standard normal scores, (..., d) each."""
+        """Convert level scores to standard normal scores, (..., d) each.
+
+        Level scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
+        Beyond `LARGEST_LEVEL` the map is continued linearly.
+        """
         if self.table is None:
             return level
         scores, values = level.copy(), self.table(level[..., self.second])
@@ -143,7 +147,10 @@ class NoiseMap:
         return scores
 
     def level(self, scores: np.ndarray) -> np.ndarray:
-        """Convert standard normal scores to level scores (see the class), (..., d) each, by Newton's method."""
+        """Convert standard normal scores to level scores, (..., d) each, by Newton's method.
+
+        Level scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
+        """
         if self.table is None:
             return scores
         level, wanted = scores.copy(), scores[..., self.second]
@@ -157,7 +164,10 @@ class NoiseMap:
         return level
 
     def slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the level scores (see the class), (..., d, d), at points (..., d)."""
+        """Return the derivatives of the scores by the level scores, (..., d, d), at points `level`, (..., d).
+
+        Element [..., i, j] is the derivative of score i by level score j.
+        """
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
         if self.table is not None:
             rate = self._rate(level[..., self.second])
@@ -200,7 +210,7 @@ class NoiseMap:
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
     """Maximise the log posterior over the scores `others`, with the remaining scores fixed at their values in z.
 
-    The common prior scale of coefficients is fixed as in `Mode.near`. Whether the search has converged is not
+    The common prior scale of damping coefficients is fixed as in `Mode.near`. Whether the search has converged is not
     checked.
 
     Parameters
@@ -306,20 +316,26 @@ class Shear:
         return cls(np.zeros(d), none, np.zeros((d, 0, 0)), NoiseMap.of(target, mode))
 
     def scores(self, straight: np.ndarray) -> np.ndarray:
-        """Convert straight scores (see the class) to standard normal scores, (..., d) each."""
+        """Convert straight scores to standard normal scores, (..., d) each.
+
+        Straight scores are coordinates in which a curved ridge of the posterior is straight.
+        """
         return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Convert straight scores to level scores, which are the scores before the map of the noise, (..., d) each."""
+        """Convert straight scores to level scores, the scores before the map of the noise parameters, (..., d) each."""
         return straight + self._shift(straight) if self.wide.size else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
-        """Convert standard normal scores to straight scores (see the class), (..., d) each."""
+        """Convert standard normal scores to straight scores, (..., d) each.
+
+        Straight scores are coordinates in which a curved ridge of the posterior is straight.
+        """
         level = self.noise.level(scores)
         return level - self._shift(level) if self.wide.size else level
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the straight scores, (d, d), at one point (d,)."""
+        """Return the derivatives of the scores (rows) by the straight scores (columns), (d, d), at one point (d,)."""
         return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
 
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
@@ -332,7 +348,7 @@ class Shear:
         return slope + slope @ self._bending(straight)
 
     def _bending(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the quadratic form by straight scores, (d, d), at one point (d,)."""
+        """Return the derivatives of `_shift` (rows) by the straight scores (columns), (d, d), at one point (d,)."""
         bending = np.zeros((straight.size, straight.size))
         bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
         return bending
@@ -445,7 +461,7 @@ class Whitening:
     shear: Shear
 
     def straight(self, u: np.ndarray) -> np.ndarray:
-        """Convert coordinates u to straight scores (those of `shear`), (..., d) each."""
+        """Convert coordinates u to straight scores, centre + factor @ u, (..., d) each."""
         return self.centre + u @ self.factor.T
 
     def scores(self, u: np.ndarray) -> np.ndarray:
@@ -453,7 +469,10 @@ class Whitening:
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:
-        """Return the log determinant, (...), of the derivatives of scores by straight scores, at points u, (..., d)."""
+        """Return the log determinant, (...), of the derivatives of scores by straight scores, at points u, (..., d).
+
+        The constant log determinant of `factor` is not included.
+        """
         return self.shear.log_volume(self.straight(u))
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
@@ -524,15 +543,18 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 
 
 def slope_at(likelihood: Likelihood, shear: Shear, at: np.ndarray) -> np.ndarray:
-    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,)."""
+    """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,).
+
+    The density is per unit of straight scores: the log determinant of the map to the scores (`shear`) is part of it.
+    """
     return likelihood.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
 
 def slope_along(likelihood: Likelihood, line: Line, noise: NoiseMap, level: np.ndarray) -> np.ndarray:
     """Return the gradient, (d,), of the log posterior density of level scores at one point, (d,), of these.
 
-    line: the linearised motion that is used instead of the exact one. It needs no straightening of a ridge, so only the
-    map of the noise applies.
+    line: the linearised motion that is used instead of the exact one, extrapolated to the point. It needs no
+    straightening of a ridge, so only the map of the noise applies.
     """
     along = likelihood.gradient_along(line, noise.scores(level))
     return along @ noise.slope(level) + noise.volume_slope(level)
@@ -551,8 +573,8 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     """Return coordinates in which a posterior is nearly standard normal, given one combination of hyperparameters.
 
-    Hyperparameters are the sizes and correlation lengths of the deviations from the laws; `combination` is the index of
-    the combination in `Target.deviation`. Mean and covariance are those of a normal distribution with the gradient and
+    Hyperparameters are the sizes and correlation lengths of the deviations from the laws; `combination` is its index
+    from 0 in `Target.deviation`. Mean and covariance are those of a normal distribution with the gradient and
     the Gauss–Newton information of this conditional log posterior at the mode, restricted to reflected scores ≥ 0.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
