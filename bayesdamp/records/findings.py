@@ -77,8 +77,8 @@ class Finding:
     option
         The option that settles it, as typed on the command line.
     answer
-        Name of that option and its most probable value ("HZ" if the user must fill in the rate); None for the kinds
-        RATE and CONSTANT.
+        Name of that option and its most probable value, such as ("unit", "deg") ("HZ" if the user must fill in the
+        rate); None for the kinds RATE and CONSTANT.
     arguments
         Arguments of `read` that settle it; used for the kinds in QUESTIONS.
     """

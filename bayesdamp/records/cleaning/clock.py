@@ -231,7 +231,7 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
 
 
 def burst_begins(t: np.ndarray) -> np.ndarray:
-    """Return the indices of the samples that begin a burst of stamps t (n,); all n if there are no bursts.
+    """Return the indices of the samples that begin a burst of time stamps t (n,), in s; all n if there are no bursts.
 
     In bursts most steps are much shorter than the mean step (see `MIN_PAUSES`).
     """

@@ -408,7 +408,7 @@ def _find_start(
     It is that of the record, the release, a point within the swing before the first of `swings` from which on it agrees
     with them, or their first turning point (the second one if a hand may have moved the first). why: property in which
     the swing before does not fit to the later ones. before: time (s) of the turning point at which that swing begins,
-    if any. Unless the decay begins with the record, a note on the choice is appended to `notes`.
+    if any; else None. Unless the decay begins with the record, a note on the choice is appended to `notes`.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])

@@ -170,7 +170,7 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     -------
     NoiseFloor
         The floor. Its power is the mean of `power` minus that of `decay`, at least a tenth of the former. If there are
-        too few readings or they do not fluctuate, only this power is set.
+        too few readings (see `LEAST_FLOOR_READINGS`) or they do not fluctuate, only this power is set.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
@@ -279,7 +279,7 @@ def power_law_holds(levels: Levels, at: int) -> bool:
     """Return whether a power law and a noise floor, fitted from block `at` on, describe the levels until the floor.
 
     They must also describe the first of these blocks (`CHECKED_FRACTION`) taken alone. They describe levels if the rms
-    misfit is at most `MISFIT_RATIO` times the expected scatter.
+    misfit is at most `MISFIT_RATIO` times the expected scatter (`LEAST_DEVIATION`, and that which the floor causes).
     """
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
@@ -320,7 +320,7 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
 
 
 def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
-    """Fit a power law and a floor to powers (n,) at times t (s).
+    """Fit a power law and a floor to powers (n,), linear and relative to about the largest, at times t (s).
 
     Return, as an array (4,), ln of the amplitude and ln of the decay rate −d ln A/dt (1/s) at time 0, the exponent p of
     dA/dt ∝ −A^p, and ln of the floor's power. begin: start values of these four; None to start from three exponents.

@@ -155,7 +155,10 @@ def join_path(path: str, key: object) -> str:
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a NumPy scalar, one-element array or bytes to a plain number or text; return other values unchanged."""
+    """Convert a NumPy scalar, one-element array or bytes to a plain number or text; return other values unchanged.
+
+    A date becomes a text in ISO 8601.
+    """
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, np.ndarray) and value.size == 1:

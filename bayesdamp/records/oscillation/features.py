@@ -268,7 +268,10 @@ def _sizes(turns: TurningPoints) -> np.ndarray:
 
 
 def _half_cycle_basis(x: np.ndarray) -> np.ndarray:
-    """Return the basis 1, sin πx, cos πx − 1, x of a half cycle, (..., 4); x is −1/2 to 1/2 between turning points."""
+    """Return the basis 1, sin πx, cos πx − 1, x of a half cycle at x (...), as an array (..., 4).
+
+    x is −1/2 at the turning point before and 1/2 at that after the half cycle.
+    """
     return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
 
 

@@ -641,8 +641,8 @@ class FirstWords:
     frequency, frequency_low, frequency_high
         Mean frequency in Hz, and the ends of its 95 % interval.
     damping
-        Damping ratio, with its standard error, at three amplitudes: that in the first window of the fit (the largest),
-        the geometric mean of first and last, and that in the last window (the smallest).
+        Damping ratio, with its standard error, at three amplitudes (a `DampingAt` each): that in the first window of
+        the fit (the largest), the geometric mean of first and last, and that in the last window (the smallest).
     cycles
         Number of cycles above the noise.
     start, stop

@@ -24,7 +24,7 @@ class JsonReader(Reader):
     extensions = (".json", ".jsonl", ".ndjson")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the text begins like JSON; without a JSON extension, only `{"` and `[{` count."""
+        """Return whether the first bytes begin like JSON; without a JSON extension, only `{"` and `[{` count."""
         bare = head.removeprefix(b"\xef\xbb\xbf").lstrip()
         named = path.suffix.lower() in self.extensions
         return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
@@ -48,7 +48,10 @@ class _JsonWalk(Walk):
     """Collector for JSON values: a list of samples, each an object of numbers or texts, gives a column for each key."""
 
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
-        """Collect a list; numbers of samples may be in quotes."""
+        """Collect a list; a list of samples gives a column for each key. Numbers of samples may be in quotes.
+
+        Samples without a number for a key are NaN in its column. path, run, depth: as in `Walk.add`.
+        """
         if len(items) < 2 or not all(isinstance(row, dict) for row in items):
             return super().add_list(path, items, run, depth)
         if any(isinstance(x, list | dict) for row in items[:3] for x in row.values()):
