@@ -325,15 +325,15 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
     """Return the mode of another likelihood, such as that of a part of the record; the search starts at z, (d,).
 
-    Errors, searches and `linear` are copied from `mode` unchanged. Raises Refusal if the posterior is not finite at the
-    end of the search.
+    Errors, searches and `linear` are copied from `mode` unchanged, so the errors are not those of the result. Raises
+    Refusal if the posterior is not finite at the end of the search.
     """
     top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
 
 
 def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
-    """Search for the mode from z, (d,). Raises Refusal if the posterior is not finite there."""
+    """Search for the mode from scores z, (d,). Raises Refusal if the posterior is not finite where the search ends."""
     top = maximise_posterior(likelihood, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
@@ -393,8 +393,8 @@ def restore_mode(target: Target, stored: StoredMode) -> Mode:
 def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     """Return the log evidence by Laplace's approximation about scores z, (d,), at or near a mode, in nats.
 
-    The log likelihood is expanded to second order at z, and integrated with reflected scores ≥ 0; the evidence is
-    averaged over the values of the common prior scale of coefficients.
+    The log likelihood is expanded to second order at z, and integrated with reflected scores (half-normal priors) ≥ 0;
+    the evidence is averaged over the values of the common prior scale of coefficients.
     """
     target, scales = likelihood.target, np.asarray(likelihood.scales)
     at = np.where(target.reflected, np.abs(z), z)
@@ -444,7 +444,8 @@ def log_integral(
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
     """Return the sds of the parameters in their units, by name, for scores with mean z, (d,), and a covariance.
 
-    They are from error propagation to first order. covariance: (d, d).
+    They are from error propagation to first order. z: standard normal scores of the inferred parameters. covariance: of
+    the scores, (d, d).
     """
     sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
     return dict(zip(target.names, sds.tolist(), strict=True))

@@ -47,7 +47,7 @@ class Sample:
     """Weighted posterior draws of one specimen's coefficient.
 
     name: of the specimen. values: the n draws, in the unit of the coefficient, (n,). log_weights: their log weights,
-    (n,). log_prior: log density of the specimen's prior at the draws, (n,).
+    (n,), up to a constant. log_prior: log density of the specimen's prior at the draws, (n,).
     """
 
     name: str
@@ -63,10 +63,10 @@ class Population:
     Attributes
     ----------
     mean, spread : mapping of str to float
-        Posterior summaries (see `summarise`) of the mean and of the standard deviation of the truncated normal
+        Posterior mean, sd, q2.5, median and q97.5 of the mean and of the standard deviation of the truncated normal
         distribution of specimens. These differ from m and τ, which describe it before the truncation.
     shrunk : mapping of str to mapping
-        Summary of each specimen's coefficient given the records of all specimens, by name of the specimen.
+        The same summary of each specimen's coefficient given the records of all specimens, by name of the specimen.
     effective : mapping of str to float
         Effective number of each specimen's draws after reweighting for the records of all specimens, by name.
     outcome : str

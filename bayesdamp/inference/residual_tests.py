@@ -310,8 +310,8 @@ def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, f
     """Compute the response of the recorded quantity to each additional force in `FORMS`.
 
     The equation of motion gets the acceleration −`Form.force` on the right-hand side, in units of rad/s² (m/s²). The
-    response is that of the linearised motion, as to a small force. It is not finite after friction has ended the
-    motion.
+    response is that of the linearised motion, as to a small force, in the unit of the record. It is not finite after
+    friction has ended the motion.
 
     Parameters
     ----------

@@ -240,5 +240,5 @@ def _grow_windows(
 
 
 def _rms(r: np.ndarray) -> float:
-    """Return the root mean square of residuals."""
+    """Return the root mean square of residuals r, (n,), in their unit."""
     return float(np.sqrt(np.mean(r**2)))

@@ -99,8 +99,9 @@ def evidence_by_prior_width(
     """Compute the evidence with the priors of all damping coefficients scaled by each of `PRIOR_FACTORS`.
 
     The given draws are reweighted by the ratio of the prior densities, which needs no new likelihoods. If too few of
-    them have weight (`LEAST_EFFECTIVE`), new draws are made under the scaled priors. Only half-normal and lognormal
-    priors are scaled; if there are none, every factor has the evidence of the given draws.
+    them have weight (`LEAST_EFFECTIVE`), or the Pareto shape of the weights is large, new draws are made under the
+    scaled priors. Only half-normal and lognormal priors are scaled; if there are none, every factor has the evidence of
+    the given draws.
 
     Parameters
     ----------
@@ -197,7 +198,8 @@ def predict_from_half(
     Returns
     -------
     Evidence, Prediction
-        The evidence of the first half, and the prediction of the second half.
+        The evidence of the first half (without its draws), and the prediction of the second half from
+        `PREDICTIVE_DRAWS` of these draws, resampled by their weights.
 
     Raises
     ------

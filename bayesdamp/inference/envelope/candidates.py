@@ -204,7 +204,7 @@ class EnvelopeCandidate:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of the damping terms of the sum."""
+        """Names of the damping terms of the sum, in the order of `rates`."""
         return self.law.terms
 
     @property
@@ -226,7 +226,8 @@ class EnvelopeCandidate:
 def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
     """Return a solver of the decay law at the times of the blocks.
 
-    white: matrix that whitens the noise of the blocks, (n, n); None for white noise.
+    white: matrix by which the solver multiplies decays and derivatives to whiten the noise of the blocks, (n, n); None
+    to leave them as they are.
     """
     return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
 
@@ -243,7 +244,7 @@ def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresF
     law : DecayLaw
         The decay law of the sum, with d terms.
     white : ndarray, shape (n, n)
-        Matrix that whitens the noise.
+        Matrix that whitens the noise, such as `Blocks.inverse`.
 
     Returns
     -------
@@ -265,7 +266,8 @@ def _fit_with_priors(
     """Fit the parameters of a decay law, and ln(A/A_ref) at the start, by least squares with priors.
 
     white: matrix that whitens the noise, (n, n). priors: of the law's parameters, by name. begin: values of these
-    parameters at which the fit starts. The prior of the start is wide.
+    parameters at which the fit starts, in the law's order. ln(A/A_ref) at the start has a wide prior (`WIDE_SD`). The
+    values of the result are the law's parameters, then ln(A/A_ref) at the start.
     """
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
@@ -310,8 +312,8 @@ def fit_candidate(
 def fit_power(blocks: Blocks, white: np.ndarray) -> LeastSquaresFit:
     """Fit the power law dA/dt = -c A^p, and ln(A/A_ref) at the start, by least squares.
 
-    white: matrix that whitens the noise, (n, n). The values of the result are ln of the decay rate (1/s) at the
-    reference amplitude, p, and the start.
+    A is relative to the reference amplitude. white: matrix that whitens the noise, (n, n). The values of the result are
+    ln c, where c is the decay rate (1/s) at the reference amplitude, p, and ln(A/A_ref) at the start. p is not limited.
     """
     wide = Normal(mean=0.0, sd=WIDE_SD)
     begin = np.array([np.log(blocks.mean_rate), 1.0])
@@ -395,7 +397,7 @@ class FitPosteriors:
 def _posteriors_about(
     blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
-    """Return the decay at parameters p, (d + 1,), and the normal posteriors of the decay linearised about p.
+    """Return the decay at parameters p, (d + 1,), with its derivatives, and the normal posteriors linearised about p.
 
     There is one posterior of all unknowns for each combination of hyperparameters (see `FitPosteriors`).
 

@@ -100,7 +100,7 @@ class Decay:
 
     @property
     def readings(self) -> int:
-        """Number of readings of the record in the window of the decay."""
+        """Number of readings of the record (not of blocks) in the window of the decay."""
         return self.window.stop - self.window.start
 
     @property
@@ -242,7 +242,7 @@ def held_blocks(b: Blocks) -> int:
     inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
 
     def misfit(held_level: int) -> float:
-        """Return the sum of squares of a fit with a constant level up to the block with this index."""
+        """Return the sum of squared residuals of a fit with a constant level up to the block with this index."""
         held = replace(b, t=np.maximum(b.t - b.t[held_level], 0.0))
         return fit_rates(held, ClosedForm(SUMS[-1]), inverse).squares
 

@@ -169,9 +169,9 @@ def infer_noise(
     with_deviation : bool
         Whether to infer the size of a deviation together with the noise.
     begin : Noise, optional
-        Noise at which the search starts.
+        Noise at which the search starts; by default rough estimates from the residuals.
     only_floor : bool
-        Whether only the power of the floor is inferred; the other values are those of `begin`.
+        Whether only the power of the floor is inferred; the other values are those at which the search starts.
 
     Returns
     -------

@@ -44,10 +44,11 @@ class RateDraws:
         Decay rates in 1/s at the amplitudes that were passed to `draw_rates`, with the deviation from the law, (n,
         amplitudes).
     whole
-        Mean decay rate in 1/s over the first half of the decrease in dB, according to the law without the deviation,
-        (n,).
+        Mean (over time) decay rate in 1/s over the first half of the decrease in dB, according to the law without the
+        deviation, (n,).
     energy
-        Fraction of the energy dissipated during the decay by each term, (n, terms).
+        Fraction of the energy dissipated during the decay by each term, (n, terms); 0 for terms that are not in the
+        sum of the draw.
     deviation
         Root mean square over time of the relative deviation of the decay rate from the law, (n,).
     candidate
@@ -84,7 +85,8 @@ def draw_rates(
     terms : sequence of str
         Names of all terms, in the order of the columns of `RateDraws.energy`.
     amplitudes : ndarray, shape (m,)
-        Values x = ln(A/A_ref) at which rates are drawn.
+        Values x = ln(A/A_ref) at which rates are drawn; beyond the ends of the fit the relative deviation from the law
+        has its value there.
     rng : Generator
         Random number generator.
     sensor : float

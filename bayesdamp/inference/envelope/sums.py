@@ -123,7 +123,7 @@ class Sum:
 
     @cached_property
     def each(self) -> tuple[DampingTerm, ...]:
-        """The damping terms; () if they are only viscous, Coulomb and quadratic, which have a closed form."""
+        """The damping terms; () if all are viscous, Coulomb or quadratic, because their decay has a closed form."""
         return () if set(self.terms) <= set(POWERS) else tuple(map(TERMS.get, self.terms))
 
     @property
@@ -133,7 +133,7 @@ class Sum:
 
     @property
     def log_prior(self) -> float:
-        """Log of the prior odds of this sum against a sum of one term, in nats."""
+        """Log of the prior odds of this sum against a sum of one term, in nats: 0 for one term, else negative."""
         return float(np.log(odds(self.terms)))
 
     @property
@@ -184,7 +184,7 @@ class Sum:
 
 
 def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the names of all terms in these sums except viscous, Coulomb and quadratic damping, without repetition."""
+    """Return the names of all terms except viscous, Coulomb and quadratic damping, in the order of their first use."""
     return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
 
 
@@ -299,7 +299,7 @@ def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSqu
 
 
 def _power(power: float) -> Shape:
-    """Return the function x ↦ e^((power − 1) x): the relative rate at x = ln(A/A_ref) if dA/dt ∝ A^power."""
+    """Return the function x ↦ e^((power − 1) x): rate at x = ln(A/A_ref) over that at A_ref, if dA/dt ∝ −A^power."""
     return lambda x: np.exp((power - 1.0) * x)
 
 
@@ -434,7 +434,7 @@ def importance_points(
 def _log_normal(points: np.ndarray, mean: np.ndarray, cholesky: np.ndarray) -> np.ndarray:
     """Return the log density, (n,), of a normal distribution at points, (n, d).
 
-    cholesky: Cholesky factor of its covariance, (d, d).
+    mean: (d,). cholesky: lower Cholesky factor of its covariance, (d, d).
     """
     z = np.linalg.solve(cholesky, (points - mean).T)
     log_det = np.log(np.diag(cholesky)).sum()
@@ -506,10 +506,13 @@ class Ranking:
 
 
 def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
-    """Add up the evidence of each sum's candidates, with the prior odds in `log_share`; return the ranking."""
+    """Add up the evidence of each sum's candidates, with the prior odds in `log_share`; return the ranking.
+
+    The sums keep their order. Candidates belong to the sum with their name; each sum must have at least one.
+    """
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
-        """Return the log of the summed evidence of each damping sum's candidates, (sums,); logs: of all candidates."""
+        """Return the log of the summed evidence of each damping sum's candidates, (sums,). logs: of all candidates."""
         each_sum = [[z for z, c in zip(logs, candidates, strict=True) if c.name == s.name] for s in sums]
         return np.array([np.logaddexp.reduce(each) for each in each_sum])
 
@@ -548,8 +551,8 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 class PowerFit:
     """A fit of the power law dA/dt = -c A^p.
 
-    exponent: median and 95 % interval of p. odds: log Bayes factor (nats) of the power law against all sums of damping
-    terms together.
+    A is relative to the reference amplitude. exponent: median and 95 % interval of p. odds: log Bayes factor (nats) of
+    the power law against all sums of damping terms together.
     """
 
     exponent: Quantity

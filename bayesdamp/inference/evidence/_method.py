@@ -90,7 +90,11 @@ class EvidenceMethod(ABC):
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return why nested sampling must decide: a method is unreliable, or two disagree (`SE_APART`); "" if not."""
+    """Return why nested sampling must decide, as a clause of a sentence; "" if it need not.
+
+    It must if the outcome of one of the evidences is not "ok", or if two of them differ by at least `SE_APART` combined
+    standard errors. The evidences are those of other methods for one model.
+    """
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
         return f"the diagnostic of {' and '.join(poor)} is poor"
@@ -108,7 +112,7 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     It is that of nested sampling if this was run and is reliable; otherwise the mean over the reliable methods,
     weighted by inverse variance. If no method is reliable, it is the result with the smallest standard error; if no
     result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged methods
-    disagree.
+    disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from.
     """
     if not any(np.isfinite(e.log_evidence) for e in evidences):
         return replace(evidences[0], method=ADOPTED)

@@ -107,8 +107,8 @@ def _bridge_halves(
 ) -> list[BridgeEstimate]:
     """Estimate the evidence from each half of the chains, with a proposal fitted to the other half.
 
-    z: posterior draws as scores, (chains, draws, d). shear: map that straightens a curved ridge of the posterior; the
-    proposal is fitted in straightened scores.
+    z: posterior draws as standard normal scores, (chains, draws, d). shear: map that straightens a curved ridge of the
+    posterior; the proposal is fitted in straightened scores.
     """
     reflected, half = target.reflected, z.shape[1] // 2
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
@@ -130,7 +130,7 @@ def bridge(at_draws: np.ndarray, at_proposals: np.ndarray) -> BridgeEstimate:
     at_draws : ndarray, shape (chain, draw)
         Log ratios of the unnormalised posterior density to the proposal density, at posterior draws.
     at_proposals : ndarray, shape (m,)
-        Log ratios at independent draws of the proposal.
+        The same log ratios at independent draws of the proposal.
 
     Returns
     -------

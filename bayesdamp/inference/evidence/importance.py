@@ -53,8 +53,8 @@ class Importance(EvidenceMethod):
         """Compute the evidence by importance sampling, after choosing a proposal with pilot draws.
 
         The outcome is not "ok" if the Pareto shape of the weights of the final draws is ≥ `K_LIMIT`, or their effective
-        number is below `LEAST_EFFECTIVE`. The arrays of the result are the final draws as scores, `y`, and their
-        `log_weights`. `draws` are not used.
+        number is below `LEAST_EFFECTIVE`. The arrays of the result are the n final draws as standard normal scores,
+        `y`, (n, d), and their `log_weights`, (n,), whose mean weight is the evidence. `draws` are not used.
         """
         rng = np.random.default_rng(seed)
         reflected = target.reflected
@@ -131,8 +131,8 @@ class Importance(EvidenceMethod):
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
         """Return a Student t fitted to weighted draws y, (n, d), with 1.2 times their covariance.
 
-        log_weights: (n,). reflected: which scores are reflected at zero, (d,). Return None if too few draws have
-        weight, or if the covariance is singular.
+        log_weights: (n,); no weight counts more than 50 times their mean. reflected: which scores are reflected at
+        zero, (d,). Return None if too few draws have weight, or if the covariance is singular.
         """
         # The weights are truncated so that a single draw cannot dominate the fit.
         w = np.exp(log_weights - scipy.special.logsumexp(log_weights))

@@ -127,7 +127,7 @@ def standard_normal(z: np.ndarray) -> np.ndarray:
 
 
 def _finite(log: np.ndarray) -> np.ndarray:
-    """Return log densities with −∞, nan and values below `LEAST_LOG_DENSITY` replaced by this."""
+    """Return log densities in which −∞, nan and all values below `LEAST_LOG_DENSITY` are replaced by this value."""
     return np.maximum(np.nan_to_num(log, nan=-np.inf), LEAST_LOG_DENSITY)
 
 

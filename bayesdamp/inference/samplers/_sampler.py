@@ -48,7 +48,7 @@ class Settings:
     seed : int
         Seed of all random numbers.
     grows : bool
-        Whether the sampler makes more draws if these are too few.
+        Whether NUTS and emcee make more draws if these are too few; other samplers ignore it.
     """
 
     chains: int = 4
@@ -193,8 +193,8 @@ def compare_chains(starts: Sequence[ChainStart], draws: np.ndarray) -> tuple[Cha
     Returns
     -------
     tuple of ChainStart
-        For each chain its start, and the largest distance of a parameter's mean in this chain from the mean over all
-        chains, in posterior standard deviations.
+        For each chain its start, and as `shift` the largest distance of a parameter's mean in this chain from the mean
+        over all chains, in posterior standard deviations.
     """
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd

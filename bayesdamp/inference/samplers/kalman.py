@@ -117,6 +117,10 @@ class Kalman(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws from the distribution of the parameters after the last sample, and the running estimates.
 
+        The latter are in `Posterior.arrays`: times `running/t` in s, and mean and sd of the parameters in
+        `Posterior.running` after these samples, of the first pass (`running/online/...`) and of the last one
+        (`running/restarted/...`), (times, parameters) each, in the units of the parameters.
+
         Raises Refusal under exact friction (ε = 0), deviations from the laws, or noise that is not Gaussian, and if the
         filter diverges or does not converge.
         """

@@ -115,7 +115,7 @@ class Point:
 
     @property
     def joint(self) -> float:
-        """Log density of position and momentum: that of the position minus the kinetic energy."""
+        """Log density (nats) of position and momentum, up to a constant: that of the position minus |p|²/2."""
         return self.log_density - 0.5 * float(self.p @ self.p)
 
 
@@ -309,7 +309,7 @@ class ChainRun:
 
     @property
     def draws(self) -> int:
-        """Number of draws of each chain after the warm-up."""
+        """Number of draws of each chain after the warm-up (not of all chains together)."""
         return self.results[0].shape[1] - self.warmup
 
     def posterior(self, mode: Mode) -> Posterior:
@@ -339,7 +339,7 @@ class ChainRun:
         )
 
     def continue_chains(self, count: int) -> ChainRun:
-        """Return a run in which each chain has `count` more draws, made from its last one."""
+        """Return a run with the earlier draws, after which each chain has `count` more, made from its last one."""
         more = [
             chain.sample(u[-1], float(log_density[-1]), count)
             for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)
@@ -387,7 +387,8 @@ class MixtureChain(Chain):
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
         """Make draws as `Chain.sample` does, but with a new combination of hyperparameters before each draw.
 
-        Positions and log densities, at the start and in the result, are those of the mixture of all combinations.
+        Positions are in the coordinates of the whole mixture, and log densities in the result are those of the mixture.
+        The argument `log_density` has no effect.
         """
         likelihood, rows = self.mode.likelihood, []
         assert likelihood.target.deviation is not None
