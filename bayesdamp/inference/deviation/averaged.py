@@ -86,8 +86,9 @@ class Averaged:
         Ends of the blocks in the time of the compressed oscillation (see the module), in s; each is repeated for the
         three values of y.
     y : ndarray, shape (3b,)
-        Amplitude, phase and midline of each block in turn, times the factors of `track`, which give all values
-        independent noise of the same sd; an `AveragedSolver` gives motions in this form.
+        Amplitude, phase (minus that of `track`) and midline of each block in turn, times the factors of `track`, which
+        give all values the record's unit and independent noise of the same sd; an `AveragedSolver` gives motions in
+        this form.
     track : Track
         Times and phases, in the record and in the compressed oscillation, at which each block is measured.
     noise : float
@@ -147,7 +148,7 @@ class _Curves:
     steps: tuple[tuple[float, float], ...] = ()
 
     def phase_at(self, t: np.ndarray) -> np.ndarray:
-        """Return the phase in rad, with its steps, at times t in s, (n,)."""
+        """Return the phase in rad, (n,), with the steps before each time, at times t in s, (n,)."""
         return self.phase(t) + sum((size * (t > at) for at, size in self.steps), np.zeros(1))
 
 
@@ -164,7 +165,7 @@ def average_of(
     Parameters
     ----------
     t, y : ndarray, shape (n,)
-        Times in s, from 0, and recorded values.
+        Increasing times in s, from 0, and recorded values, in any unit ("the record's unit").
     features : Features
         Features of the record.
     noise : FittedNoise, optional
@@ -281,8 +282,9 @@ def _demodulated(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
     """Demodulate a record in short windows (`WINDOW`), and count the cycles across holes (gaps that contain no window).
 
-    Return times in s, unwrapped phases in rad and amplitudes of the w windows, (w,) each, and `_Curves.steps`. Where
-    the cycles in a hole cannot be counted, the phases continue smoothly and the unknown change is in the steps instead.
+    Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and
+    `_Curves.steps`. A window that has few samples (`FULL`) is left out. Where the cycles in a hole cannot be counted,
+    the phases continue smoothly and the unknown change is in the steps.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -324,8 +326,9 @@ class _BlockFit:
 
     curves: these curves. z: complex amplitudes, (b,): |z| is the amplitude in the record's unit, and the argument is
     the phase minus that of the curve, in rad. midline: midlines of the blocks, (b,). sd: standard errors of the
-    amplitudes, (b,). left: residual of all samples, (n,). bent: `_scatter` of the amplitudes or of the phases about the
-    curves, whichever is larger; that of the amplitudes alone if the curve follows a wandering phase.
+    amplitudes, (b,). left: residual of all samples, (n,); midline, sd and left are in the record's unit. bent:
+    `_scatter` of the amplitudes or of the phases about the curves, whichever is larger; that of the amplitudes alone if
+    the curve follows a wandering phase.
     """
 
     curves: _Curves
@@ -455,13 +458,16 @@ def _walk_rate(
 
 
 def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
-    """Return the knots of a cubic spline from 0 to `end`; each piece contains equally many of the times t, (m,)."""
+    """Return the knots of a cubic spline from 0 to `end`, (pieces + 7,), with both ends fourfold as for a `BSpline`.
+
+    Each of the `pieces` polynomial pieces contains equally many of the times t, (m,). All times are in s.
+    """
     inner = np.quantile(t, np.linspace(0.0, 1.0, pieces + 1)[1:-1])
     return np.concatenate([[0.0] * 4, inner, [end] * 4])
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
-    """Return the least-squares cubic spline, with the given knots, of values at times t, (m,).
+    """Return the least-squares cubic spline, with the given knots (see `_knots`), of values at times t in s, (m,) each.
 
     weight: 1/sd of each value, up to a factor, (m,).
     """
@@ -469,7 +475,7 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.nda
 
 
 def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray) -> BSpline:
-    """Return a spline plus the least-squares spline, with the same knots, of values at times t, (m,).
+    """Return the sum of a spline and the least-squares spline, with the same knots, of values at times t in s, (m,).
 
     weight: 1/sd of each value, up to a factor, (m,).
     """

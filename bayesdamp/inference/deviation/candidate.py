@@ -43,7 +43,10 @@ deviation of the frequency."""
 
 @dataclass(frozen=True)
 class MotionCandidate:
-    """A candidate of the comparison: a damping sum (`damping`, the names of its terms) under a restoring law."""
+    """A candidate of the comparison: a damping sum under a restoring law.
+
+    damping: names of the terms, such as ("viscous", "coulomb"). restoring: name of the law, such as "pendulum".
+    """
 
     damping: tuple[str, ...]
     restoring: str
@@ -69,11 +72,12 @@ class Linearisation:
     motion : Motion
         The motion at u.
     residual : ndarray, shape (n,)
-        Record minus motion.
+        Record minus motion, in the record's unit.
     model : LinearModel
         The sum of squared residuals of the linearised motion as a quadratic function of u.
     left : ndarray, shape (n,)
-        Residual of the linear model when all unknowns are fitted by least squares, without priors.
+        Residual of the linear model when all unknowns are fitted by least squares, without priors, in the record's
+        unit.
     """
 
     fit: LeastSquaresFit
@@ -90,12 +94,12 @@ class Linearisation:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of all parameters of the solver at u, (k,)."""
+        """Return the values of all parameters of the solver at u, (k,), in the order of `Solver.names`."""
         return self.fit.parameters.values(self.z)
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return exp g − 1 and h at the knots, as two vectors: the relative deviations of damping and frequency."""
+        """Return exp g − 1 and h at u: the relative deviations of damping and frequency, one value per knot each."""
         g, h = np.split(self.u[self.fit.z.size :], 2)
         return np.expm1(g), h
 
@@ -112,8 +116,8 @@ class Linearisation:
     def variance(self, data: Data) -> float:
         """Return the variance of the noise, in the record's unit squared.
 
-        It is the sum of `left` squared divided by the degrees of freedom (at least 1), plus the variance of the
-        solver's error.
+        It is the sum of `left` squared divided by the degrees of freedom (n − K, at least 1), plus the variance of the
+        solver's error (`Data.least_variance`, the only use of `data`).
         """
         degrees = max(self.left.size - self.u.size, 1)
         return data.least_variance + float(self.left @ self.left) / degrees
@@ -143,8 +147,9 @@ def parameters_of(
 ) -> Parameters:
     """Return the parameters of a candidate: which are inferred, with their priors, and the values of the others.
 
-    Coefficients, and all other parameters without a known value, are inferred, with the given prior or else the default
-    prior. Only parameters of the solver are included.
+    Coefficients, and all other parameters without a known value, are inferred if the solver has them, with the prior in
+    `priors` or else the default prior, whose width scales with `reference`. A known value of a coefficient, and priors
+    of parameters that are not inferred, have no effect.
     """
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
@@ -200,11 +205,11 @@ def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
 def search(
     solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]]
 ) -> LeastSquaresFit | None:
-    """Fit from each start over growing windows, and return the fit with the smallest sum of squared residuals.
+    """Fit from each start, and return the fit with the smallest sum of squared residuals.
 
-    A start contains values of inferred parameters by name; inferred parameters that it does not contain start at the
-    value 0. With several starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or
-    the refinement.
+    Each fit begins with the first cycles and goes on to longer and longer parts of the record. A start contains values
+    of inferred parameters by name; inferred parameters that it does not contain start at the value 0. With several
+    starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or the refinement.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
@@ -271,7 +276,8 @@ def search_near(
 def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | None:
     """Fit a candidate to `data` with `solver`, starting near an earlier fit `at`; None if this fails.
 
-    The earlier fit may be to other data or with another solver.
+    Priors, known values and inferred parameters are those of `at`. The earlier fit may be to other data or with another
+    solver.
     """
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
@@ -281,8 +287,9 @@ def tangents_at(
 ) -> np.ndarray | None:
     """Return the Jacobian of a candidate's motion by u = (scores, g, h), (n, K), at u; None where the motion escapes.
 
-    A motion escapes if it grows beyond all bounds or needs too many steps. tolerance: error of an integration step as a
-    fraction of the amplitude, by default that of fits.
+    A motion escapes if it grows beyond all bounds or needs too many steps. at: only its parameters (priors, known
+    values) and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by
+    default that of fits (3e-8).
     """
     solution = _solve(solver, at, u, tolerance)
     return None if solution is None else solution[1]
@@ -293,7 +300,8 @@ def _solve(
 ) -> tuple[Motion, np.ndarray] | None:
     """Return a candidate's motion at u = (scores, g, h) and its Jacobian by u, (n, K); None where the motion escapes.
 
-    tolerance: error of an integration step as a fraction of the amplitude, by default that of fits.
+    at: only its parameters (priors, known values) and its active terms are used. tolerance: error of an integration
+    step as a fraction of the amplitude, by default that of fits (3e-8).
     """
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
@@ -307,7 +315,10 @@ def _solve(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model of the motion as a function of the scores, about a fit under exact laws (g = h = 0)."""
+    """Return the linear model of the motion as a function of the scores, about a fit under exact laws (g = h = 0).
+
+    Its unknowns are the d scores alone, without g and h.
+    """
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
 
@@ -315,9 +326,10 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit with g = h = 0.
+    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit `at` with g = h = 0.
 
-    Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
+    If u is given, `at` only supplies the parameters (priors, known values) and the active terms. Return None if |g| or
+    |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u

@@ -47,8 +47,10 @@ class Data:
     Attributes
     ----------
     t, y : ndarray, shape (n,)
-        Times in s from the first sample, where motions start, and values. For an averaged record, y are amplitudes,
-        phases and midlines of blocks, and t are times of the compressed oscillation that is solved in its place.
+        Times in s from the first sample, where motions start, and values, in the unit of the displacement (rad, m or
+        that of a sensor), per s for velocity or per s² for acceleration ("the record's unit"). For an averaged record,
+        y are amplitudes, phases and midlines of blocks (see `Averaged`), and t are times of the compressed oscillation
+        that is solved in its place.
     quantity : str
         What was recorded: angle, velocity or acceleration.
     amplitude, final_amplitude : float
@@ -60,9 +62,9 @@ class Data:
     cycles : float
         Number of cycles.
     noise : float
-        Rough standard deviation of the noise of y: the median over windows of about a cycle.
+        Rough standard deviation of the noise of y, in its unit: the median over windows of about a cycle.
     start : tuple of float
-        Estimate of the displacement θ₀ and the velocity θ̇₀ at the first sample.
+        Estimate of the displacement θ₀ (rad or m) and the velocity θ̇₀ (rad/s or m/s) at the first sample.
     thinned : int
         Number of samples for each value of y: its noise has 1/`thinned` of the variance of a sample's noise.
     features : Features
@@ -107,7 +109,7 @@ class Data:
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
-        """Return a copy whose y is the recorded one plus a change that is given for each sample, (m,).
+        """Return a copy whose y is the recorded one plus a change, which is given for each sample of `record`, (m,).
 
         Where y are means over windows, the means of the change are added. This replaces residuals by working residuals,
         for noise that is not Gaussian. `readings` of the copy contains the recorded y.
@@ -183,7 +185,8 @@ class Data:
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
         """Return the stable equilibrium in rad or m nearest to the midline, for restoring parameters `law`, (r,).
 
-        None if none is within two amplitudes (`amplitude`) of the midline.
+        None if none is within two amplitudes (`amplitude`) of the midline. restoring: name of the law. law: values in
+        the order of `RestoringLaw.parameters`.
         """
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
@@ -271,8 +274,8 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
 def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tuple[float, float]:
     """Estimate displacement θ₀ and velocity θ̇₀ at the first sample, by a sinusoid that is fitted to the first cycle.
 
-    Its amplitude changes linearly with time, or is constant if few samples are in the cycle. quantity: what y contains,
-    one of `ORDERS`.
+    Return them in this order, in rad and rad/s (or m and m/s). The sinusoid's amplitude changes linearly with time, or
+    is constant if few samples are in the cycle. quantity: what y contains, one of `ORDERS`.
     """
     w = shape.frequency
     stop = max(int(np.searchsorted(t, 1.05 * shape.period)), min(6, t.size))

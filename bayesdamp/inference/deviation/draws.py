@@ -50,8 +50,9 @@ _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 class Quantity:
     """Median and 95 % interval (2.5 and 97.5 % quantiles) of a number, and two parts of its standard deviation.
 
-    sd_noise: the part that noise alone would cause if the laws were exact. sd_law: the rest, √(variance − sd_noise²),
-    from deviations from the laws. Both are nan if unknown.
+    All are in the unit of this number. value: the median. low, high: the ends of the interval. sd_noise: the part that
+    noise alone would cause if the laws were exact. sd_law: the rest, √(variance − sd_noise²), from deviations from the
+    laws. Both are nan if unknown.
     """
 
     value: float
@@ -64,8 +65,8 @@ class Quantity:
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
-    noise: the part that noise alone causes. The part from deviations is √(variance − noise²), at least 0; it is nan if
-    `noise` is nan.
+    noise: the part of the sd that noise alone causes, in the unit of the draws. The part from deviations is √(variance
+    − noise²), at least 0; it is nan if `noise` is nan.
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
@@ -186,7 +187,8 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
     """Return the fraction of the energy lost over the record that each term dissipates, for each draw, (draws, m).
 
     The m terms are those of the solver; the draws of all candidates follow each other. For all draws of a candidate the
-    work is computed along one motion, that at the candidate's mode.
+    work is computed along one motion, that at the candidate's mode. The draws' deviations g and h have no effect. The
+    fractions of a draw have the sum 1, or are all 0 if it loses no energy.
     """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
@@ -217,7 +219,8 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
     """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it would escape.
 
-    law: parameters of the restoring law.
+    restoring: name of the law. law: values of its parameters, in the order of `RestoringLaw.parameters`. rest: in rad
+    or m.
     """
     orbit = orbit_about(by_kernel(LAWS.get(restoring).kernel, np.array(law)), rest, amplitude)
     return orbit if np.isfinite(orbit.energy) else None
@@ -226,8 +229,9 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
     """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s; 0 if F′ < 0.
 
-    F′ is the derivative of the restoring force per unit of inertia. scale: a typical displacement in rad or m; the
-    difference quotient for F′ has the step 1e-5 `scale`.
+    F′ is the derivative of the restoring force per unit of inertia. law: parameters of the restoring law, (r,), in the
+    order of `RestoringLaw.parameters`. scale: a typical displacement in rad or m; the difference quotient for F′ has
+    the step 1e-5 `scale`.
     """
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
@@ -293,7 +297,8 @@ def unit_works(
 ) -> np.ndarray:
     """Return the energy that each term dissipates in a cycle of an orbit, per unit coefficient and inertia, (d, m).
 
-    further: d rows of the terms' own parameters, (d, e). active: mask of the terms that act; the others get 0, (m,).
+    Times a coefficient it is in rad²/s² or m²/s². further: d rows with the terms' own parameters and the references in
+    their forces, (d, e), in the order of `Solver.further`. active: mask of the terms that act, (m,); the others get 0.
     epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s, by default that of the
     solver.
     """
@@ -305,8 +310,10 @@ def unit_works(
 def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
     """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
 
-    The result is (1, m) if all draws have the same own parameters; None if no orbit has the amplitude (rad or m). With
-    `every_term`, terms that the candidate does not have are included if they have no own parameters; else they get 0.
+    Times the coefficients and summed over the m terms it is the damping ratio without deviations. The orbit is that
+    under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the same own
+    parameters; None if no orbit has the amplitude (rad or m). With `every_term`, terms that the candidate does not have
+    are included if they have no own parameters; else they get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -344,8 +351,8 @@ def deviations_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return g (log damping) and h (relative frequency) of a candidate's draws at an amplitude (rad or m), (n,) each.
 
-    They are interpolated between knots at the time when the motion has this amplitude; g also includes the random
-    difference of `between_knots`.
+    They are interpolated between knots at the time when the motion has this amplitude, or the nearest amplitude that it
+    has (`time_fraction`); g also includes the random difference of `between_knots`.
     """
     share = time_fraction(d.result, amplitude)
     return at_fraction(d.g, share) + between_knots(d.g, share, rng), at_fraction(d.h, share)
@@ -391,7 +398,7 @@ def draw_ratios(
     amplitude : float
         Amplitude in rad or m.
     sensor : float
-        Relative sd of the sensor's linearity and clock, which the draws include.
+        Relative sd of the sensor's linearity and clock: each draw contains a random factor with this sd; 0 for none.
     rng : numpy.random.Generator
         Random stream.
     """
@@ -471,7 +478,8 @@ def ratio_over_law(
     """Return median and 95 % interval of the damping divided by that of its law, for each amplitude (rad or m).
 
     The quotient is exp(g − mean of g), where g is the log deviation of the damping and its mean over the record is
-    weighted by the energy. The draws of all candidates are joined.
+    weighted by the energy. The draws of all candidates are joined. The two parts of the sd are nan. For an amplitude
+    outside the range of a motion, g is that at the nearest amplitude.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -484,7 +492,11 @@ def ratio_over_law(
 def log_ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Return mean and sd of log(damping ratio / damping ratio without deviations), for each amplitude (rad or m)."""
+    """Return mean and sd of log(damping ratio / damping ratio without deviations), for each amplitude (rad or m).
+
+    This natural logarithm is g − log(1 + h); no mean over the record is subtracted from g (unlike `ratio_over_law`).
+    The draws of all candidates are joined.
+    """
     pairs = []
     for a in amplitudes:
         deviations = [deviations_at(d, a, rng) for d in drawn]
@@ -554,7 +566,8 @@ def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> 
 def midline_drift(result: CandidateResult) -> float:
     """Return the drift of the midline over the record, as a fraction of the first amplitude; 0 if insignificant.
 
-    A straight line is fitted to the mean residuals, under exact laws, of the cycles (or blocks of an averaged record);
+    It is positive if the record rises relative to the motion. The amplitude is that of the recorded quantity. A
+    straight line is fitted to the mean residuals, under exact laws, of the cycles (or blocks of an averaged record);
     the scatter of these means about it gives the sd of its slope. The drift is significant if it exceeds `DRIFT_SDS`
     sds and there are at least `LEAST_CYCLE_MEANS` means.
     """
@@ -577,9 +590,9 @@ def midline_drift(result: CandidateResult) -> float:
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
     """Return the rms of the part of the residual under exact laws that is not noise, and the sd of a sample's noise.
 
-    Both are fractions of the first amplitude. The noise is the residual that remains with deviations g and h; without a
-    linearisation with deviations, all of the residual counts as noise. Of an averaged record only the residuals of the
-    amplitudes are used for the first number.
+    Both are fractions of the first amplitude of the recorded quantity. The noise is the residual that remains with
+    deviations g and h; without a linearisation with deviations, all of the residual counts as noise. Of an averaged
+    record only the residuals of the amplitudes are used for the first number.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left
