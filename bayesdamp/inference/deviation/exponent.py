@@ -67,7 +67,8 @@ POINTS = 3001
 class _At:
     """The fit at one exponent: log evidence in nats, least-squares fit, and u = (scores, g, h) at the mode.
 
-    Under exact laws u contains only the scores.
+    Under exact laws u contains only the scores. With deviations, the motion in `fit` is that at the mode, but its
+    scores and residual are those from which the search of the mode started.
     """
 
     log_evidence: float
@@ -78,9 +79,10 @@ class _At:
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent p of a damping force c |v|^p at the probabilities `LEVELS`.
 
-    An empty tuple is returned if no motion under a power law fits the record, or there is no candidate from which a fit
-    could start. The restoring law is that of the best candidate. The prior of the exponent is uniform; that of the
-    coefficient is the default prior of a damping ratio, at the geometric mean of the record's first and last amplitude.
+    The coefficient and all other unknowns are integrated out. An empty tuple is returned if no motion under a power law
+    fits the record, or there is no candidate from which a fit could start. The restoring law is that of the best
+    candidate. The prior of the exponent is uniform (from `LEAST_EXPONENT` to `MOST_EXPONENT`); that of the coefficient
+    is the default prior of a damping ratio, at the geometric mean of the record's first and last amplitude.
     """
     if not comparison.results:
         return ()
@@ -149,7 +151,7 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
     The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity in which
-    forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity.
+    forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity, else it is that of the candidate's solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)

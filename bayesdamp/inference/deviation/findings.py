@@ -83,16 +83,17 @@ class Findings:
     exponent : Quantity, optional
         Exponent p of a damping force that is one power |v|^p of the velocity; None if no such motion fits the record.
     restoring : mapping of str to float
-        Probability of each restoring law.
+        Probability of each restoring law, the most probable one first; rivals are left out.
     term : mapping of str to float
-        Probability that the damping contains each term.
+        Probability that the damping contains each compared term; rivals are included.
     ratios, curve : tuple of Ratio
         Equivalent damping ratios at the amplitudes that were asked for, and at `CURVE_AMPLITUDES` amplitudes from the
-        first to the last of the record.
+        first to the last of the record, in equal steps of the logarithm; nan where no orbit has the amplitude.
     frequency : Quantity
         Frequency of small oscillations, in Hz.
     energy : mapping of str to Quantity
-        Fraction of the dissipated energy that each damping term takes.
+        Fraction of the energy dissipated over the record that each compared term takes, from the joined draws of all
+        compared candidates; it is 0 in the draws of a candidate without the term.
     bound : mapping of str to float
         95 % upper limit of the fraction of the dissipated energy, for each term and other form that is not in the most
         probable sum.
@@ -101,12 +102,12 @@ class Findings:
     other : float
         95 % upper limit of the energy fraction of any other form: the 95 % quantile of the mean |g| in `deviation`.
     coefficients : mapping of str to Quantity
-        Inferred parameters of the damping and the restoring law of `best`.
+        Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s.
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
         Rms of the residual under exact laws that is not noise, and sd of the noise of a sample, as fractions of the
-        first amplitude, for the most probable candidate or rival.
+        first amplitude of the recorded quantity, for the most probable candidate or rival.
     amplitudes : tuple of float
         First and last amplitude of the record, in rad or m.
     cycles : float
@@ -120,14 +121,15 @@ class Findings:
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
     exponents : tuple of float
-        Quantiles of the exponent at equidistant probabilities; empty where there is no exponent.
+        Quantiles of the exponent at the probabilities `exponent.LEVELS`; empty where there is no exponent.
     midline : float
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
-        Frequency in Hz at the last amplitude of `ratios`.
+        Frequency in Hz at the last amplitude of `ratios`; None without such an amplitude, or where no orbit has it.
     over_law : tuple of Quantity
-        Damping with deviations divided by that of its law, at the amplitudes of `ratios`; empty under exact laws.
+        Damping with deviations divided by that of its law, at the amplitudes of `ratios` (see `ratio_over_law`); empty
+        under exact laws.
     over_curve : tuple of (float, float)
         Mean and sd of log(damping ratio / damping ratio without deviations) at the amplitudes of `curve`; empty under
         exact laws.
@@ -167,7 +169,7 @@ class Findings:
 def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
     """Return three amplitudes of the record, in rad or m, at 10, 50 and 90 % of the way from its first to its last one.
 
-    The way is measured in the logarithm of the amplitude.
+    The way is measured in the logarithm of the amplitude. The largest amplitude is the first.
     """
     data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
@@ -276,7 +278,7 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
 
     The frequency of each draw contains the factor 1 + h, with the relative deviation h at this amplitude. If
     `amplitude` is None, it is the frequency of small oscillations, with h at the end of the record. Candidates without
-    an orbit of this amplitude are left out; None if all are.
+    an orbit of this amplitude are left out; None if all are. The two parts of the sd are nan.
     """
     values = []
     # Draws are ordered by grid point: take every `step`-th. One step for all candidates preserves their probabilities.
@@ -320,8 +322,8 @@ def _limits_of_absent_terms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the energy fraction of each compared term that the best sum lacks.
 
-    The limit of a term is from the posterior of the candidate that has the terms of the best sum and this one; without
-    such a result the term is left out.
+    The limit of a term is from the posterior of the candidate that has the terms of the best sum and this one, and is a
+    fraction of the energy that this candidate dissipates over the record; without such a result the term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -374,8 +376,8 @@ def _parameters(
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
     """Return whether a posterior's 95 % interval, from low to high, is nearly as wide as that of the prior.
 
-    This is so if it is wider than `UNDETERMINED_WIDTH` times that of the prior. Widths are compared in standard normal
-    scores.
+    This is so if it is wider than `UNDETERMINED_WIDTH` times that of the prior. low and high are in the parameter's
+    unit; widths are compared in standard normal scores.
     """
     whole = 2.24 - 0.03 if prior.reflected else 2 * NORMAL_95
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
@@ -389,13 +391,13 @@ def posterior_of(
     Returns
     -------
     dict
-        `parameters`: mean, sd, quantiles and shortest interval by name; sd_noise is the part of the sd that noise alone
-        would cause under exact laws, at most the sd; sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 %
-        quantiles of the energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as
-        a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see
-        `TemperedDraws`.
+        `parameters`: for each name a dict with mean, sd, quantiles and shortest 95 % interval (keys: see
+        `diagnostics.QUANTILES`, and hdi_low, hdi_high); sd_noise is the part of the sd that noise alone would cause
+        under exact laws, at most the sd; sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 % quantiles of the
+        energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as a fraction of the
+        first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see `TemperedDraws`.
     ndarray, shape (n, p)
-        The inferred parameters of each draw.
+        The inferred parameters of each draw, in the order of `Parameters.free_names`.
     """
     parameters, u = result.fit.parameters, sampled.draws
     d, n = parameters.free.size, result.solver.knots.size
@@ -426,12 +428,14 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     """Return the arrays of the figures of an answer by name.
 
     t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
-    any) and their difference, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high: the damping
-    ratio against amplitude with its 95 % interval, (a,). exponent: quantiles of the exponent. free/*: without a law,
-    the damping ratio and the energy lost in a cycle, with their 95 % intervals, against free/amplitude. law/SUM:
-    damping ratio of the fit of each compared sum under exact laws and the best restoring law, at `amplitude`.
-    work/TERM: energy lost in a cycle by each term of the best sum in this fit, per unit of inertia, at `amplitude`.
-    Values are nan where no orbit has the amplitude.
+    any) and their difference record − fit, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high:
+    the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). exponent:
+    quantiles of the exponent, if there are any. free/ratio and free/lost, if there is a free curve: without a law, the
+    damping ratio and the energy lost in a cycle (see `FreeCurve`) against free/amplitude, with the ends of their 95 %
+    intervals in free/ratio_low, free/ratio_high and so on. law/SUM: damping ratio of the fit of each compared sum under
+    exact laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the best
+    sum in this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has the
+    amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)

@@ -158,8 +158,9 @@ def bound_other_forms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the fraction of the energy loss for each form that a candidate's sum lacks.
 
-    The forms are the shipped terms with `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping. The limit
-    of a form with own parameters is the largest over several values of these; for friction with own parameters it is on
+    The fraction is the energy that the added form loses over the record, divided by that of the sum and the form. The
+    forms are the shipped terms with `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping. The limit of
+    a form with own parameters is the largest over several values of these; for friction with own parameters it is on
     the part beyond Coulomb friction. It is 0 for a form that dissipates no energy. The result is empty if the motion
     escapes (is unbounded).
     """
@@ -245,8 +246,8 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
 def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, displacements and velocities of a motion at its s nodes and half way between, (2s − 1,) each.
 
-    A velocity of 0 is replaced by a tiny one with the sign of the velocity before it (or after it, if that is 0 too),
-    so that friction is not zero there.
+    They are in s, rad and rad/s (or m and m/s). A velocity of 0 is replaced by a tiny one with the sign of the velocity
+    before it (or after it, if that is 0 too), so that friction is not zero there.
     """
     t, states = result.motion.refined
     step = np.diff(t)
@@ -266,8 +267,9 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
     """Return the derivatives of the motion by the coefficients of f forms, at coefficients of 0, (n, f).
 
-    None if the motion escapes. All terms are solved together; the motion is solved as many times as there are different
-    values of the own parameters of one term.
+    The motion is that of the candidate at its mode, with its deviations; the derivatives are in the record's unit per
+    unit of the coefficient. None if the motion escapes. All terms are solved together; the motion is solved as many
+    times as there are different values of the own parameters of one term.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

@@ -46,9 +46,9 @@ class FreeCurve:
     amplitude : ndarray, shape (a,)
         Falling amplitudes, in rad or m; the rows of the other arrays are nan where no orbit has the amplitude.
     ratio : ndarray, shape (a, 3)
-        Median and 95 % interval of the equivalent damping ratio.
+        Median, lower and upper end of the 95 % interval of the equivalent damping ratio.
     lost : ndarray, shape (a, 3)
-        Median and 95 % interval of the energy lost in a cycle per unit of inertia, in rad²/s² or m²/s².
+        The same three numbers for the energy lost in a cycle per unit of inertia, in rad²/s² or m²/s².
     """
 
     amplitude: np.ndarray
@@ -61,9 +61,9 @@ def free_curve(
 ) -> FreeCurve | None:
     """Infer the damping ratio and the energy loss against amplitude under a restoring law, without a damping law.
 
-    The search starts at the damping ratios of `guess`, in order of falling amplitude. Return None if no motion fits the
-    record, the linear model fails (`LARGEST_G`), no equilibrium is near the midline, or the motion has fewer than four
-    half cycles.
+    restoring: name of the law, under which the comparison must have a result. guess: damping ratios at which the search
+    starts, in order of falling amplitude. Return None if no motion fits the record, the linear model fails
+    (`LARGEST_G`), no equilibrium is near the midline, or the motion has fewer than four half cycles.
     """
     data = comparison.data
     count = int(np.clip(round(data.cycles / CYCLES_PER_KNOT) + 1, *KNOT_LIMITS))

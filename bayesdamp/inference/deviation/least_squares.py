@@ -67,7 +67,7 @@ class LeastSquaresFit:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of all parameters of the solver at the fit, (k,)."""
+        """Return the values of all parameters of the solver at the fit, (k,), in the order of `Solver.names`."""
         return self.parameters.values(self.z)
 
     @property
@@ -104,8 +104,9 @@ def fit(
 ) -> LeastSquaresFit | None:
     """Fit the motion to a record by least squares, with the standard normal priors of the scores.
 
-    It minimises |residual|² + variance |z|². Return None where the motion at the start of the search escapes (is
-    unbounded), or a motion depends chaotically on its parameters.
+    It minimises |residual|² + variance |z|², with the scores z and the variance of the noise. No coefficient becomes
+    negative. Return None where the motion at the start of the search escapes (is unbounded), or a motion depends
+    chaotically on its parameters.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def fit(
     active : ndarray of bool, shape (m,)
         Which of the solver's m terms exert a force.
     y : ndarray, shape (n,)
-        The record.
+        The record, in the form in which the solver returns motions.
     z : ndarray, shape (d,)
         Scores from which the search starts.
     noise : float

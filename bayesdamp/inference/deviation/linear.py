@@ -48,7 +48,8 @@ class Grid:
     """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
 
     g and h, at n knots each, are the deviations of the damping (log) and of the frequency (relative) from their laws.
-    Their hyperparameters are sizes (prior standard deviations) and correlation lengths.
+    Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a record without phases
+    (`grid_of`), scales and roots contain only g, with n in place of 2n.
 
     Attributes
     ----------
@@ -96,7 +97,8 @@ class Grid:
 def knots_of(duration: float, cycles: float) -> np.ndarray:
     """Return equidistant times of the knots of a deviation, in s from 0 to the duration.
 
-    There is one knot for every two cycles and one more, but at least 4 and at most 16.
+    There is one knot for every two cycles and one more, but at least 4 and at most 16. cycles: number of cycles in the
+    record.
     """
     return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
@@ -263,7 +265,10 @@ class LinearModel:
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
     def only(self, scores: np.ndarray) -> LinearModel:
-        """Return the model of the scores marked in `scores`, booleans (d,), with the other scores fixed at 0."""
+        """Return the model of the scores marked in `scores`, booleans (d,), with the other scores fixed at 0.
+
+        The deviations g and h remain unknowns.
+        """
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
         model = condense(self.root[:, columns], self.target, *masks)
@@ -274,8 +279,8 @@ class LinearModel:
 class DampingLikelihood:
     """The likelihood of the scores x, (k,), of the damping's parameters, with all other unknowns integrated out.
 
-    Its logarithm at each of c grid points of the deviations' hyperparameters is log + slopeᵀ x − xᵀ information x / 2,
-    with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    Its logarithm (in nats) at each of c grid points of the deviations' hyperparameters is log + slopeᵀ x − xᵀ
+    information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -311,7 +316,8 @@ class LinearPosterior:
     whole : callable
         Function that maps indices of grid points to the `Normals` there, under priors N(0, 1) and without the cut-off.
     damping_likelihood : callable, optional
-        Function without arguments that returns the likelihood of the damping's scores; None if there are none.
+        Function without arguments that returns the likelihood of the damping's scores at each grid point of the
+        hyperparameters; None if there are none.
     """
 
     log_each: np.ndarray
@@ -367,7 +373,7 @@ class LinearPosterior:
 
     @property
     def weights(self) -> np.ndarray:
-        """Return the posterior probability of each component, (m,)."""
+        """Return the posterior probability of each component, (m,); their sum is 1."""
         return np.exp(self.log_each - self.log_evidence)
 
     def sds(self, combinations: np.ndarray) -> np.ndarray:
@@ -603,8 +609,8 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
-        Effective number N of independent values. The log likelihood is −N/2 · log(2π variance) − (sum of squares) /
-        (2 variance).
+        Effective number N of independent values: n / κ for n values, if correlated residuals inflate the variance by κ.
+        The log likelihood is −N/2 · log(2π variance) − (sum of squares) / (2 variance).
     """
     posteriors = score_normals(model, grid, variance, samples)
     posterior = with_priors(posteriors, model.positive, model.shared)
@@ -617,7 +623,10 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the normal posteriors of scores, g and h at the k grid points with indices `combos`, (k,)."""
+    """Return the normal posteriors of scores, g and h at the k grid points with indices `combos`, (k,).
+
+    The other parameters are those of `normals`.
+    """
     return normals(model, grid.only(combos), variance, samples)
 
 
@@ -625,7 +634,7 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
     """Replace the N(0, 1) priors of scores by the actual priors; return the posterior over grid points and scales.
 
     Positive scores get half-normal priors, and shared scores priors with each value of the common scale σ in
-    `SHARED_SIGMAS`.
+    `SHARED_SIGMAS`, all equally probable. The result has the unknowns of `posteriors` and no `damping_likelihood`.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ class CandidateResult:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the knots, at the mode.
+        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the mode, one value per knot each.
 
         (None, None) under exact laws.
         """
@@ -158,17 +158,20 @@ class CandidateResult:
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of all parameters of the solver at the mode, (k,)."""
+        """Return the values of all parameters of the solver at the mode, (k,), in the order of `Solver.names`."""
         return self.fit.parameters.values(self.z)
 
     @property
     def law(self) -> np.ndarray:
-        """Return the parameters of the restoring law at the mode, (r,)."""
+        """Return the parameters of the restoring law at the mode, (r,), in the order of `RestoringLaw.parameters`."""
         return self.values[self.solver.law_places]
 
     @property
     def further(self) -> np.ndarray:
-        """Return the terms' own parameters (such as exponents) and references in their forces at the mode, (1, e)."""
+        """Return the terms' own parameters (such as exponents) and references in their forces at the mode, (1, e).
+
+        They are in the order of `Solver.further`.
+        """
         return self.values[None, len(self.solver.terms) : self.solver.law_places.start]
 
 
@@ -187,7 +190,7 @@ class ModelComparison:
     frictions : tuple of Friction
         Values of ε and their probabilities; empty where ε is known or there is no friction.
     solvers : mapping of str to Solver
-        Solver of the sum of all terms, by restoring law.
+        Solver of the sum of all terms of the candidates, by the name of the restoring law.
     variance, inflation : float
         Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
         residuals: their mean power near the oscillation relative to white noise (see `sample_noise.inflation`).
@@ -202,11 +205,11 @@ class ModelComparison:
     refused : mapping of MotionCandidate to str
         Candidates without a result, with the reason.
     results : tuple of CandidateResult
-        Results of the candidates.
+        Results of the candidates that are not refused.
     forms : tuple of CandidateResult
         Results of the rivals, which have other forms of damping.
     exponents : tuple of float
-        Quantiles of the exponent of a power law; empty where none fits.
+        Quantiles of the exponent of a power law, at the probabilities `exponent.LEVELS`; empty where none fits.
     averaging : Averaging, optional
         Error of averaged motions, where the record is reduced to amplitudes and phases.
     """
@@ -244,7 +247,7 @@ class ModelComparison:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the names of the damping terms that the candidates contain, rivals excluded."""
+        """Return the names of the damping terms that the candidates contain, rivals excluded, in the solvers' order."""
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
@@ -320,7 +323,8 @@ class ModelComparison:
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
         """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
 
-        If laws are exact or the linearisation fails, the result has only the posterior under exact laws.
+        fit: its fit under exact laws. If laws are exact or the linearisation fails, the result has only the posterior
+        under exact laws.
         """
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
@@ -335,7 +339,9 @@ class ModelComparison:
     ) -> CandidateResult:
         """Return posterior and evidence of a candidate that has been linearised about its mode.
 
-        With `linearisation` None, the result has only the posterior under exact laws.
+        fit: its fit under exact laws. exact_variance: variance of the noise under exact laws, in the record's unit
+        squared; with deviations it is `variance`. With `linearisation` None, the result has only the posterior under
+        exact laws.
         """
         exact_posterior = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
         variances = exact_variance, exact_variance
@@ -372,13 +378,14 @@ def compare_candidates(
         Values of parameters by name, which may include `noise_sd` and `epsilon`, or a function from a restoring law to
         such a mapping.
     priors : mapping of str to Prior, optional
-        Priors by parameter; the others have default priors.
+        Priors by the name of the parameter; the others have default priors. A prior of a known parameter has no effect,
+        nor has a known value of a coefficient.
     reference : Reference, optional
         Amplitude and frequency with which default priors scale; by default the record's own, to two digits.
     approximate : bool
         Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
-        Names of the noise models from which one is chosen.
+        Names of the noise models from which one is chosen, the same for all candidates.
 
     Returns
     -------
@@ -475,9 +482,10 @@ def choose_noise(
     """Choose the noise model and the variance of the noise, which are the same for all candidates.
 
     They are chosen for the residual of the sum of all terms, under the restoring law with the smallest residual
-    variance; a known `noise_sd` gives the variance of Gaussian noise. frictions: values of the width ε of dry friction
-    and their probabilities; they and the fits are replaced if ε is chosen again (`SHARPER`). Raises Refusal if no
-    motion stays in phase with the record, or if none of the noise models applies.
+    variance; a known `noise_sd` (of a sample) gives the variance of Gaussian noise. noises: names of the models to
+    choose from. approximate: whether deviations from the laws are allowed. frictions: values of the width ε of dry
+    friction and their probabilities; they and the fits are replaced if ε is chosen again (`SHARPER`). Raises Refusal if
+    no motion stays in phase with the record, or if none of the noise models applies.
     """
     modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
     if not modes:
@@ -521,8 +529,10 @@ def choose_noise(
 class _CandidateFits:
     """Fits of candidates to one record, with one width ε of dry friction.
 
-    `fits` contains the fits that have been made. A candidate that cannot be fitted is added to `refused` with the
-    reason.
+    `fits` contains the fits that have been made, by candidate. A candidate that cannot be fitted is added to `refused`
+    with the reason. terms: names of all damping terms of the candidates. plain: those of them without own parameters.
+    laws: names of the restoring laws. solvers: solver of the sum of all terms, by law. scales: references in the terms'
+    forces, by law.
     """
 
     def __init__(
@@ -647,7 +657,10 @@ class _CandidateFits:
     def refitted(
         self, data: Data | None = None, solvers: Mapping[str, Solver] | None = None
     ) -> _CandidateFits:
-        """Return a copy with all fits repeated to other data or with other solvers; a failed fit stays as it was."""
+        """Return a copy with all fits repeated to other data or with other solvers; a failed fit stays as it was.
+
+        By default data and solvers remain. solvers: by restoring law; laws that it does not contain keep theirs.
+        """
         other = copy(self)
         other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
         every = list(self.fits)

@@ -41,7 +41,7 @@ class Parameters(Scores):
         object.__setattr__(self, "priors", {n: self.priors[n] for n in self.names if n in self.priors})
 
     def with_fixed(self, name: str, value: float) -> Self:
-        """Return a copy in which the inferred parameter `name` is fixed at a value."""
+        """Return a copy in which the inferred parameter `name` is fixed at a value, in the parameter's unit."""
         priors = {n: p for n, p in self.priors.items() if n != name}
         return replace(self, priors=priors, known={**self.known, name: value})
 
@@ -89,7 +89,8 @@ class Parameters(Scores):
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Return the log prior density, (...), at scores z, (..., d); −∞ where a score that must be ≥ 0 is negative.
 
-        The common scale of the priors of coefficients is averaged over `SHARED_SIGMAS`.
+        It is the density of z, not of the parameters. The common scale of the priors of coefficients is averaged over
+        `SHARED_SIGMAS`.
         """
         return log_prior_of(z, self.positive, self.shared)
 
@@ -98,7 +99,7 @@ class Parameters(Scores):
         return np.array([self.known.get(n, 0.0) for n in self.names], float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return all k parameters of the equation of motion at scores z, (..., d): (..., k)."""
+        """Return all k parameters of the equation of motion, ordered as `names`, at scores z, (..., d): (..., k)."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
@@ -112,7 +113,8 @@ class Parameters(Scores):
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the standard normal scores of the inferred parameters, (d,), for values by name.
 
-        A value at an end of its prior, whose score would be infinite, gets ±6; a score that is nan becomes 0.
+        `values` must contain each of them; other names have no effect. An infinite score, such as that of 0 under a
+        log-normal prior, becomes ±6, and nan becomes 0.
         """
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
@@ -167,7 +169,7 @@ class StraightParameters(Parameters):
     inverse_jacobian: np.ndarray
 
     def with_fixed(self, name: str, value: float) -> Self:
-        """Return a copy in which the inferred parameter `name` is fixed at a value.
+        """Return a copy in which the inferred parameter `name` is fixed at a value, in the parameter's unit.
 
         It must not be one of the parameters `at`, which have straight coordinates.
         """

@@ -58,14 +58,16 @@ def compare_signal(
     signal : Signal
         The record.
     damping, restoring : sequence of str
-        Damping sums (names of terms joined by +) and restoring laws; by default all, but for a record in another unit
-        than rad only laws of a translation.
+        Damping sums (names of terms joined by +, such as "viscous+coulomb") and names of restoring laws. By default
+        these are the seven sums of viscous, Coulomb and quadratic damping, and all laws, but for a record in another
+        unit than rad only laws of a translation.
     known : mapping or callable, optional
-        Values of parameters by name, or a function from a restoring law to such a mapping.
+        Values of parameters by name, which may include `theta0` and `omega0` (the initial values), `noise_sd` and
+        `epsilon`, or a function from a restoring law to such a mapping.
     priors : mapping of str to Prior, optional
-        Priors by parameter; the others have default priors.
+        Priors by the name of the parameter; the others have default priors.
     reference : Reference, optional
-        Amplitude and frequency with which default priors scale; by default the record's own.
+        Amplitude and frequency with which default priors scale; by default the record's own, to two digits.
     approximate : bool
         Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
@@ -74,7 +76,7 @@ def compare_signal(
     Returns
     -------
     ModelComparison
-        The candidates, the rivals and the exponent of a power law.
+        The candidates that are not refused, with their evidences, the rivals and the exponent of a power law.
 
     Raises
     ------

@@ -96,11 +96,11 @@ class Repeats:
     Attributes
     ----------
     log_evidence : float
-        Log evidence of all records together, in nats.
+        Log evidence of all records together, in nats; constants in their log likelihoods are included.
     names : tuple of str
         Names of the k parameters of the damping.
     draws : ndarray, shape (n, k)
-        Draws of the specimen's parameters.
+        Draws of the specimen's parameters (not their scores), in the order of `names`.
     spreads : ndarray, shape (n,)
         Spread s of each draw.
     combos : ndarray of int, shape (n,)
@@ -136,7 +136,8 @@ def join_runs(
     log_sizes : ndarray, shape (c,)
         Log prior probability of each grid point of the hyperparameters.
     spread : float, optional
-        The spread s, if it is known; 0 means that all records have the same coefficients.
+        The spread s (sd of log coefficients between records), if it is known; 0 means that all records have the same
+        coefficients. By default it is inferred.
     seed, draws : int
         Seed of the random stream, and number of draws.
 
@@ -273,8 +274,8 @@ class _Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the gradient of `_value`, (b, k + n), and its negative Hessian, (b, k + n, k + n).
 
-        whole: whether to use the full Hessian instead of its Gauss–Newton approximation. moving: marks the spreads s >
-        0; for the others the factors exp η are fixed at 1.
+        b, big, precision: as in `_value`. whole: whether to use the full Hessian instead of its Gauss–Newton
+        approximation. moving: marks the spreads s > 0; for the others the factors exp η are fixed at 1.
         """
         k, n = self.scale.size, self.log.shape[0]
         y, factors = self._record_parameters(u)
@@ -328,9 +329,9 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
-    """Return the standard normal scores of parameter values, (k,).
+    """Return the standard normal scores of parameter values, (k,), which are in the order of `priors`.
 
-    A value at an end of its prior, whose score would be infinite, gets ±6; a score that is nan becomes 0.
+    An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes 0.
     """
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)

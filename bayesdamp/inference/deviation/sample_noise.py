@@ -54,8 +54,8 @@ def prepare_for_noises(
     """Prepare the data of a signal, and choose the noise model if they are amplitudes and phases.
 
     A record of very many cycles is reduced to amplitudes and phases. They are the most probable ones under the noise
-    model that is chosen for their residual. Otherwise `adapt` chooses the noise model later, for the residual of a
-    motion.
+    model that is chosen for the residual of the samples in their fit; it is in `Data.noise_model`. Otherwise `adapt`
+    chooses the noise model later, for the residual of a motion.
 
     Parameters
     ----------
@@ -64,7 +64,8 @@ def prepare_for_noises(
     names : sequence of str
         Names of the noise models to choose from.
     known, priors : mapping
-        Values and priors of the noise's parameters, in place of the default priors.
+        Values and priors, by name, of the noise's parameters, in place of the default priors; other names have no
+        effect.
     average : bool
         Whether the record may be reduced to amplitudes and phases.
 
@@ -97,7 +98,7 @@ def prepare_for_noises(
 def _choose_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
-    """Choose the noise model of residuals, (m,); return it with all fitted models, and their `predictable_nats`.
+    """Choose the noise model of residuals, (m,); return it with all fitted models, and `predictable_nats(residual)`.
 
     It is the model with the largest evidence, but Gaussian noise if its lead over Gaussian noise is less than
     `LEAD_NATS` or `predictable_nats`, because predictable residuals may be a second mode of oscillation or the misfit
@@ -159,7 +160,7 @@ def adapt(
     Parameters
     ----------
     names : sequence of str
-        Noise models to choose from.
+        Names of the noise models to choose from.
     data : Data
         The record.
     solver : Solver
@@ -167,9 +168,10 @@ def adapt(
     at : Linearisation
         The candidate with all terms, linearised about its mode under Gaussian noise.
     known, priors : mapping
-        Values and priors of parameters, including those of noise models.
+        Values and priors of parameters, by name, in place of the default priors; only those of noise models have an
+        effect.
     approximate : bool
-        Whether deviations from the laws are allowed.
+        Whether deviations from the laws are allowed when the motion is fitted again to the adapted values.
 
     Returns
     -------
@@ -223,7 +225,10 @@ def adapt(
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
-    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it escapes."""
+    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it escapes.
+
+    It is in the record's unit, and not averaged over windows.
+    """
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
     return None if motion is None else motion.y
@@ -232,7 +237,8 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 def predictable_nats(residual: np.ndarray) -> float:
     """Return by how many nats an autoregression explains residuals, (m,), better than white noise; at least 0.
 
-    Its order is `AUTOREGRESSION_ORDER`. It is the difference of the log evidences, approximated by least squares and
+    The residuals are in order of time and count as equidistant. The autoregression has the order
+    `AUTOREGRESSION_ORDER`. The result is the difference of the log evidences, approximated by least squares and
     Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
     rows = np.lib.stride_tricks.sliding_window_view(residual, AUTOREGRESSION_ORDER + 1)
@@ -254,15 +260,16 @@ def inflation(
     Parameters
     ----------
     t : ndarray, shape (n,)
-        Times in s.
+        Times in s; the residual is interpolated to equidistant ones.
     left : ndarray, shape (n,)
-        Residual of a fit.
+        Residual of a fit, in the record's unit.
     frequency : float
         Frequency of the oscillation, in rad/s.
     removed : int
         Number of fitted unknowns; they reduce the residual almost only near the oscillation.
     variance : float, optional
-        Variance of the white noise; by default that of the residual.
+        Variance of the white noise, in the record's unit squared; by default that of the residual, |left|² / (n −
+        removed).
     """
     n = left.size
     even = np.interp(np.linspace(t[0], t[-1], n), t, left)

@@ -67,7 +67,7 @@ class DrawSolver:
     tolerance : float
         Error of an integration step, as a fraction of the amplitude.
     correction : ndarray, shape (n,), or float
-        Correction that is added to each motion.
+        Correction that is added to each motion, in the record's unit.
     """
 
     solver: Solver
@@ -79,8 +79,9 @@ class DrawSolver:
     def at_each(self, rows: np.ndarray, use: Callable[[np.ndarray | None], T]) -> list[T]:
         """Solve the motion of each row, apply `use` to it, and return the list of the results.
 
-        rows: u = (scores, g, h), (m, K), or scores alone, (m, d). The argument of `use` is the motion at the samples,
-        (n,), or None if the motion escapes or the scores have no finite parameters.
+        rows: u = (scores, g, h), (m, K), or scores alone, (m, d); scores are in the coordinates of `parameters`. The
+        argument of `use` is the motion in the form of the data, with the correction, (n,), or None if the motion
+        escapes or the scores have no finite parameters.
         """
         d, n = self.parameters.free.size, self.solver.knots.size
         values, deviations = self.parameters.values(rows[:, :d]), rows[:, d:]
@@ -137,7 +138,7 @@ class LinearProposal:
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of u under the most probable hyperparameters, (K,)."""
+        """Posterior mean of u under the most probable hyperparameters, (K,), before the cut-off of scores at zero."""
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -165,10 +166,9 @@ class LinearProposal:
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
 
-        Neither density is normalised, so the mean weight is the ratio of the evidences.
-
-        squares: sums of squared residuals of the exact motions, (n,). variance: variance of the noise, in the record's
-        unit squared.
+        Neither density is normalised, so the mean weight is the evidence with exact motions divided by that of the
+        linear model. squares: sums of squared residuals of the exact motions, (n,). variance: variance of the noise, in
+        the record's unit squared.
         """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior
@@ -245,7 +245,8 @@ def sampled_result(
 ) -> CandidateResult:
     """Return a copy of a candidate's result with draws from its posterior, with exact motions, in `sampled`.
 
-    Equal seeds give equal draws.
+    `sampled.draws` are u = (scores, g, h), also if the sampling used other coordinates. draws: number of draws. Equal
+    seeds give equal draws of the same candidate; different candidates have different random streams.
     """
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)

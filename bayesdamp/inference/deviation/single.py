@@ -75,10 +75,10 @@ class DeviatingTrajectories(Trajectories):
     ----------
     motions : DrawSolver
         Solver of the motions, with its tolerance and correction.
-    deviations : tuple of ndarray, shape (n,)
-        Relative deviations of damping (exp g − 1) and frequency (h) at the knots.
+    deviations : tuple of ndarray, shape (k,)
+        Relative deviations of damping (exp g − 1) and frequency (h) at the k knots.
     given : mapping of str to float
-        Values of the parameters of the motion that are not inferred.
+        Values, by name, of the parameters of the motion that are not inferred; those that are missing are 0.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class FitState:
     reference : Reference
         Amplitude and frequency with which default priors scale.
     priors, known : mapping
-        Priors of the inferred parameters, and values of the others.
+        Priors of the inferred parameters, and values of the others, by name.
     z : ndarray, shape (d,)
         Scores of the fit under exact laws.
     u : ndarray, shape (K,)
@@ -168,8 +168,8 @@ class Single:
         """Return a `Mode` whose likelihood has the deviations integrated out, at the point of the linearisation.
 
         Its z are the scores at the joint mode of scores and deviations; `information` is the inverse covariance of the
-        draws `scores` of the linear posterior, which are also in `linear`. Raises Refusal if the motion with deviations
-        escapes.
+        scores (without g and h) in the draws `scores` of the linear posterior, which are also in `linear`. Raises
+        Refusal if the motion with deviations escapes.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -211,7 +211,10 @@ class Single:
         )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Return u = (scores, g, h), (n, K): scores z, (n, d), with deviations drawn from their posterior given z."""
+        """Return u = (scores, g, h), (n, K): scores z, (n, d), with deviations drawn from their posterior given z.
+
+        In this posterior the motion is linear in g and h about the mode. Equal seeds give equal draws.
+        """
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
         assert deviation is not None
@@ -226,7 +229,7 @@ class Single:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the inferred parameters."""
+        """Return the names of the inferred parameters, in the order of their scores in u."""
         return self.result.fit.parameters.free_names
 
     @property
@@ -252,16 +255,17 @@ class Single:
         return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
-        """Return the inferred parameters, (..., p), at draws of u, (..., K)."""
+        """Return the inferred parameters, (..., p), in the order of `names`, at draws of u, (..., K)."""
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def complete(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
         """Add two parts of each parameter's sd to the summaries of a posterior; return it and its draws of u.
 
-        The draws have the shape (chain, draw, K). `sd_noise` is the part that noise alone would cause under exact laws,
-        at most the sd; `sd_law` = √(sd² − sd_noise²) is from deviations from the laws. Where the posterior has no draws
-        of the deviations g and h, they are drawn given the parameters.
+        The returned posterior is a copy without `arrays["u"]`. The draws have the shape (chain, draw, K). `sd_noise` is
+        the part that noise alone would cause under exact laws, at most the sd; `sd_law` = √(sd² − sd_noise²) is from
+        deviations from the laws. Where the posterior has no draws of the deviations g and h, they are drawn given the
+        parameters.
         """
         summaries = {}
         for n, summary in posterior.summaries.items():
@@ -290,7 +294,7 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """Return the sd that noise alone causes in each inferred parameter if laws are exact, by name."""
+        """Return the sd that noise alone causes in each inferred parameter (in its unit) if laws are exact, by name."""
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
@@ -334,8 +338,9 @@ class Single:
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Return the motions, (n, m), of draws u, (n, K), at times t, (m,); NaN where a motion escapes.
 
-        t: in s, between the first and the last knot. quantity: angle, velocity or acceleration. By default motions have
-        the times, the quantity and the form of the fitted data (samples, means, or amplitudes and phases).
+        t: in s from the first sample, between the first and the last of `knots`. The motions are in the record's unit.
+        quantity: angle, velocity or acceleration. By default they have the times, the quantity and the form of the
+        fitted data (samples, means, or amplitudes and phases).
         """
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
@@ -348,8 +353,10 @@ class Single:
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
         """Predict the second half of the record from draws of scores, (n, d), for the first half.
 
-        half: the same candidate on the first half (`first_half`). Given the scores and the first half, its deviations
-        over the whole record are drawn. Draws whose motion escapes are left out; raises Refusal if none remains.
+        Return the record minus the mean prediction and the sd of the prediction, noise included, for each value of the
+        second half. half: the same candidate on the first half (`first_half`). Given the scores and the first half, its
+        deviations over the whole record are drawn. Draws whose motion escapes are left out; raises Refusal if none
+        remains.
         """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
@@ -369,7 +376,7 @@ class Single:
         return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Return the log likelihood of each value of the record under motions (..., n), in nats, (..., n).
+        """Return the log likelihood of each of the n values in `Data.y` under motions (..., n), in nats, (..., n).
 
         The sum over the values is the log likelihood that the evidence uses. If residuals are correlated (κ > 1), the
         variance of the noise is κ times larger, and the normalisation of each value counts only 1/κ.
@@ -380,7 +387,10 @@ class Single:
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """Draw u from the prior, (count, K): scores, and the deviations g and h at the knots."""
+        """Draw u from the prior, (count, K): scores, and the deviations g and h at the knots.
+
+        With probability 0.8 each (`PROBABILITY_EXACT`), g and h are 0 at all knots.
+        """
         grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
         z = self.result.fit.parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
@@ -413,9 +423,9 @@ def fit_single(
     restoring : str
         Name of its restoring law.
     known : mapping of str to float
-        Values of parameters that are not inferred, by name.
+        Values of parameters that are not inferred, by name; they may include `noise_sd` and `epsilon`.
     priors : mapping of str to Prior
-        Priors by parameter; the others have default priors.
+        Priors by the name of the parameter; the others have default priors.
     reference : Reference
         Amplitude and frequency with which default priors scale.
     noises : sequence of str
@@ -473,7 +483,8 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
 def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
     """Return the candidate with other priors of its parameters, linearised about the same motion.
 
-    priors: prior of each inferred parameter. Raises Refusal where the motion escapes.
+    priors: prior of each inferred parameter, by name. The noise remains the same; evidence and posterior are computed
+    again. Raises Refusal where the motion escapes.
     """
     parameters, state = single.result.fit.parameters, single.state
     other, d = replace(parameters, priors=priors), state.z.size
@@ -505,7 +516,8 @@ def first_half(single: Single) -> Single:
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Restore a candidate on its record from its stored fit, without fitting. Raises Refusal where the motion escapes.
 
-    signal: the record. restoring: name of the candidate's restoring law.
+    signal: the whole record, as it was when it was fitted. restoring: name of the candidate's restoring law; the
+    damping terms are in `state`.
     """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
@@ -566,9 +578,10 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     Returns
     -------
     Posterior
-        Its `arrays["u"]` are draws of u = (scores, g, h), (chain, draw, K). Its `diagnostics` are the log of the mean
-        evidence of the chains in nats, and the standard error of this. Effective sample sizes are at most the number
-        of different draws, because resampling makes copies.
+        Its `draws` are the inferred parameters, (chain, draw, parameter), in the order of `Single.names`. Its
+        `arrays["u"]` are draws of u = (scores, g, h), (chain, draw, K). Its `diagnostics` are the log of the mean
+        evidence of the chains in nats, and the standard error of this. Effective sample sizes are at most the number of
+        different draws, because resampling makes copies.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):

@@ -57,7 +57,8 @@ class Slice:
     middle : float
         The value of a at which the motion is linearised.
     model, posterior
-        The linear model as a function of the other scores and the deviations g and h, and its posterior.
+        The linear model as a function of the other d − 1 scores (with t in place of s, if there is an s) and the
+        deviations g and h, and its posterior.
     slopes : ndarray, shape (d − 1,)
         Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
         `SlicedProposal`); 0 for coefficients whose mode is near zero (`MOVING_SDS`).
@@ -127,7 +128,10 @@ class SlicedProposal:
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of w (see the class), (K,), in the most probable component of the most probable slice."""
+        """Posterior mean of w (see the class), (K,), in the most probable component of the most probable slice.
+
+        It ignores the cut-off of scores at zero.
+        """
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
         return np.insert(mean, self.place, part.middle)
@@ -175,7 +179,10 @@ class SlicedProposal:
         return new
 
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return draws w (see the class), (n, K), in which the score a is drawn again, uniformly in its slice."""
+        """Return draws w (see the class), (n, K), in which the score a is drawn again, uniformly in its slice.
+
+        The other elements of w remain. The argument is not changed.
+        """
         new = w.copy()
         for rows, part, *_ in self._split(w):
             new[rows, self.place] = part.middle + self.width * rng.uniform(-0.5, 0.5, rows.size)
@@ -215,7 +222,8 @@ class SlicedProposal:
         """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
 
         Neither density is normalised, so the mean weight is the ratio of the evidences. squares: sums of squared
-        residuals of the exact motions, (n,). variance: variance of the noise, in the record's unit squared.
+        residuals of the exact motions at `scores(w)`, (n,). variance: variance of the noise, in the record's unit
+        squared.
         """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)

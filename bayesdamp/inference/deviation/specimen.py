@@ -37,10 +37,11 @@ class RatioLikelihood(RecordLikelihood):
     Attributes
     ----------
     per_unit : ndarray, shape (a, k)
-        Equivalent damping ratio per unit of each coefficient, at the a amplitudes of the record's damping curve; 0 for
-        the terms' own parameters (such as exponents).
+        Equivalent damping ratio per unit of each coefficient, at the a amplitudes of the record's damping curve, with
+        the terms' own parameters (such as exponents) at the mode; 0 for own parameters, nan where no orbit has the
+        amplitude.
     growth : ndarray, shape (a, k)
-        Derivative of the log damping ratio by each own parameter; 0 for coefficients.
+        Derivative of the log damping ratio by each own parameter at the mode; 0 for coefficients.
     """
 
     per_unit: np.ndarray
@@ -49,8 +50,9 @@ class RatioLikelihood(RecordLikelihood):
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
         """Return the log damping ratio at an amplitude (rad or m), (n,), for draws of the parameters, (n, k).
 
-        It is interpolated between the `amplitudes` of the record's damping curve, (a,), and extrapolated outside their
-        range, linearly in the logarithms.
+        It is the natural logarithm, in which own parameters count linearly (`growth`). It is interpolated between the
+        `amplitudes` of the record's damping curve, (a,), and extrapolated outside their range, linearly in the
+        logarithms.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -76,7 +78,8 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
     """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
 
     amplitudes: those of the record's damping curve, in rad or m, (a,); where no orbit has an amplitude, the row of
-    `per_unit` is nan. None if no damping parameter is inferred.
+    `per_unit` is nan. The log likelihood is absolute: with the prior it gives the candidate's log evidence in nats.
+    None if no damping parameter is inferred.
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping_likelihood is None:
@@ -140,7 +143,7 @@ class RunComparison:
     Attributes
     ----------
     log_evidence : mapping of Model to float
-        Log evidence of each candidate, in nats relative to the best.
+        Log evidence of each candidate (not of rivals), in nats relative to the best candidate.
     others : tuple of OtherForm
         The rivals.
     runs : mapping of Model to RatioLikelihood
@@ -204,7 +207,7 @@ class SpecimenComparison:
         coefficients, which the records have in common, are integrated out once. For a model that is not fitted jointly
         (`NATS_BEHIND`), an estimate from the single records.
     probability : mapping of Model to float
-        Posterior probability of each damping (rivals included) and law.
+        Posterior probability of each damping (rivals included) and law; the sum is 1.
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
@@ -224,7 +227,8 @@ class SpecimenComparison:
     def spread(self) -> dict[str, float]:
         """Return mean, sd and quantiles, by name, of the spread between records, averaged over the models in `repeats`.
 
-        The spread is the sd of the log factors by which a record's coefficients differ from those of the specimen.
+        The names are mean, sd, q2.5, median and q97.5; models are weighted by their probabilities. The spread is the sd
+        of the log factors by which a record's coefficients differ from those of the specimen.
         """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
@@ -255,8 +259,9 @@ class SpecimenComparison:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), (count,), over models in `repeats`.
 
-        The ratio is the geometric mean over the records numbered in `reaching`, which are those that reach the
-        amplitude. Return also the spread between records of each draw, (count,).
+        The ratio is the geometric mean over the records with the indices `reaching` in `records`, which should be those
+        that reach the amplitude. Return also the spread between records (sd of log coefficients) of each draw,
+        (count,). Models are drawn by their probabilities, and the draws are ordered by model.
         """
         rng = np.random.default_rng(seed)
         models = [m for m in self.probability if m in self.repeats]
@@ -291,9 +296,11 @@ def compare_runs(
     records : sequence of RunComparison
         Comparisons on one or more single records.
     given : mapping of str to Prior, optional
-        Priors by parameter; the others have default priors at the geometric mean of the records' references.
+        Priors by the name of the parameter, for the specimen's coefficients; the others have default priors at the
+        geometric mean of the records' references (`common_reference`).
     spread : float, optional
-        The spread between records, if it is known; else it is inferred, or 0 for a single record.
+        The spread between records (sd of log coefficients), if it is known; else it is inferred, or 0 for a single
+        record.
     seed : int
         Seed of the random streams.
     """
@@ -351,7 +358,10 @@ def common_reference(records: Sequence[RunComparison]) -> Reference:
 def priors_of(
     damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
 ) -> dict[str, Prior]:
-    """Return the prior of each parameter of a damping sum: that in `given`, else the default one for the reference."""
+    """Return the prior of each parameter of a damping sum: that in `given`, else the default one for the reference.
+
+    damping: names of the terms, joined by +. The result is by the name of the parameter.
+    """
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
@@ -374,7 +384,8 @@ def _at_reference(run: RatioLikelihood, damping: str, own: Reference, common: Re
 
     The force of a term such as a power of the velocity contains a reference velocity. With another reference its
     coefficient changes by a factor that depends on the exponent; this dependence is linearised about the record's mode.
-    Without such a term the likelihood is returned unchanged.
+    Without such a term the likelihood is returned unchanged. damping: names of the terms, joined by +. own, common: the
+    reference before and after.
     """
     names = run.names
     jacobian, mode = np.eye(len(names)), run.mode.copy()

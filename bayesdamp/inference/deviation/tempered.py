@@ -54,7 +54,9 @@ class TemperedDraws:
     draws : ndarray, shape (n, K)
         u = (scores, g, h), with equal weights.
     log_ratios : ndarray, shape (n,)
-        Log of (likelihood with the exact motion / likelihood under the linear model) of each draw.
+        Log importance weight of each draw: log of (likelihood with the exact motion / likelihood under the linear
+        model), plus the log ratio of the priors if the proposal has other coordinates than scores. After
+        `SlicedProposal.redraw_within_slice` it still belongs to the draw before that move.
     log_evidence, stderr : float
         Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws escape.
     temperatures : int
@@ -81,7 +83,11 @@ class TemperedDraws:
 
 
 class Proposal(Protocol):
-    """A distribution from which sampling starts: a linear posterior, with random steps that leave it unchanged."""
+    """A distribution from which sampling starts: a linear posterior, with random steps that leave it unchanged.
+
+    The K unknowns of a draw are coordinates of its own, such as u = (scores, g, h) (see `LinearProposal` and
+    `SlicedProposal`).
+    """
 
     @property
     def log_evidence(self) -> float:
@@ -116,13 +122,14 @@ def sample_posterior(
 ) -> TemperedDraws:
     """Draw from the posterior with exact motions, starting from a linear posterior, and compute its evidence.
 
-    If the motions of all first draws escape, the log evidence is −∞ and the draws are not trusted.
+    The draws are in the coordinates of `start`. If the motions of all first draws escape, the log evidence is −∞ and
+    the draws are not trusted.
 
     Parameters
     ----------
     ratio : callable
-        Function that returns the log of (exact likelihood / likelihood of the linear model), (n,), for draws (n, K); −∞
-        where a motion escapes.
+        Function that returns the log importance weights, (n,), of draws from `start`, (n, K): log of (exact likelihood
+        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion escapes.
     start : Proposal
         The linear posterior.
     draws, seed : int
@@ -173,8 +180,9 @@ def _importance_resampled(
 ) -> TemperedDraws | None:
     """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
 
-    u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. Return None if too many more
-    draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly all of the weight (`LARGEST_PARETO_K`).
+    u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. The result has n draws of
+    equal weight. Return None if too many more draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly
+    all of the weight (`LARGEST_PARETO_K`).
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < LEAST_EFFECTIVE:
