@@ -21,7 +21,7 @@ SMALL = 1e-3
 
 @dataclass(frozen=True)
 class Atom:
-    """A factor of a product: the variable (kind "v"), or the function "abs" or "tanh" of an inner expression."""
+    """A factor of a product: the variable (kind "v"), or the function "abs" or "tanh" of `inner`."""
 
     kind: str
     inner: Expression | None = None
@@ -130,7 +130,7 @@ class Expression:
         return terms
 
     def without_the_negligible(self, v: np.ndarray, share: float) -> Expression:
-        """Return the expression without products whose rms over v (n,) is at most `share` times the total rms."""
+        """Return the expression without products whose rms over v (n,) is at most `share` times that of the sum."""
         whole = float(np.sqrt(np.mean(self(v) ** 2)))
         sizes = [np.sqrt(np.mean(Expression((term,))(v) ** 2)) for term in self.terms]
         return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))

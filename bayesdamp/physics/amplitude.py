@@ -416,9 +416,9 @@ class AmplitudeSolver:
     ) -> Motion:
         """Compute the decay for parameters p, (terms + 1,), with derivatives by p and by the deviation g at the knots.
 
-        In the result, the values are x at the readings, and the derivatives are those of x (for `tangents` = `NONE`
-        none, for `PARAMETERS` by p, for `ALL` by p and g), both multiplied by `white`; the states are x and dx/dt, (n,
-        2).
+        p: the rates in 1/s at A_ref (or the two parameters of a `PowerLaw`), then x at the start. In the result, the
+        values are x at the readings, and the derivatives are those of x (for `tangents` = `NONE` none, for `PARAMETERS`
+        by p, for `ALL` by p and g), both multiplied by `white`; the states are x and dx/dt, (n, 2).
 
         All rates are multiplied by 1 + g(t) (g: deviation), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To
         first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and `tolerance`

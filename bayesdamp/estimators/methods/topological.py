@@ -54,9 +54,10 @@ class TopologicalOptions(Options):
 class Pairs:
     """The components of sublevel sets that are not noise, in time order.
 
-    v, p (k,): values at birth (a minimum) and death (a maximum); the lifetime is p − v. cycle (k,): number of periods
-    from the birth of the first component to the birth of this component, also across gaps. floor: noise floor of the
-    lifetimes, in the unit of the record; for the variant "published" v and p are already corrected for it.
+    v, p (k,): values at birth (a minimum) and death (a maximum), relative to the midline; the lifetime is p − v. cycle
+    (k,): number of periods from the birth of the first component to the birth of this component, also across gaps.
+    floor: noise floor of the lifetimes, in the unit of the record; for the variant "published" v and p are already
+    corrected for it.
     """
 
     v: np.ndarray
@@ -83,7 +84,7 @@ class Topological(Estimator[TopologicalOptions]):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for sums of terms and for terms other than the three of the paper; else None."""
+        """Return a reason for sums of terms and for terms other than viscous, Coulomb and quadratic; else None."""
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PAPER_TERMS:

@@ -31,9 +31,9 @@ start by a tenth of this fraction of their amplitudes."""
 class CandidateTerm:
     """A function of displacement and velocity, (n,) each, in a library.
 
-    damping: name of the damping term with this shape; None if it is not damping. restoring: whether it depends on θ
-    only.
-    jumps: whether it is discontinuous where the velocity changes sign.
+    name: formula for reports, or the name of a damping term. damping: name of the damping term with this shape; None if
+    it is not damping. restoring: whether it depends on θ only. jumps: whether it is discontinuous where the velocity
+    changes sign.
     """
 
     name: str

@@ -141,6 +141,7 @@ class AveragedSolver(Solver):
     ) -> Motion | None:
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory escapes.
 
+        The values are amplitude, phase and midline of each block in turn, multiplied by the track's factors.
         The arguments are those of `Solver.solve`, but `stop` is a number of values (three for each block). The times
         and states of the result are those of the compressed oscillation. None is also returned if an amplitude is zero.
         """
@@ -180,7 +181,7 @@ class AveragedSolver(Solver):
     ) -> AveragedSolver | None:
         """Return a copy of this solver with the defect that `defect_at` computes at parameters p, (k,).
 
-        active, g, h: as in `Solver.solve`. Return None if `defect_at` returns None.
+        p, active, g, h: as in `Solver.solve`. Return None if `defect_at` returns None.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -190,8 +191,8 @@ class AveragedSolver(Solver):
     ) -> np.ndarray | None:
         """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
 
-        p: parameters at which both are computed, (k,). active, g, h: as in `Solver.solve`. Return None if a trajectory
-        escapes, or if an amplitude of the compressed oscillation is zero.
+        p: parameters at which both are computed, in the order of `names`, (k,). active, g, h: as in `Solver.solve`.
+        Return None if a trajectory escapes, or if an amplitude of the compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:

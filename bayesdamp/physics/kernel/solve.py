@@ -238,7 +238,7 @@ class Solver:
 
     @cached_property
     def _sections(self) -> np.ndarray:
-        """Return where the kernel's parameters are split: coefficients, further ones, those of the law, start.
+        """Return the 3 indices that split the kernel's parameters: coefficients, further ones, those of the law, start.
 
         The kernel may have more terms and laws than the solver. The start are angle and velocity.
         """
