@@ -97,8 +97,9 @@ def sensor_offset(signal: Signal, features: Features) -> float:
     """Return the zero offset of a velocity or acceleration sensor, in the unit of y; 0 if it is not significant.
 
     It is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of time.
-    The midline of the turning points would not do, because an asymmetric force shifts it. For a displacement the offset
-    is 0, because its equilibrium may be anywhere; also if there are too few midline crossings or samples for the fit.
+    signal, features: the record and its features (`features`). The midline of the turning points would not do, because
+    an asymmetric force shifts it. For a displacement the offset is 0, because its equilibrium may be anywhere; also if
+    there are too few midline crossings or samples for the fit.
     """
     t, crossings = signal.t, features.crossing_times
     if signal.quantity == "angle" or crossings.size < 3:
@@ -320,7 +321,8 @@ def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name:
     """Return the indices of the first and last sample (both included) between start and stop.
 
     start, stop: in s on the clock of the times t (n,), or "auto" for the start or the end of the record. Raises
-    InputError if start or stop is invalid, or if there are fewer than ten samples between them.
+    InputError if start or stop is invalid, or if there are fewer than ten samples between them. name: of the record,
+    for messages.
     """
     bounds = [float(t[0]), float(t[-1])]
     for i, (what, at) in enumerate((("start", start), ("stop", stop))):

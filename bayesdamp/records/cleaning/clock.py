@@ -178,7 +178,7 @@ def _describe_uniform(start: float, step: float) -> str:
 
 
 def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether rows are missing at the longer steps of times t (n,).
+    """Return whether rows are missing at the longer steps of times t (n,), in s.
 
     These steps are then multiples of the smallest one, and the values y (n,) change more across them than across the
     other steps. If the stamps are only rounded to about their step, the values do not. The result is False if there are
@@ -245,8 +245,8 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
 def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
     """Return a message on times t (n,) that decrease after sample `at`, and names of arguments of `read` that can help.
 
-    The message does not advise to sort times that always decrease: if the clock counts down, sorting would turn the
-    decay into growth.
+    t: in s. at: index from 0. The message does not advise to sort times that always decrease: if the clock counts down,
+    sorting would turn the decay into growth.
     """
     gaps = np.diff(t)
     if np.all(gaps <= 0):

@@ -171,7 +171,8 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
     The first index is 0, the last is k. The index between two parts is left out if the ranges do not rise at the start
     (or at the end) by more than the fraction `MAX_RISE` and by more than 4 `floor`.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise.
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
+    in the same unit.
 
     A free decay neither begins nor ends with growing swings; the ringing of a filter before and after a hit does.
     """
@@ -190,8 +191,8 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of the swings with which a new stretch begins, because the range jumps there.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise;
-    changes of the range below 4 `floor` are not jumps.
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
+    in the same unit; changes of the range below 4 `floor` are not jumps.
     """
     change = ranges[2:] - ranges[:-2]
     rises = change > np.maximum(MAX_RISE * ranges[:-2], 4 * floor)
@@ -217,7 +218,8 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     windows before the break and two after it are compared, because in a beat they change steadily. The change must also
     exceed `MIN_RATE_CHANGE` of the larger rate, and noise. The list is empty for fewer than 16 swings.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise.
+    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
+    in the same unit.
     """
     if ranges.size < 4 * SWINGS_PER_WINDOW:
         return []
@@ -450,7 +452,7 @@ class Series:
         """Return how far the samples before the first turning point agree with the later swings.
 
         They are compared with the swing between the second and third turning point, which has the same direction, after
-        scaling to the extrapolated size and period. There must be at least three turning points.
+        scaling to the extrapolated size and period. turns: turning points of the decay, at least three.
         """
         times = turns.times
         gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))

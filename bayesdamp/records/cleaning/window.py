@@ -282,7 +282,7 @@ def _find_decays(
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
     """Return the stretches of free decay with about the given period in s; None if there are none.
 
-    step: recording step in the unit of y.
+    t, y: times in s and values, (n,). step: recording step in the unit of y.
     """
     noise = roughness(t, y, period)
     turns = without_gap_edges(turning_points(t, y, period, noise), t, period)
@@ -330,7 +330,8 @@ def _largest_rise(decays: _Decays) -> float:
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
     """Return the index of the last sample before the next hit or release, or of the record's last sample without one.
 
-    It is used for a record whose start the user has given.
+    It is used for a record whose start the user has given. t: times in s, (n,), from this start on. name: of the
+    record, for messages.
 
     Raises InputError if the body is at rest at the start and is struck or released only later.
     """
@@ -405,10 +406,11 @@ def _find_start(
 ) -> int:
     """Return the index of the first sample of the free decay.
 
-    It is that of the record, the release, a point within the swing before the first of `swings` from which on it agrees
-    with them, or their first turning point (the second one if a hand may have moved the first). why: property in which
-    the swing before does not fit to the later ones. before: time (s) of the turning point at which that swing begins,
-    if any; else None. Unless the decay begins with the record, a note on the choice is appended to `notes`.
+    series: the record. swings: those of the decay without disturbed ones. The index is that of the record, the release,
+    a point within the swing before the first of `swings` from which on it agrees with them, or their first turning
+    point (the second one if a hand may have moved the first). why: property in which the swing before does not fit to
+    the later ones. before: time (s) of the turning point at which that swing begins, if any; else None. Unless the
+    decay begins with the record, a note on the choice is appended to `notes`.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])
@@ -472,5 +474,5 @@ def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int,
 
 
 def _last_sample(t: np.ndarray, at: float) -> int:
-    """Return the index of the last sample that is not later than a time in s."""
+    """Return the index of the last sample, at times t (n,), that is not later than the time `at` (s)."""
     return int(np.searchsorted(t, at + 1e-12)) - 1

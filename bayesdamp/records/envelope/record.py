@@ -187,6 +187,8 @@ def are_envelopes(
 ) -> bool:
     """Return whether all files are envelopes: whether `quantity` is "envelope"; if it is None, by `is_envelope`.
 
+    value, unit: as in `is_envelope`, for all files.
+
     Raises
     ------
     InputError

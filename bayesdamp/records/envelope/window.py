@@ -208,7 +208,7 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
 def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
     """Return the fall of levels `begin` to `end` − 1 in dB: mean of the first twentieth minus that of the last.
 
-    It is 0 for fewer than two levels.
+    y: levels in dB, (n,). The fall is 0 for fewer than two levels.
     """
     if end - begin < 2:
         return 0.0
@@ -440,7 +440,8 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
 def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str) -> EnvelopeWindow:
     """Return the window of the blocks `begin` to `end` − 1 of `levels`.
 
-    begins: the clause on its start. Raises Refusal if it has too few readings or its level falls too little.
+    floor: the noise floor, None if the record does not reach it. begins: the clause on its start. Raises Refusal if it
+    has too few readings or its level falls too little.
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:

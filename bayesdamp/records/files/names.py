@@ -285,7 +285,7 @@ def names_index(column: Column) -> bool:
 def selector(columns: Sequence[Column], column: Column) -> str | int:
     """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1.
 
-    In messages, `repr` of the result quotes a name.
+    columns: all columns of the file. In messages, `repr` of the result quotes a name.
     """
     if column.name and sum(c.name == column.name for c in columns) == 1:
         return column.name

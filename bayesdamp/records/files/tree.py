@@ -90,7 +90,10 @@ class Walk:
                     self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)
 
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
-        """Collect a list: a vector of numbers (NaN for None), a matrix of its rows, or one item after the other."""
+        """Collect a list: a vector of numbers (NaN for None), a matrix of its rows, or one item after the other.
+
+        path, run, depth: as in `add`.
+        """
         numbers = [np.nan if x is None else x for x in items]
         rows = items if all(isinstance(x, list | tuple) for x in items) else []
         if items and all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
@@ -110,7 +113,10 @@ class Walk:
         self.columns.append(Column(path or "1", values, group, run, unit))
 
     def contents(self, format_name: str) -> Contents:
-        """Return the collected columns and facts (see `trim_facts`). Raises InputError if there is no column."""
+        """Return the collected columns and facts (see `trim_facts`). Raises InputError if there is no column.
+
+        format_name: the short name of the file's format, as in `Contents`.
+        """
         if not self.columns:
             raise InputError(
                 "contains no numeric array with more than one number; save the times and the values as plain arrays"

@@ -51,7 +51,10 @@ RISES_AGAIN = "The amplitude rises again, which beats, a second mode or a drive 
 
 
 def find_anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
-    """Return sentences on why a record may not be a free decay (`CLIPPED`, `RISES_AGAIN`); empty if there are none."""
+    """Return sentences on why a record may not be a free decay (`CLIPPED`, `RISES_AGAIN`); empty if there are none.
+
+    features: those of the signal, as the function `features` returns them.
+    """
     faults = []
     if is_clipped(signal.y, features.samples_per_cycle):
         faults.append(CLIPPED)
@@ -105,8 +108,8 @@ def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: fl
     """Return whether y leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops there.
 
     Return False also if the flat part is too near an end of the record, or too long, to decide. begin, end: first
-    sample of the flat peak, and that after its last. step: usual distance of neighbouring values. per_cycle: samples in
-    a cycle.
+    sample of the flat peak, and that after its last. step: usual distance of neighbouring values, in the unit of y.
+    per_cycle: samples in a cycle.
     """
     flat = end - begin
     phase = np.pi * flat / per_cycle  # half of the duration of the flat part

@@ -132,7 +132,7 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
 def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> TurningPoints:
     """Return the turning points that are not in a gap (see `holes`) or within `GAP_MARGIN` periods of one.
 
-    Interpolation would create false ones there. period: in s.
+    Interpolation would create false ones there. t: times of the samples in s, (n,). period: in s.
     """
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
@@ -243,7 +243,11 @@ def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
 def _join_across_holes(
     runs: list[TurningPoints], turns: TurningPoints, t: np.ndarray, period: float
 ) -> list[TurningPoints]:
-    """Return `turns` and the runs before and after it that are separated only by gaps in the samples, in time order."""
+    """Return `turns` and the runs before and after it that are separated only by gaps in the samples, in time order.
+
+    turns: one of the runs. t, period: times of the samples, (n,), and the period, in s. Runs of fewer than three
+    turning points are left out.
+    """
     missing = holes(t, period)
     pieces = [turns]
 

@@ -172,7 +172,7 @@ def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Return the derivatives of `columns @ c` by angular frequency and decay rate of each mode in turn, (n, 2k).
 
-    columns: result of `_columns`. c: its coefficients, (1 + 2k,).
+    t: times in s, (n,). columns: result of `_columns`. c: its coefficients, (1 + 2k,).
     """
     slopes = np.empty((t.size, c.size - 1))
     for i in range(1, c.size, 2):
@@ -323,7 +323,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
     """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay.
 
     It is also None if two sinusoids do not explain the record, or if the slower one has fewer than `MIN_CYCLES` cycles
-    or is a drift. no_law_fits: as in `find_other_motion`.
+    or is a drift. The arguments are those of `find_other_motion`.
     """
     fits = damped_modes(t, y)
     single = next(fits, None)
@@ -420,9 +420,9 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
 def transient_duration(two: Modes, longest: float) -> float:
     """Return the duration in s of a transient mode beside a longer lasting one; 0 if neither mode is a transient.
 
-    After this time the faster decaying mode is below the fraction `GONE_FRACTION` of the other one. It is a transient,
-    such as the ringing of a filter, if this time is less than `TRANSIENT_CYCLES` cycles of the other mode and less than
-    `longest` seconds.
+    two: a fit with two modes. After this time the faster decaying mode is below the fraction `GONE_FRACTION` of the
+    other one. It is a transient, such as the ringing of a filter, if this time is less than `TRANSIENT_CYCLES` cycles
+    of the other mode and less than `longest` seconds.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))

@@ -31,7 +31,7 @@ def block_means(values: np.ndarray, block: int) -> np.ndarray:
 def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the spacing in s and the values, (m ≤ MOST_SAMPLES,), of a record on equally spaced times.
 
-    Long records are averaged in blocks first; then values are interpolated linearly.
+    t, y: times in s and values, (n,). Long records are averaged in blocks first; then values are interpolated linearly.
     """
     block = -(-t.size // MOST_SAMPLES)
     t, y = block_means(t, block), block_means(y, block)
@@ -108,7 +108,7 @@ def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
-    """Return up to `most` (at least one) pairs of period and fraction as in `coarse_period`.
+    """Return up to `most` (at least one) pairs of period (s) and fraction as in `coarse_period`.
 
     The first has the largest `explained_power`; the others follow in falling order of this power times the fraction. If
     a hand moves the object to and fro in a part of the record, the first period may be that of the hand.

@@ -111,7 +111,8 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
     y
         Values, (n,).
     swing
-        Distance of the return, (n,): an extremum e counts once a later value v_i differs from it by more than swing_i.
+        Distance of the return, in the unit of y, (n,): an extremum e counts once a later value v_i differs from it by
+        more than swing_i.
 
     Returns
     -------

@@ -36,7 +36,8 @@ class Hdf5Reader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the numeric datasets as columns named by their paths.
 
-        Raises InputError if there are none, or if one is in another file, packed, or too large.
+        Raises InputError if there are none, if one is in another file or packed, or if they have more than LARGEST_FILE
+        bytes.
         """
         import h5py
 
@@ -57,7 +58,10 @@ class _GroupWalk(Walk):
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
-        """Collect the columns and facts of a group or dataset. Raises InputError for data that is not read."""
+        """Collect the columns and facts of a group or dataset. Raises InputError for data that is not read.
+
+        path, run, depth: as in `Walk.add`.
+        """
         if depth > DEEPEST_LEVEL:
             return
         if isinstance(item, self.h5py.Group):

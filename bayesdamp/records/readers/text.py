@@ -548,7 +548,7 @@ def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> t
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
     """Return the table as an array (rows, columns), if each cell is a number; else None.
 
-    Blank lines are allowed only at the end.
+    body: lines from the first row of numbers on. Blank lines are allowed only at the end.
     """
     while body and not body[-1].strip():
         body = body[:-1]

@@ -97,7 +97,7 @@ class UffReader(Reader):
 
 
 def _text(data: Any, key: str) -> str:
-    """Return a text of a data set; "" if it is NONE or missing."""
+    """Return the text of a data set with the name `key`; "" if it is NONE or missing."""
     text = str(data.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
 
