@@ -346,7 +346,11 @@ def pieces(signal: Signal, period: float) -> list[Signal]:
 def _motion_without_gap(
     signal: Signal, problem: Problem, features: Features, noise: float, knots_per_period: float
 ) -> SmoothedMotion:
-    """Compute the motion of one piece as `motion` describes. noise: standard deviation of the samples."""
+    """Compute the motion of one piece as `motion` describes.
+
+    noise: standard deviation of the samples' noise, in the unit of the record. Raises Refusal if the piece has fewer
+    than `LEAST_SAMPLES` samples.
+    """
     t, y = signal.t, signal.y
     if t.size < LEAST_SAMPLES:
         raise Refusal(
@@ -400,7 +404,7 @@ def _motion_without_gap(
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
-    """Return inner knots about `spacing` (s) apart, with at least two samples between neighbouring knots."""
+    """Return inner knots about `spacing` (s) apart, with at least two samples between neighbours; t: sample times."""
     wanted = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / spacing) + 1))[1:-1]
     knots, last = [], 0
     for knot, i in zip(wanted, np.searchsorted(t, wanted)):

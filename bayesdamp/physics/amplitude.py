@@ -219,7 +219,10 @@ class ClosedForm(DecayLaw):
         return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t since the start, (n,), as in the function `decay` of this module."""
+        """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
+
+        rates: the decay rate at A_ref of each term in 1/s, (terms,). See the function `decay` of this module.
+        """
         return decay(t, x0, self.terms, rates)
 
 
@@ -237,17 +240,24 @@ class PowerLaw(DecayLaw):
         raise NotImplementedError
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t since the start, (n,), as in the function `power_decay`."""
+        """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
+
+        rates: ln of the decay rate (1/s) at A_ref, and the exponent p. See the function `power_decay`.
+        """
         return power_decay(t, x0, float(rates[0]), float(rates[1]))
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,)."""
+        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,).
+
+        rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
+        """
         return np.exp(rates[0] + (rates[1] - 1.0) * x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
         """Return the derivatives of x, (n, 2), by ln of the decay rate at A_ref, and by the exponent.
 
-        They are exact; the arguments x and step are not used.
+        They are exact; the arguments x and step are not used. t: times in s since the start, (n,). x0: value of x at
+        the start. rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
         """
         # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
         own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
@@ -474,7 +484,7 @@ class Scale:
 
 
 def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
-    """Return the value of a term's parameter at a standard normal score; for scores ~ N(0, 1) it has its prior.
+    """Return the value of a term's parameter p at a standard normal score; for scores ~ N(0, 1) it has its prior.
 
     This also holds for half-normal priors, whose own coordinate is the absolute value of a standard normal number.
     The value is in the unit of the parameter. scale: amplitude and frequency on which the prior depends.

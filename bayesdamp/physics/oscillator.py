@@ -122,7 +122,8 @@ class Oscillator:
     def with_equilibrium(self, p: Parameters) -> Parameters:
         """Return the parameters with `rest` replaced by the exact equilibrium near its value (`newton_many`).
 
-        They are unchanged if no damping term needs the equilibrium.
+        They are unchanged if no damping term needs the equilibrium. p: parameters by name, among them `rest` and those
+        of the restoring law, as numbers or arrays that broadcast.
         """
         if "rest" not in self.scales:
             return p
@@ -152,7 +153,8 @@ class Oscillator:
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
         """Return ω_n in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
 
-        The slope of the force is its difference quotient over the grid step that contains the equilibrium. Raises
+        It is that of the stable equilibrium nearest to `near`. The slope of the force is its difference quotient over
+        the grid step that contains the equilibrium. p: only the parameters of the restoring law are used. Raises
         ValueError if no stable equilibrium is within `reach` of `near` (rad or m).
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))

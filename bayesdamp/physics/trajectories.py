@@ -105,7 +105,7 @@ class Trajectories:
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
 
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the samples, (n,), and their derivatives by the named parameters, (k, n), at parameters p by name.
+        """Return the samples, (n,), and their derivatives by the parameters in `names`, (k, n), at p, values by name.
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
         central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
@@ -186,7 +186,7 @@ class Trajectories:
     def _slopes_of_rest(self, p: Mapping[str, float]) -> dict[str, float]:
         """Return the derivatives of the equilibrium by the law's parameters, by name; empty if there is no equilibrium.
 
-        They follow from the implicit function theorem.
+        They follow from the implicit function theorem. p: values of all parameters of the oscillator, by name.
         """
         rest = self._rest(p)
         if rest is None:

@@ -154,8 +154,9 @@ def _solve_total(
     """Return the solution x (c,) of a x = b by total least squares, with errors in the columns of a (n, c) and in b.
 
     The columns of a are the damping shapes, the restoring terms, and last `drift` columns that have (nearly) no error.
-    The errors of the others are those that white noise within the spline's bandwidth causes. arguments: values of the
-    arguments of the damping shapes besides the coefficients, by name.
+    The errors of the others are those that white noise within the spline's bandwidth causes. smoothed: the motion from
+    which a and b were computed. arguments: values of the arguments of the damping shapes besides the coefficients, by
+    name.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (
@@ -204,8 +205,9 @@ def _noise_of_equation(
 ) -> np.ndarray:
     """Return draws of the error of the equation of motion that the record's noise causes, at its m times.
 
-    The shape is (m, REPLICAS), the unit rad/s². They are computed to first order. damping: coefficients. restoring:
-    values of the law's parameters. arguments: arguments of the damping shapes besides the coefficients.
+    The shape is (m, REPLICAS), the unit rad/s². They are computed to first order. smoothed: the motion, with m times
+    and the size of the noise. damping: coefficients, in the order of the terms. restoring: values of the law's
+    parameters. arguments: arguments of the damping shapes besides the coefficients. The last two are by name.
     """
     assert smoothed.response is not None
     theta, omega, _ = smoothed.everywhere

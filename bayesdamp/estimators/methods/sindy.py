@@ -243,7 +243,10 @@ def sparse_models(
     damping, others = np.flatnonzero(dissipates), np.flatnonzero(~dissipates)
 
     def solution(mask: np.ndarray, threshold: float, ridge: float) -> tuple[SparseModel, float]:
-        """Return the least squares solution with the terms in `mask`, and its residual sum of squares."""
+        """Return the least squares solution with the terms in `mask`, and its residual sum of squares.
+
+        threshold, ridge: settings that selected the terms, which are only recorded.
+        """
         x = np.zeros(mask.size)
         x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
         sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= MOST_CANCELLATION)
@@ -317,7 +320,7 @@ def standard_errors(
     model: SparseModel,
     force: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return standard errors (p,) of a solution's coefficients; 0 for terms that it does not use.
+    """Return standard errors (p,) of the coefficients of the solution `model`; 0 for terms that it does not use.
 
     For a smoothed angle the noise of the samples is propagated to first order through θ̈, θ and θ̇ into the regression.
     Otherwise they follow from the residual, with the effective number of independent rows. columns (m, p), target (m,):

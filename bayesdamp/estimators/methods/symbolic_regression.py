@@ -209,7 +209,7 @@ class Force:
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
     def error(self, expression: Expression) -> float:
-        """Return the mean square of `misfit`."""
+        """Return the mean square of the expression's `misfit`, as a fraction of the variance of the damping force."""
         return float(np.mean(self.misfit(expression) ** 2))
 
     def restoring(self, expression: Expression) -> dict[str, float]:
@@ -221,7 +221,10 @@ class Force:
 
 
 def _polish(force: Force, expression: Expression) -> Expression:
-    """Return the expression with constants fitted by least squares, or unchanged if that does not lower its error."""
+    """Return the expression with constants fitted to the force, or unchanged if that does not lower its error.
+
+    It is a short least squares fit of `Force.misfit` that starts from the expression's own constants.
+    """
     start = expression.constants()
     unit = np.maximum(np.abs(start), 1e-12)
     fit = least_squares(

@@ -182,7 +182,10 @@ def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float)
 def _assemble(
     stretches: list[Stretch], library: list[CandidateTerm], problem: Problem, features: Features, width: float
 ) -> Rows | None:
-    """Return the weak form of the library on test functions `width` s wide; None if none fits into the record."""
+    """Return the weak form of the library on test functions `width` s wide; None if none fits into a stretch.
+
+    stretches: the pieces of the record, whose rows are joined in this order.
+    """
     law, known = oscillator(problem).law, known_restoring(problem)
     inertia, columns, noise = [], [], []
     nudge = 1e-4 * features.amplitude

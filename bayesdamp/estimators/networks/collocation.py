@@ -71,7 +71,7 @@ class Collocation(ScaledRecord):
         phase, end = phase_of(signal, features).convert().coef.tolist(), float(signal.t[-1])
 
         def inputs(t: Tensor) -> Tensor:
-            """Return time scaled to −1 to 1, and the sines and cosines of multiples of the phase, (n, inputs)."""
+            """Return time scaled to −1 to 1, and sines and cosines of multiples of the phase, (n, inputs); t in s."""
             angle = torch.stack([c * t**power for power, c in enumerate(phase)]).sum(0)
             angles = angle[:, None] * torch.arange(1.0, harmonics + 1, dtype=REAL)
             return torch.cat([(2.0 * t / end - 1.0)[:, None], torch.sin(angles), torch.cos(angles)], dim=1)
@@ -97,14 +97,14 @@ class Collocation(ScaledRecord):
     def data(self, x: Tensor) -> Tensor:
         """Return the misfits of the record, (n,), scaled: their sum of squares is the mean square misfit.
 
-        The misfit is in units of Aωᵏ, with the order k of the recorded derivative.
+        The misfit is in units of Aωᵏ, with the order k of the recorded derivative. x: as in the class.
         """
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
         """Return the weighted misfits of angle and velocity at the start, (2,); 0 where they are not known.
 
-        They are in units of A and Aω, times the square root of the option `start_weight`.
+        They are in units of A and Aω, times the square root of the option `start_weight`. x: as in the class.
         """
         motion = self.motion(x, self.begin_inputs).diagonal()
         return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
@@ -112,7 +112,7 @@ class Collocation(ScaledRecord):
     def physics(self, x: Tensor) -> Tensor:
         """Return the weighted residuals of the equation of motion at the n collocation instants, (n,), in Aω².
 
-        Their sum of squares is the option `physics_weight` times the mean square residual.
+        Their sum of squares is the option `physics_weight` times the mean square residual. x: as in the class.
         """
         angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
         physical = x[..., self.network.count :] * torch.from_numpy(self.units)
@@ -125,7 +125,8 @@ class Collocation(ScaledRecord):
     def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
         """Return the angle about the rest and its derivatives, (n, j), in units of Aωᵏ for order k.
 
-        inputs: the network's inputs and their derivatives by ωt, (n, j, inputs).
+        x: the unknowns, of which only the weights are used. inputs: the network's inputs and their derivatives by ωt,
+        (n, j, inputs).
         """
         return self.network.output(x[..., : self.network.count], inputs)
 

@@ -114,14 +114,18 @@ class Shooting(ScaledRecord):
         return torch.stack([velocity, -restoring - self.force(x, velocity)], dim=-1)
 
     def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
-        """Return angle and velocity (n, 2) one step after each state (n, 2); duration (n,): of each step, in 1/ω."""
+        """Return angle and velocity (n, 2) one step after each state (n, 2), in A and Aω.
+
+        x: the unknowns, (k,), or one row for each state, (n, k). duration (n,): of each step, in 1/ω.
+        """
         ends = torch.tensor([0.0, 1.0], dtype=REAL)
         return _runge_kutta(lambda state: duration[:, None] * self._rate(x, state), state, ends)[1]
 
     def _sampled(self, x: Tensor, state: Tensor) -> Tensor:
         """Return the recorded quantity (n,) at each sample, in Aωᵏ (k: order of the derivative).
 
-        state: angle and velocity at the node before each sample, (n, 2).
+        x: the unknowns, (k,), or one row for each sample, (n, k). state: angle and velocity at the node before each
+        sample, (n, 2), in A and Aω.
         """
         state = self._step(x, state, self.since)
         return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
@@ -186,7 +190,7 @@ class Shooting(ScaledRecord):
         """Return the damping coefficients, (terms,), in `units`, of the projection of the learnt force on the terms.
 
         With them the terms take the same mean power as the learnt force in each segment, by least squares. All are NaN
-        if a path is not finite.
+        if a path is not finite. x: the unknowns, (k,).
         """
         unknowns = torch.from_numpy(x)
         velocity = self.paths(unknowns)[..., 1]

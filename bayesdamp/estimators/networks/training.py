@@ -108,7 +108,7 @@ class DenseNetwork:
     def output(self, weights: Tensor, inputs: Tensor) -> Tensor:
         """Return the jets of the output, (n, j), from the jets of the inputs, (n, j, sizes[0]).
 
-        A jet contains a value and its first j − 1 time derivatives.
+        A jet contains a value and its first j − 1 time derivatives. weights: as in the class.
         """
         *hidden, last = self._layers(weights)
         return _affine(*last, _hidden(hidden, inputs))[..., 0]

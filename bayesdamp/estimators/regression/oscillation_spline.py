@@ -117,7 +117,8 @@ class OscillationSpline:
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
     """Return the matrix that maps spline coefficients to the derivative of an order at x (n,).
 
-    Its shape is (n, number of coefficients). order: 0 for the spline itself.
+    Its shape is (n, number of coefficients). knots: all knots, with repeated ends, in the unit of x. order: 0 for the
+    spline itself.
     """
     size = knots.size - DEGREE - 1
     down = sparse.identity(size, format="csr")

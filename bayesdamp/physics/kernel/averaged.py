@@ -88,7 +88,7 @@ class Track:
         """Multiply amplitudes, phases and midlines, (c, ...) each, of the first c blocks by the track's factors.
 
         The factors are `weights` for amplitudes and midlines and the matrix `whitening` for phases. Return the products
-        in one array, (3c, ...): three values for each block in turn. size: the amplitudes.
+        in one array, (3c, ...): amplitude (argument `size`), phase (rad) and midline of each block in turn.
         """
         count = len(size)
         one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))

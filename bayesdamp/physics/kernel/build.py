@@ -267,7 +267,7 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
 def _module(text: str) -> ModuleType:
     """Import the source of a kernel as a module, after writing it to a file if this does not exist yet.
 
-    The file's folder is named after a digest of the source. Modules are cached in memory.
+    text: the source. The file's folder is named after a digest of the source. Modules are cached in memory.
     """
     name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     spec = importlib.util.spec_from_file_location(name, _store(name, text))

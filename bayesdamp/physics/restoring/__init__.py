@@ -38,9 +38,10 @@ class LinearForm:
 
     @classmethod
     def of_sum(cls, regressors: Mapping[str, np.ndarray], known: Mapping[str, float]) -> LinearForm:
-        """Return the form of a force that is the sum of parameter times regressor, each (n,), of which some are known.
+        """Return the form of a force that is the sum of parameter times regressor, if some parameters are known.
 
-        The coefficients are the unknown parameters.
+        The coefficients are the unknown parameters. regressors: the regressor of each parameter, (n,), by its name.
+        known: the values of the known parameters, by name.
         """
         free = [name for name in regressors if name not in known]
         zero = np.zeros_like(next(iter(regressors.values())))
@@ -76,7 +77,7 @@ class RestoringLaw(ABC):
         raise NotImplementedError
 
     def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the restoring force per unit of inertia, in rad/s², at angles θ of any shape.
+        """Return the restoring force per unit of inertia, in rad/s², at angles θ (rad) of any shape.
 
         p: values of the parameters by name, which broadcast against θ.
         """
@@ -84,7 +85,10 @@ class RestoringLaw(ABC):
         return on_arrays(self.kernel)(np.asarray(theta, float), values)
 
     def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the restoring force by the angle, in 1/s²; the arguments are those of `force`."""
+        """Return the derivative of the restoring force by the angle, in 1/s², at angles θ (rad) of any shape.
+
+        p: values of the parameters by name, which broadcast against θ.
+        """
         return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod

@@ -31,7 +31,10 @@ class Duffing(RestoringLaw):
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return a first guess of the parameters: k = ω², θ_e = `rest`, β = 0; known ones keep their values."""
+        """Return a first guess of the parameters: k = ω², θ_e = `rest`, β = 0; known ones keep their values.
+
+        frequency: ω in rad/s.
+        """
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:

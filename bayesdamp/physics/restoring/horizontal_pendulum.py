@@ -34,8 +34,8 @@ class HorizontalPendulum(RestoringLaw):
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         """Return an initial guess of the parameters; known parameters keep their values.
 
-        An unknown γ is 0. At the equilibrium θ_e = `rest`, k follows from ω² = F′(θ_e) = k + γ sin θ_e, and θ_s from
-        F(θ_e) = 0.
+        An unknown γ is 0. At the equilibrium θ_e = `rest` (rad), k follows from ω² = F′(θ_e) = k + γ sin θ_e with ω =
+        `frequency` (rad/s), and θ_s from F(θ_e) = 0.
         """
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))

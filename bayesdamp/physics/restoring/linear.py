@@ -27,7 +27,10 @@ class LinearSpring(RestoringLaw):
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess of the parameters: k = ω², θ_e = `rest`; known parameters keep their values."""
+        """Return an initial guess of the parameters: k = ω², θ_e = `rest`; known parameters keep their values.
+
+        frequency: ω in rad/s.
+        """
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
