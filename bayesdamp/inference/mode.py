@@ -66,7 +66,7 @@ def maximise_posterior(
     likelihood : Likelihood
         Likelihood and target of the posterior.
     z : ndarray, shape (d,)
-        Start of the search.
+        Start of the search: the inferred parameters as standard normal scores.
     retract : callable
         Function of a point, (d,), and a step, (d,), that returns the end of the step, (d,), which may follow a curve;
         by default it returns their sum.
@@ -293,7 +293,7 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
     target : Target
         The target, whose posterior is maximised.
     z : ndarray, shape (d,)
-        Scores at or near the mode.
+        Parameters at or near the mode, as standard normal scores.
     tolerance : float
         First tolerance of the motion, in the unit of the record.
     searches : tuple of LocalSearch
@@ -323,7 +323,7 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
 
 
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
-    """Return the mode of another likelihood, such as that of a part of the record; the search starts at z, (d,).
+    """Return the mode of another likelihood, such as that of a part of the record; the search starts at scores z, (d,).
 
     Errors, searches and `linear` are copied from `mode` unchanged, so the errors are not those of the result. Raises
     Refusal if the posterior is not finite at the end of the search.
@@ -454,8 +454,9 @@ def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return the ends of the 95 % interval of each parameter in its unit, by name.
 
-    The scores are assumed normal with mean z, (d,), and standard deviations sd, (d,). Intervals of parameters with
-    half-normal priors do not go below zero.
+    The scores (parameters transformed to standard normal priors) are assumed normal with mean z, (d,), and standard
+    deviations sd, (d,); the ends are the parameters at z ± 1.96 sd. Intervals of parameters with half-normal priors do
+    not go below zero.
     """
     low, high = z - NORMAL_95 * sd, z + NORMAL_95 * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)

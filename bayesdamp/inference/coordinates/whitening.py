@@ -573,9 +573,10 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     """Return coordinates in which a posterior is nearly standard normal, given one combination of hyperparameters.
 
-    Hyperparameters are the sizes and correlation lengths of the deviations from the laws; `combination` is its index
-    from 0 in `Target.deviation`. Mean and covariance are those of a normal distribution with the gradient and
-    the Gauss–Newton information of this conditional log posterior at the mode, restricted to reflected scores ≥ 0.
+    Hyperparameters are the sizes and correlation lengths of the deviations of damping and frequency from the laws;
+    `combination` is the index of one in `Target.deviation`, from 0. Mean and covariance are those of a normal
+    distribution with the gradient and the Gauss–Newton information of this conditional log posterior at the mode,
+    restricted to reflected scores ≥ 0.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)

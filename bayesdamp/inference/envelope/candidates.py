@@ -214,7 +214,7 @@ class EnvelopeCandidate:
 
     @property
     def total(self) -> float:
-        """Log evidence in nats, averaged over noises, their scales, and sizes and lengths of the deviation."""
+        """Log evidence in nats, averaged over noises, their scales and the deviation, without `log_share`."""
         return self.posterior.log_evidence
 
     @property

@@ -90,7 +90,7 @@ class Decay:
     blocks
         The readings in the window, averaged in blocks, with their possible noises.
     reference
-        ln of the reference amplitude A_ref in the record's unit.
+        ln of the reference amplitude A_ref in the record's unit; for levels in dB relative to 0 dB.
     """
 
     record: EnvelopeRecord
@@ -206,8 +206,8 @@ def free_decay(
 def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, float]:
     """Return the readings of a window averaged in blocks, and ln of the reference amplitude A_ref in the record's unit.
 
-    A_ref is in the middle, in dB, between the levels at the start and at the end. Raises Refusal if the level decreases
-    by less than `LEAST_DROP` dB.
+    A_ref is in the middle, in dB, between the levels at the start and at the end; for levels in dB it is relative to 0
+    dB. Raises Refusal if the level decreases by less than `LEAST_DROP` dB.
     """
     whole = slice(window.start, window.stop)
     t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST_BLOCKS)

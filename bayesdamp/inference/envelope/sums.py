@@ -552,7 +552,7 @@ class PowerFit:
     """A fit of the power law dA/dt = -c A^p.
 
     A is relative to the reference amplitude. exponent: median and 95 % interval of p. odds: log Bayes factor (nats) of
-    the power law against all sums of damping terms together.
+    the power law against all sums of damping terms together, weighted by their prior odds.
     """
 
     exponent: Quantity

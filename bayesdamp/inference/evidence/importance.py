@@ -118,7 +118,8 @@ class Importance(EvidenceMethod):
 
         It is a Student t with the mean of the distribution of `truncated_about` and with its covariance as scale matrix
         (a reflected Student t about the mode would have wrong correlations near a bound); or about the mode if this
-        covariance is singular. With deviations from the laws it is fitted to `Mode.linear`.
+        covariance is singular. If the model allows for deviations from its laws, it is fitted to the draws in
+        `Mode.linear`.
         """
         if mode.linear is not None:
             return fit_reflected_t(mode.linear.draws, target.reflected)

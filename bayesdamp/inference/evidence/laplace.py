@@ -31,7 +31,8 @@ class LaplaceEvidence(EvidenceMethod):
     ) -> Evidence:
         """Compute the evidence by Laplace's approximation at the mode; it has no standard error.
 
-        With deviations from the laws it is that of `Mode.linear`. `seed` and `draws` are not used.
+        If the model allows for deviations of damping and frequency from its laws, it is that of `Mode.linear`. `seed`
+        and `draws` are not used.
         """
         return Evidence(
             model=model,

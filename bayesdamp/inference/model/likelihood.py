@@ -88,7 +88,8 @@ class Likelihood:
     def under(self, combination: int) -> Likelihood:
         """Return this likelihood given one combination of the hyperparameters of the deviations from the laws.
 
-        combination: its index along the first axis of `Deviation.maps`, from 0. The target must have deviations.
+        Hyperparameters are prior sds and correlation lengths of deviations of damping and frequency. combination: its
+        index along the first axis of `Deviation.maps`, from 0. The target must have deviations.
         """
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)

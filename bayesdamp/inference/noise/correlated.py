@@ -115,7 +115,8 @@ class CorrelatedNoise(NoiseModel):
         """Return the log density of each residual given all others, (..., n), from the precision matrix K⁻¹.
 
         Given all others, r_i is normal with mean r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and
-        Vehtari, Comput. Stat. 36, 2021).
+        Vehtari, Comput. Stat. 36, 2021). K is the covariance matrix. gaps: times between the samples in s, (n - 1,). p:
+        noise_sd and noise_time (s) by name.
         """
         sd = by_sample(p)["noise_sd"]
         lost, fresh = _decay(gaps, by_sample(p))

@@ -58,9 +58,10 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the number of warm-up draws: `warmup`, or at most `LINEAR_WARMUP` with deviations from the laws.
+        """Return the number of warm-up draws of each chain: `warmup`, or less if `Mode.linear` is given.
 
-        Few are enough there, because chains start with draws from the posterior of the linearised model, and nothing is
+        It is then at most `LINEAR_WARMUP`: the model allows for deviations of damping and frequency from its laws. Few
+        are enough then, because chains start with draws from the posterior of the linearised model, and nothing is
         tuned.
         """
         return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
@@ -109,8 +110,8 @@ def seeded_starts(
 
     A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
     density of the start is too low (`START_NATS`), the seed is moved towards the centre. In each step the seed that is
-    farthest from all before it is chosen, so that few chains cover their range. With deviations from the laws, starts
-    are draws from the posterior of the linearised model instead.
+    farthest from all before it is chosen, so that few chains cover their range. If the model allows for deviations
+    from its laws (`Mode.linear`), starts are draws from the posterior of the linearised model instead.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Emcee(Sampler):
         """Return draws of two ensembles that start widely scattered about the mode (`seeded_starts`).
 
         If `settings.grows`, long chains are thinned to between 40,000 and 80,000 draws; the summaries are those of all
-        draws.
+        draws before thinning.
         """
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)

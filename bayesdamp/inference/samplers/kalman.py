@@ -121,8 +121,8 @@ class Kalman(Sampler):
         `Posterior.running` after these samples, of the first pass (`running/online/...`) and of the last one
         (`running/restarted/...`), (times, parameters) each, in the units of the parameters.
 
-        Raises Refusal under exact friction (ε = 0), deviations from the laws, or noise that is not Gaussian, and if the
-        filter diverges or does not converge.
+        Raises Refusal under exact friction (ε = 0), if the model allows for deviations from its laws, for noise that is
+        not Gaussian, and if the filter diverges or does not converge.
         """
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(

@@ -137,7 +137,10 @@ class _Subtree:
 
 
 class Chain:
-    """A Markov chain that the no-U-turn sampler (NUTS) generates with a fixed leapfrog step."""
+    """A Markov chain that the no-U-turn sampler (NUTS) generates with a fixed leapfrog step.
+
+    space: the posterior in whitened coordinates. step: length of a leapfrog step in them. rng: random generator.
+    """
 
     def __init__(self, space: WhitenedPosterior, step: float, rng: np.random.Generator) -> None:
         self.space, self.step, self.rng = space, step, rng
@@ -145,7 +148,8 @@ class Chain:
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
         """Make `count` draws by NUTS, starting from position u, (d,).
 
-        log_density: log density at u. Returns, for each draw: position (count, d), log density, whether its trajectory
+        u itself is not a draw, and there is no warm-up. log_density: log density at u (nats). Returns, for each draw:
+        position (count, d), log density, whether its trajectory
         diverged, number of leapfrog steps, and mean acceptance probability, (count,) each.
         """
         rows = []
@@ -227,7 +231,8 @@ class Chain:
 def _ends_move_apart(first: Point, last: Point, momentum: np.ndarray) -> bool:
     """Return whether both ends of a part of a trajectory still move away from each other.
 
-    momentum: sum of the momenta of all points from first to last.
+    They do if the momenta at both have positive products with `momentum`, the sum of the momenta of all points from
+    first to last.
     """
     return float(first.p @ momentum) > 0 and float(last.p @ momentum) > 0
 
@@ -449,7 +454,7 @@ class Nuts(Sampler):
         settings : Settings
             Numbers of chains, of warm-up and of other draws, and the seed.
         exact : bool
-            Whether the force is the exact gradient.
+            Whether the force is the exact gradient, instead of that for the motion linearised at the centre of `at`.
         factor : float
             Length of the leapfrog step, as a multiple of `LEAPFROG_STEP`.
 
