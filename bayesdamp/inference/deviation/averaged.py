@@ -284,7 +284,7 @@ def _demodulated(
 
     Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and
     `_Curves.steps`. A window that has few samples (`FULL`) is left out. Where the cycles in a hole cannot be counted,
-    the phases continue smoothly and the unknown change is in the steps.
+    the phases continue smoothly and the unknown change is in the steps. t, y, features: as in `average_of`.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -350,8 +350,8 @@ def _fit_curves(
     """Fit the oscillation in each block, and correct the reference curves until they describe the blocks.
 
     The first curves come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are made;
-    they end when `_BlockFit.bent` is below `BENT`. parts, middles: as in `_fit_blocks`. follows: whether the curve of
-    the phase follows a wandering phase closely; it is then not corrected.
+    they end when `_BlockFit.bent` is below `BENT`. curves: the first curves. t, y, parts, middles: as in `_fit_blocks`.
+    follows: whether the curve of the phase follows a wandering phase closely; it is then not corrected.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):
@@ -375,8 +375,8 @@ def _fit_blocks(
 ) -> _BlockFit:
     """Fit the oscillation, its midline and its harmonics in each block by least squares, relative to the curves.
 
-    parts: indices of each block's first sample and of the sample after its last. middles: times of the blocks in s,
-    (b,). follows: whether to leave the phases out of `_BlockFit.bent`.
+    t, y: times in s and recorded values, (n,). parts: indices of each block's first sample and of the sample after its
+    last. middles: times of the blocks in s, (b,). follows: whether to leave the phases out of `_BlockFit.bent`.
     """
     fits, lefts, freedom = [], [], 0
     for (a, b), at in zip(parts, middles, strict=True):
@@ -486,7 +486,7 @@ def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray)
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
     """Return the roughness of the blocks' values, (b,): their rms second difference, divided by that of white noise.
 
-    weight: 1/sd of the noise of each value, (b,).
+    It is 1 for white noise alone. weight: 1/sd of the noise of each value, (b,).
     """
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
 

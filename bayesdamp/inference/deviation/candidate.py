@@ -164,7 +164,8 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
     """Return the values at which a fit starts, by name: coefficients, restoring parameters and initial state.
 
     The coefficients are such that each damping term causes the same part of the record's decay. The restoring
-    parameters follow from the record's frequency and midline, and from the values of such parameters in `known`.
+    parameters follow from the record's frequency and midline, and from the values of such parameters in `known`; other
+    known values have no effect. Units are rad (or m) and s.
     """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -247,7 +248,7 @@ def search_near(
     values : mapping of str to float
         Parameters of the other candidate by name; parameters of the solver that are not in it are 0.
     starts : sequence of mapping
-        Values of the terms' own parameters at which the fit may start.
+        Values of the terms' own parameters (such as exponents), by name, at which the fit may start.
     """
     active, best, least = active_of(parameters, solver), None, np.inf
     for start in starts:
@@ -287,9 +288,10 @@ def tangents_at(
 ) -> np.ndarray | None:
     """Return the Jacobian of a candidate's motion by u = (scores, g, h), (n, K), at u; None where the motion escapes.
 
-    A motion escapes if it grows beyond all bounds or needs too many steps. at: only its parameters (priors, known
-    values) and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by
-    default that of fits (3e-8).
+    g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots. A
+    motion escapes if it grows beyond all bounds or needs too many steps. at: only its parameters (priors, known values)
+    and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
+    that of fits (3e-8).
     """
     solution = _solve(solver, at, u, tolerance)
     return None if solution is None else solution[1]
@@ -328,8 +330,9 @@ def linearise(
 ) -> Linearisation | None:
     """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit `at` with g = h = 0.
 
-    If u is given, `at` only supplies the parameters (priors, known values) and the active terms. Return None if |g| or
-    |h| is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
+    g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots. If
+    u is given, `at` only supplies the parameters (priors, known values) and the active terms. Return None if |g| or |h|
+    is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -407,8 +410,9 @@ def mode_of(
 ) -> np.ndarray:
     """Return the mode u, (K,), of a linear model's posterior under N(0, 1) priors of the scores, with coefficients ≥ 0.
 
-    u = (scores, g, h). The hyperparameters of g and h (sizes and correlation lengths) are fixed at the grid point with
-    the largest posterior probability, computed without the condition that coefficients are ≥ 0.
+    u = (scores, g, h), with the log deviation g of the damping and the relative deviation h of the frequency at the
+    knots. The hyperparameters of g and h (sizes and correlation lengths) are fixed at the grid point with the largest
+    posterior probability, computed without the condition that coefficients are ≥ 0.
 
     Parameters
     ----------

@@ -151,7 +151,8 @@ class Data:
     def first(self, count: int) -> Data:
         """Return a copy with only the first `count` values of y.
 
-        `t`, `windows`, `rows` and `readings` are shortened with y; all other attributes are unchanged.
+        `t`, `windows`, `rows` and `readings` are shortened with y, and `times`, `end` and `duration` follow from them;
+        all other attributes are unchanged.
         """
         windows = None if self.windows is None else self.windows.first(count)
         rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))

@@ -84,11 +84,13 @@ class CandidateDraws:
     coefficients : ndarray, shape (n, m)
         Coefficients of the solver's m terms; 0 for terms that the candidate does not have.
     further : ndarray, shape (n, e)
-        Own parameters of the terms, such as exponents, and fixed reference values in their forces.
+        Own parameters of the terms, such as exponents, and fixed reference values in their forces, in the order of
+        `Solver.further`.
     law : ndarray, shape (n, r)
-        Parameters of the restoring law.
+        Parameters of the restoring law, in the order of `RestoringLaw.parameters`.
     g, h : ndarray, shape (n, k)
-        Log deviation of the damping and relative deviation of the frequency, at the k knots.
+        Log deviation of the damping and relative deviation of the frequency, at the k knots, which are equidistant in
+        time from the start to the end of the record.
     """
 
     result: CandidateResult
@@ -100,7 +102,10 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Convert draws u = (scores, g, h), (n, K), of a candidate's posterior to parameters and deviations."""
+        """Convert draws u = (scores, g, h), (n, K), of a candidate's posterior to parameters and deviations.
+
+        g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots.
+        """
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
@@ -229,9 +234,9 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
     """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s; 0 if F′ < 0.
 
-    F′ is the derivative of the restoring force per unit of inertia. law: parameters of the restoring law, (r,), in the
-    order of `RestoringLaw.parameters`. scale: a typical displacement in rad or m; the difference quotient for F′ has
-    the step 1e-5 `scale`.
+    F′ is the derivative of the restoring force per unit of inertia. rest: in rad or m. restoring: name of the law. law:
+    parameters of the restoring law, (r,), in the order of `RestoringLaw.parameters`. scale: a typical displacement in
+    rad or m; the difference quotient for F′ has the step 1e-5 `scale`.
     """
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
@@ -240,8 +245,9 @@ def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float
 def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
     """Return the frequency at an amplitude (rad or m), in rad/s, by harmonic balance: from the force's first harmonic.
 
-    It is 0 if this harmonic does not pull back. It needs only 16 values of the force, and its change with the
-    parameters of the law is accurate enough for the spread between draws (N. M. Krylov and N. N. Bogoliubov, 1943).
+    It is 0 if this harmonic does not pull back. restoring, law, rest: as in `natural_frequency`. It needs only 16
+    values of the force, and its change with the parameters of the law is accurate enough for the spread between draws
+    (N. M. Krylov and N. N. Bogoliubov, 1943).
     """
     force = by_kernel(LAWS.get(restoring).kernel, law)
     pull = float(force(rest + amplitude * _COSINES) @ _COSINES)
@@ -252,7 +258,8 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Return times in s and amplitudes (rad or m) of a motion's half cycles, as two arrays of the same length.
 
     An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude that
-    is larger than the one before it is replaced by that one. Half cycles of zero amplitude are left out.
+    is larger than the one before it is replaced by that one. Half cycles of zero amplitude are left out. For an
+    averaged record the motion and its times are those of the compressed oscillation (see `Data`).
     """
     times, states = motion.refined
     v = states[:, 1]
@@ -310,10 +317,11 @@ def unit_works(
 def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
     """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
 
-    Times the coefficients and summed over the m terms it is the damping ratio without deviations. The orbit is that
-    under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the same own
-    parameters; None if no orbit has the amplitude (rad or m). With `every_term`, terms that the candidate does not have
-    are included if they have no own parameters; else they get 0.
+    The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
+    energy. Times the coefficients and summed over the m terms, the result is this ratio without deviations. The orbit
+    is that under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the
+    same own parameters; None if no orbit has the amplitude (rad or m). With `every_term`, terms that the candidate does
+    not have are included if they have no own parameters; else they get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -385,9 +393,10 @@ def draw_ratios(
 ) -> tuple[np.ndarray, float]:
     """Return draws of the equivalent damping ratio at an amplitude, (n,), and the sd that noise alone would cause.
 
-    The draws of all candidates are joined and include the deviations from the laws. The sd is that under exact laws,
-    averaged over the draws. Candidates without an orbit of this amplitude are left out; if all are, the draws are empty
-    and the sd is nan.
+    The ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's energy. The draws of
+    all candidates are joined and include the deviations from the laws. The sd is that under exact laws, averaged over
+    the draws. Candidates without an orbit of this amplitude are left out; if all are, the draws are empty and the sd is
+    nan.
 
     Parameters
     ----------
@@ -465,7 +474,8 @@ def _average_over_frictions(
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return the mean over the record of |deviation − its own mean|, for each draw, (n,).
 
-    Both means are weighted by the energy of the oscillation. values: g or h at the knots, (n, k).
+    Both means are weighted by the energy of the oscillation. values: the deviation at the knots, (n, k): g (log
+    deviation of the damping) or h (relative deviation of the frequency).
     """
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]

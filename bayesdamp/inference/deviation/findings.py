@@ -191,12 +191,13 @@ def compute_findings(
     comparison : ModelComparison
         The comparison, with rivals.
     amplitudes : sequence of float, optional
-        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`.
+        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. A ratio is nan
+        where no orbit has the amplitude.
     sensor : float
         Relative sd of the sensor's linearity and clock. Damping ratios include it unless the comparison assumes exact
         laws.
     seed : int
-        Seed of the random streams.
+        Seed of the random streams; equal seeds give equal numbers.
     """
     data, approximate, rng = comparison.data, comparison.approximate, np.random.default_rng(seed)
     exact = candidate_probabilities(comparison, exact=True)

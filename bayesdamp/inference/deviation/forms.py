@@ -49,7 +49,8 @@ the summed absolute works for positions on either side of the equilibrium."""
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
     """Return the compared sum that a rival becomes in a limit of its own parameters; empty if it has no such limit.
 
-    For example, Stribeck friction becomes Coulomb friction. damping: names of the rival's terms.
+    It is the names of the sum's terms. For example, Stribeck friction becomes Coulomb friction. damping: names of the
+    rival's terms.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
@@ -234,7 +235,8 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
 
     The target is the record minus the constant part of the linearised motion: |Jacobian u − target|² is the sum of
-    squared residuals at u = (scores, g, h). None where the motion escapes.
+    squared residuals at u = (scores, g, h), or at u = scores under exact laws. Both are in the record's unit. None
+    where the motion escapes.
     """
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:

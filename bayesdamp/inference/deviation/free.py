@@ -107,7 +107,8 @@ def _mode(
     """Linearise a viscous force times exp g about the joint mode of parameters and g; None if the motion escapes.
 
     The search starts at the damping ratios of `guess`, in order of falling amplitude. The coefficient of the force is
-    fixed, because it has the same effect as a constant g.
+    fixed, because it has the same effect as a constant g. solver: solver with the viscous term alone. grid:
+    hyperparameters of g and h.
     """
     data, law = comparison.data, solver.restoring
     near = next(r for r in comparison.results if r.candidate.restoring == law)

@@ -196,7 +196,8 @@ def _combine(
 def smooth_root(knots: int, length: float) -> np.ndarray:
     """Return the Cholesky factor, (n, n), of the covariance exp(−|Δs| / length) at n equidistant knots in 0 ≤ s ≤ 1.
 
-    A variance of `JITTER` is added to the diagonal.
+    s is the time as a fraction of the record, and length the correlation length in this unit. A variance of `JITTER` is
+    added to the diagonal.
     """
     s = np.linspace(0.0, 1.0, knots)
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
@@ -379,7 +380,7 @@ class LinearPosterior:
     def sds(self, combinations: np.ndarray) -> np.ndarray:
         """Return the sd within components of linear combinations of u = (scores, g, h), (n,), before the cut-off at 0.
 
-        combinations: coefficients of u, (n, K). The variance is averaged over the components.
+        combinations: coefficients of the n combinations, (n, K). The variance is averaged over the components.
         """
         return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
 
@@ -388,7 +389,8 @@ class LinearPosterior:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw u = (scores, g, h), (count, K); return also the index of each draw's component, (count,).
 
-        positive: which scores must not be negative, booleans (d,). The draws are ordered by component.
+        positive: which scores must not be negative, booleans (d,). The draws are ordered by component. g is the log
+        deviation of the damping and h the relative deviation of the frequency, at the knots.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)

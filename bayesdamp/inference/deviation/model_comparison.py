@@ -266,8 +266,9 @@ class ModelComparison:
     def exact_variance(self, fit: LeastSquaresFit) -> float:
         """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
-        It is κ (`inflation`) times the sum of squared residuals divided by the degrees of freedom, plus the variance of
-        the solver's error. If `noise_known`, it is `variance`.
+        It is κ (`inflation`) times the sum of squared residuals divided by the degrees of freedom (number of values
+        minus number of inferred parameters, at least 1), plus the variance of the solver's error. If `noise_known`, it
+        is `variance`.
         """
         if self.noise_known:
             return self.variance
@@ -283,6 +284,8 @@ class ModelComparison:
         starts: Sequence[Mapping[str, float]] = (),
     ) -> LeastSquaresFit | None:
         """Fit a rival (a sum with a form of damping that is not compared) by least squares; None if this fails.
+
+        All priors are the default ones; known values of the motion are those of the best candidate.
 
         Parameters
         ----------
@@ -375,8 +378,9 @@ def compare_candidates(
     candidates : iterable of MotionCandidate
         Damping sums under restoring laws.
     known : mapping or callable, optional
-        Values of parameters by name, which may include `noise_sd` and `epsilon`, or a function from a restoring law to
-        such a mapping.
+        Values of parameters by name, which may include `noise_sd` (sd of a sample's noise, in the record's unit) and
+        `epsilon` (width ε of the sign change of dry friction, in rad/s or m/s), or a function from the name of a
+        restoring law to such a mapping.
     priors : mapping of str to Prior, optional
         Priors by the name of the parameter; the others have default priors. A prior of a known parameter has no effect,
         nor has a known value of a coefficient.

@@ -62,8 +62,9 @@ def compare_signal(
         these are the seven sums of viscous, Coulomb and quadratic damping, and all laws, but for a record in another
         unit than rad only laws of a translation.
     known : mapping or callable, optional
-        Values of parameters by name, which may include `theta0` and `omega0` (the initial values), `noise_sd` and
-        `epsilon`, or a function from a restoring law to such a mapping.
+        Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
+        `theta0` and `omega0` (initial displacement and velocity), `noise_sd` (sd of a sample's noise, in the record's
+        unit) and `epsilon` (width of the sign change of dry friction, in rad/s or m/s).
     priors : mapping of str to Prior, optional
         Priors by the name of the parameter; the others have default priors.
     reference : Reference, optional

@@ -284,7 +284,7 @@ class Single:
     def quantities(self) -> dict[str, Quantity]:
         """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.
 
-        They are from draws of the linear posterior.
+        They are from draws of the linear posterior, in the parameter's unit.
         """
         values, noise = self.values(self.scores), self.noise_sds
         return {
@@ -310,7 +310,7 @@ class Single:
     def sizes(self, u: Array) -> tuple[Array, Array]:
         """Return the energy-weighted means over the record of |g − mean of g| and |h − mean of h|, (n,) each.
 
-        u: draws, (n, K).
+        g is the log deviation of the damping, h the relative deviation of the frequency. u: draws, (n, K).
         """
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)

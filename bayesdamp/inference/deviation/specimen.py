@@ -186,8 +186,8 @@ class RunComparison:
         """Return the log evidence of a damping whose likelihood was not computed on this record.
 
         It is the damping's own log evidence if there is one; else that of the sum `limit`, to which it reduces (see
-        `OtherForm.place`), under the same restoring law. The result is in nats relative to the best candidate, at least
-        `NO_EVIDENCE`.
+        `OtherForm.place`), under the same restoring law; else, or for a `limit` of "", `NO_EVIDENCE`. The result is in
+        nats relative to the best candidate, at least `NO_EVIDENCE`.
         """
         own = self.log_evidence.get((damping, restoring))
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)

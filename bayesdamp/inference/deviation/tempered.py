@@ -21,7 +21,8 @@ from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 SMC_DRAWS = 300
 """Default number of draws of sequential Monte Carlo (conventional)."""
 EFFECTIVE_FRACTION = 0.5
-"""β is increased until the effective number of draws is this fraction of their number (conventional)."""
+"""β, the exponent of the exact likelihood, is increased until the effective number of draws is this fraction of their
+number (conventional)."""
 LEAST_EFFECTIVE = 0.15
 """If the effective fraction of the first draws of the linear posterior is at least this, importance sampling with more
 draws costs less than moves, and is used instead (conventional)."""
@@ -49,10 +50,14 @@ LEAST_ACCEPTANCE = 0.05
 class TemperedDraws:
     """Draws from the posterior with exact motions.
 
+    β is the exponent with which the likelihood changes from that of the linear model (β = 0) to that with exact motions
+    (β = 1).
+
     Attributes
     ----------
     draws : ndarray, shape (n, K)
-        u = (scores, g, h), with equal weights.
+        u = (scores, g, h), with equal weights: standard normal scores of the parameters, log deviation of the damping
+        and relative deviation of the frequency at the knots.
     log_ratios : ndarray, shape (n,)
         Log importance weight of each draw: log of (likelihood with the exact motion / likelihood under the linear
         model), plus the log ratio of the priors if the proposal has other coordinates than scores. After
@@ -206,8 +211,10 @@ def _importance_resampled(
 def _next_rise(ratios: np.ndarray, most: float) -> float:
     """Return the increase of β that reduces the effective fraction of the draws to `EFFECTIVE_FRACTION`.
 
-    It is `most` if the fraction is still larger there, and `LEAST_RISE` if it is already smaller there. ratios: log
-    importance weights at β = 1, (n,); at an increase δ the log weights are δ times these.
+    β is the exponent of the exact likelihood (see `TemperedDraws`); the fraction is the effective number of draws,
+    divided by their number. The result is `most` if the fraction is still larger there, and `LEAST_RISE` if it is
+    already smaller there. ratios: log importance weights at β = 1, (n,); at an increase δ the log weights are δ times
+    these.
     """
 
     def excess(rise: float) -> float:
@@ -223,6 +230,7 @@ def _next_rise(ratios: np.ndarray, most: float) -> float:
 def _effective_share(ratios: np.ndarray, rise: float) -> float:
     """Return the effective number of draws after an increase `rise` of β, divided by their number (Kong 1992).
 
-    ratios: log importance weights of the draws at β = 1, (n,).
+    β is the exponent of the exact likelihood (see `TemperedDraws`). ratios: log importance weights of the draws at β =
+    1, (n,).
     """
     return effective_size(rise * np.maximum(ratios, -1e300)) / ratios.size
