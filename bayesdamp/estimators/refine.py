@@ -65,7 +65,8 @@ class Minimum(NamedTuple):
 class _TrajectoryFit:
     """The residuals (trajectory minus record) of one record as a function of the unknown parameters.
 
-    names: names of the unknowns, the order of x. base: values of the other parameters. size: amplitude of the record.
+    names: names of the unknowns, the order of x. base: values of the other parameters, by name. size: largest amplitude
+    of the record, in its unit.
     """
 
     signal: Signal

@@ -100,7 +100,7 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
-    """Return x = ln(A/A_ref), (n,), at times t, (n,), of a decay dA/dt ∝ -A^p that starts from x0 at t = 0.
+    """Return x = ln(A/A_ref), (n,), at times t (s), (n,), of a decay dA/dt ∝ -A^p that starts from x0 at t = 0.
 
     log_rate: ln of the decay rate -dx/dt (1/s) at A_ref. power: exponent p. After the oscillation has come to rest, x
     is `LOG_AT_REST`.
@@ -187,7 +187,7 @@ class DecayLaw(ABC):
         """
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: the c_i."""
+        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: c_i (1/s)."""
         return rates @ self.shapes(x)
 
     def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:

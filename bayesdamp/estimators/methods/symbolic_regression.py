@@ -246,8 +246,8 @@ def _read(
 ) -> tuple[dict[str, float], float | None, str]:
     """Return the damping parameters by name, the width of a tanh (rad/s), and a clause on how they were obtained.
 
-    The width is that of the expression's tanh(θ̇/width) that is nearest to the known ε; None if there is none, or if no
-    term of the model has a tanh.
+    The width is that of the expression's tanh(θ̇/width) that is nearest to ε (the known value, or 2 % of the peak
+    velocity); None if there is none, or if no term of the model has a tanh.
     """
     osc = oscillator(problem)
     f, epsilon = expression(force.omega), epsilon_of(problem, features)

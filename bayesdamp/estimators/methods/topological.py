@@ -206,11 +206,11 @@ def significant_pairs(
 
 
 def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
-    """Return the coefficient by the published formulae.
+    """Return the coefficient by the formulae that Myers and Khasawneh published.
 
     damping: viscous, coulomb or quadratic. pairs: in the unit of the displacement (rad or m). omega: ω_n in rad/s.
 
-    Viscous: ω_n [1 + (2πn/ln(L_0/L_n))²]^(−1/2); the factor ω_n converts the damping ratio to the paper's rate.
+    Viscous: ω_n [1 + (2πn/ln(L_0/L_n))²]^(−1/2); the factor ω_n converts the damping ratio to a rate in 1/s.
     Coulomb: a lifetime decreases by 8μ_c/ω_n² in a cycle.
     Quadratic: for the half cycle from a minimum v_i to the next maximum p_{i+1} of a linear oscillator, p_{i+1} − v_i =
     ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), which follows from u = θ̇², du/dθ = −2ω_n²θ − 2μu. The result is the median

@@ -275,7 +275,8 @@ def train(
     steady
         Largest relative change of a converged number.
     samples
-        Number of samples with independent noise whose mean square misfit is the loss.
+        Number of samples with independent noise whose mean square misfit is the loss. With infinity, the default, the
+        test for noise never ends the descent.
 
     Returns
     -------

@@ -46,7 +46,9 @@ class CandidateTerm:
 def candidates(
     problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
 ) -> list[CandidateTerm]:
-    """Return the library: the damping shapes of the paper and of the problem, then functions of θ.
+    """Return the library: shapes of viscous, Coulomb and quadratic damping and of the problem's terms, then others.
+
+    The others are functions of θ: 1, θ, cos θ, sin θ, θ² and θ³.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def candidates(
     sharp
         Whether friction is sign(θ̇) instead of tanh(θ̇/ε).
     mixed
-        Whether the library includes θ̇² and θθ̇.
+        Whether the library also includes θ̇² and θθ̇, as its last functions.
     """
     epsilon = 0.0 if sharp else epsilon_of(problem, features)
     arguments = further_values(problem, features)

@@ -170,7 +170,7 @@ class DampingTerm(ABC):
         return float(amplitude * np.sum(_WEIGHTS * np.cos(_PHASES) * (there - back)))
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the kernel as a function of (x, v, ε) only, with the further arguments fixed at these values.
+        """Return the kernel as a function of (x, v, ε) only, with the further arguments fixed at these values, by name.
 
         With ε = 0 the function gives dry friction that jumps with the sign of v; at v = 0 it gives the friction of a
         tiny positive velocity, because dry friction is undefined there.

@@ -82,7 +82,10 @@ class Windows:
         return Windows(self.times[:count], self.weights[:count])
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the weighted mean in each window, (n, ...), of values at all points in turn, (2n, ...)."""
+        """Return the weighted mean in each window, (n, ...).
+
+        values: values at the two points of the first window, then of the second, and so on, (2n, ...).
+        """
         first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
         return first * values[::2] + second * values[1::2]
 

@@ -33,7 +33,7 @@ class Duffing(RestoringLaw):
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         """Return a first guess of the parameters: k = ω², θ_e = `rest`, β = 0; known ones keep their values.
 
-        frequency: ω in rad/s.
+        frequency: ω in rad/s. rest: in rad or m.
         """
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 

@@ -29,7 +29,7 @@ class LinearSpring(RestoringLaw):
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         """Return an initial guess of the parameters: k = ω², θ_e = `rest`; known parameters keep their values.
 
-        frequency: ω in rad/s.
+        frequency: ω in rad/s. rest: in rad or m.
         """
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
