@@ -465,7 +465,7 @@ class Whitening:
         return self.centre + u @ self.factor.T
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Convert coordinates u to standard normal scores, (..., d) each."""
+        """Convert coordinates u, in which the posterior is nearly N(0, I), to standard normal scores, (..., d) each."""
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:

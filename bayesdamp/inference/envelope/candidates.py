@@ -209,7 +209,7 @@ class EnvelopeCandidate:
 
     @property
     def name(self) -> str:
-        """Name of the sum: its terms, joined by +."""
+        """Name of the sum: its terms, joined by +, such as `viscous+coulomb`."""
         return "+".join(self.law.terms)
 
     @property

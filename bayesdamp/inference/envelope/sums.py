@@ -128,7 +128,7 @@ class Sum:
 
     @property
     def name(self) -> str:
-        """Names of the terms, joined by +."""
+        """Names of the terms, joined by +, such as `viscous+coulomb`."""
         return "+".join(self.terms)
 
     @property
@@ -463,7 +463,7 @@ class Ranking:
 
     @property
     def probability(self) -> np.ndarray:
-        """Posterior probability of each sum, (sums,)."""
+        """Posterior probability of each sum, (sums,), in the order of `sums`; they add up to 1."""
         return normalise(self.log_evidence)
 
     @property

@@ -152,7 +152,10 @@ class Likelihood:
         return self._log_density(residual, self.target.all_values(z))
 
     def log_likelihood(self, z: np.ndarray) -> float:
-        """Return the log likelihood (nats) at standard normal scores z, (d,); −∞ if it is not finite."""
+        """Return the log likelihood (nats) at scores z, (d,); −∞ if it is not finite, as for an unbounded motion.
+
+        z: all d inferred parameters as standard normal scores.
+        """
         return self.log_likelihood_of(self.target.all_values(z))
 
     def log_likelihoods(self, z: np.ndarray) -> np.ndarray:

@@ -29,11 +29,17 @@ class StudentT(IndependentNoise):
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Return by name noise_sd, 1.4826 times the median absolute residual, and noise_dof, always 6."""
+        """Return by name noise_sd, 1.4826 times the median absolute residual, and noise_dof, always 6.
+
+        gaps has no effect.
+        """
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the log of Student's density (nats) of each residual, (..., n); scale noise_sd, noise_dof degrees."""
+        """Return the log of Student's density (nats) of each residual, (..., n).
+
+        r: residuals in the unit of the record. p: the scale noise_sd and the degrees of freedom noise_dof, by name.
+        """
         sd, dof = p["noise_sd"], p["noise_dof"]
         constant = betaln(0.5 * dof, 0.5) + 0.5 * np.log(dof) + np.log(sd)
         return -0.5 * (dof + 1) * np.log1p(np.square(r / sd) / dof) - constant
@@ -67,7 +73,10 @@ class StudentT(IndependentNoise):
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw independent noise, (n,), for n − 1 gaps: noise_sd times Student's t with noise_dof degrees."""
+        """Draw independent noise, (n,): Student's t with noise_dof degrees of freedom, times noise_sd.
+
+        gaps sets only the number of samples, n − 1 gaps.
+        """
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 

@@ -88,7 +88,7 @@ class WhitenedPosterior:
         return cls(likelihood, at, line, at.factor[reflected], at.centre[reflected])
 
     def log_density(self, u: np.ndarray) -> float:
-        """Return the log density at u, (d,), up to a constant; −∞ if the motion is unbounded."""
+        """Return the log posterior density (nats) at u, (d,), up to a constant; −∞ if the motion is unbounded."""
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
@@ -279,7 +279,11 @@ def drift(
 
 
 def is_poor(posterior: Posterior) -> bool:
-    """Return whether the mean acceptance is < `LEAST_ACCEPTANCE`, or the divergent fraction > `MOST_DIVERGENT`."""
+    """Return whether too many proposals were rejected, or too many transitions diverged.
+
+    The mean acceptance probability must be at least `LEAST_ACCEPTANCE`, and the fraction of divergent transitions at
+    most `MOST_DIVERGENT`. posterior: from NUTS.
+    """
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
 
