@@ -36,7 +36,7 @@ WIDTH = 9.6
 """Width in inches of a figure that fills the width of the page; the report does not scale it."""
 
 RC = rc_params_from_file(Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False)
-"""The style sheet of all figures."""
+"""Matplotlib settings of all figures, for `matplotlib.rc_context`."""
 
 _MODELS = {
     frozenset({"viscous"}): ("#0072B2", "-"),
@@ -72,16 +72,16 @@ DPI = 150
 
 
 def colour(model: str) -> str:
-    """Return the colour of a model, which depends on its damping sum and not on its restoring law.
+    """Return the colour (#RRGGBB) of a model, such as `viscous+coulomb@pendulum`, by its damping sum alone.
 
-    Sums of viscous, Coulomb and quadratic damping have the colours of `_MODELS`. The colour of any other sum is one of
-    `_OTHERS`, chosen by the name of the sum.
+    Neither the restoring law (after @) nor the order of the terms has an effect. Sums of viscous, Coulomb and quadratic
+    damping have the colours of `_MODELS`. The colour of any other sum is one of `_OTHERS`, chosen by its name.
     """
     return _look(model)[0]
 
 
 def dash(model: str) -> str:
-    """Return Matplotlib's line style for a model, which depends on its damping sum and not on its restoring law.
+    """Return Matplotlib's line style, such as "--", for a model; as `colour`, it depends on its damping sum alone.
 
     It is that of `_MODELS` (solid, dashed or dash-dotted), and dotted for any other sum, so several sums share a style.
     """
@@ -98,7 +98,8 @@ def _look(model: str) -> tuple[str, str]:
 def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
     """Return the colour and line style of each model in one figure, by model.
 
-    Of models with the same damping sum, each further one is paler than the one before.
+    Models with the same damping sum have the same line style, and each further one has a paler colour than the one
+    before, by `PALER_STEP`.
     """
     styles: dict[str, tuple[str, str]] = {}
     before: Counter[frozenset[str]] = Counter()
@@ -126,9 +127,9 @@ def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tupl
     Parameters
     ----------
     t, y
-        Points of the line, (n,).
+        Points of the line in the order of time, (n,); they may be a selection of the samples.
     sampled
-        Times of all samples of the record, (m,).
+        Times of all samples of the record, ascending, in the unit of t, (m,).
 
     Returns
     -------
@@ -161,9 +162,10 @@ def fix_margins(
     Parameters
     ----------
     figure
-        The figure; its panels are in rows and columns of equal size.
+        The figure, which is changed; its panels are in rows and columns of equal size.
     left, top, bottom
         Space to the left of, above and below the panels, in inches; `left` is also the space between columns.
+        The right margin is `RIGHT_MARGIN`.
     down
         Space between rows, in inches.
     """
@@ -183,7 +185,10 @@ def fix_margins(
 
 
 class Drawings:
-    """Embed the figures of a report in its page, and save them in a folder if one is given."""
+    """Embed the figures of a report in its page, and save them in a folder if one is given.
+
+    names: the figures so far, as names of their files without the ending.
+    """
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
@@ -199,14 +204,15 @@ class Drawings:
         name
             Name of the files; characters that a file name should not contain are replaced.
         caption
-            Text below the figure.
+            Plain text below the figure, which is also its alternative text.
         draw
             Function that draws the figure and returns it.
 
         Returns
         -------
         Markup
-            The HTML, which contains the figure. A wide figure scrolls sideways on a phone.
+            The HTML, which contains the figure as SVG, or as PNG if the SVG is larger than `LARGEST_SVG`. A figure that
+            is wider than `NARROW_WIDTH` scrolls sideways on a phone.
         """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
@@ -227,7 +233,10 @@ class Drawings:
         )  # fmt: skip
 
     def show(self, name: str, caption: str, png: bytes) -> Markup:
-        """Return the HTML that shows a figure that is already a PNG; save it as `name`.png if there is a folder."""
+        """Return the HTML that shows a figure that is already a PNG (as bytes); save it if there is a folder.
+
+        The file is `name`.png; unlike in `add`, the name is not changed. `caption` is as in `add`.
+        """
         if self.folder is not None:
             write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)

@@ -33,7 +33,8 @@ _WORDS = {
 def symbol(parameter: str) -> Symbol:
     """Return the symbol of a parameter and its meaning.
 
-    A parameter without a symbol is written with the words of `_WORDS`, or else with its name.
+    A parameter without a symbol is written with the words of `_WORDS`, or else with its name, both in text and in
+    figures.
     """
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))
@@ -62,7 +63,7 @@ def model(name: str) -> str:
 
 
 def law(name: str) -> str:
-    """Return the name of a restoring law or of a damping term in words."""
+    """Return the name of a restoring law or a damping term in words: with spaces for "_", and a capital for proper names."""
     return _PROPER.get(name, name.replace("_", " "))
 
 

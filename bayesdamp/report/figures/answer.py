@@ -64,13 +64,13 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     Parameters
     ----------
     arrays
-        The arrays of the answer, as `inference.deviation.findings.picture` returns them.
+        The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
     unit
-        Unit of the displacement.
+        Unit of the displacement. The energy per unit of inertia is in `unit`²/s².
     damping
-        The damping sum whose fit is drawn.
+        The damping sum of the fit in `arrays`, for its colour and for the legend.
     recorded
-        Unit of the recorded quantity, if it differs from `unit`.
+        Unit of the recorded quantity, such as "mm/s", for the axes of the record and of the residual; "" means `unit`.
     """
     figure, has_fit = Figure(figsize=(WIDTH, ANSWER_HEIGHT)), "fit" in arrays
     axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
@@ -184,9 +184,10 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     Parameters
     ----------
     curves
-        For each record: amplitude, damping ratio and the ends of its 95 % interval, each (m,).
+        For each record, by its name in the legend: amplitude, damping ratio (a fraction) and the low and the high end
+        of its 95 % interval, each (m,).
     unit
-        Unit of the amplitudes.
+        Unit of the amplitudes, for the label of the axis.
     """
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
@@ -216,7 +217,7 @@ def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str
     draws
         Draws of the exponent, or equally probable quantiles, (n,).
     interval
-        Median of the exponent and the ends of its 95 % interval.
+        Median of the exponent, and the low and the high end of its 95 % interval.
     title
         Title of the figure.
     """
@@ -235,7 +236,8 @@ def draw_exponent(
 ) -> None:
     """Draw the posterior of the exponent on the given axes, as `exponent` does; without draws only its interval.
 
-    `marked` lists the exponents that are marked on the axis, each with its label and its damping term.
+    `marked` lists the exponents that are marked on the axis, each with its label and the damping term that determines
+    its colour. The density is drawn from 0 to 3 only.
     """
     value, low, high = interval
     for place, name, term in marked:
@@ -313,7 +315,7 @@ def draw_envelope(
 
 
 def picture(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> bytes:
-    """Draw an envelope as `draw_envelope` does, and return the figure as PNG."""
+    """Draw an envelope in a new figure as `draw_envelope` does, and return it as the bytes of a PNG file."""
     figure = Figure(figsize=(9.6, 4.2), dpi=90)
     canvas = FigureCanvasAgg(figure)
     draw_envelope([figure.add_axes(place) for place in PANEL_POSITIONS], arrays, verdict, unit)

@@ -62,12 +62,13 @@ def traces(curves: Mapping[str, np.ndarray]) -> Figure:
 def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MOST_IN_ROW) -> Figure:
     """Draw the estimates of each coefficient in a panel with a row for each method.
 
-    An arrow marks an estimate that is off the axis.
+    Open dots are own estimates, filled dots trajectory fits. The band is the 95 % interval of the posterior, the dashed
+    line the true value. An arrow and a number replace the dot of an estimate that is off the axis.
 
     Parameters
     ----------
     estimates
-        The estimates of each coefficient.
+        The estimates of each coefficient, at least one.
     abreast
         Largest number of panels in a row.
     """
@@ -96,7 +97,7 @@ def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MO
 
 
 def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
-    """Draw the estimates of one coefficient, with its posterior and true value."""
+    """Draw the estimates of one coefficient, with its posterior and true value, in a row for each of `methods`."""
     shade = colour(e.model)
     # The axis is centred on the posterior, or else on the true value or the median estimate.
     middle = e.truth if np.isfinite(e.truth) else float(np.median([*e.own.values(), *e.refined.values()]))
@@ -142,7 +143,7 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
 def force(
     velocity: Sequence[float], learnt: Sequence[float], law: Sequence[float], model: str, unit: str
 ) -> Figure:
-    """Draw a learnt damping force, and the damping law that was fitted to it.
+    """Draw a learnt damping force per unit of inertia, and the damping law that was fitted to it.
 
     Parameters
     ----------
@@ -168,16 +169,16 @@ def force(
 def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
     """Draw the root mean square errors of estimators against noise, sampling or length, with the Cramér–Rao bound.
 
-    The left panel has the errors of the initial estimates, the right panel those after a trajectory fit that starts
-    there. Both axes are logarithmic. Errors are clipped to `LOWEST_ERROR` and `HIGHEST_ERROR`; a noise of 0 is drawn at
-    the left edge.
+    Errors are in per cent of the true coefficient. The left panel has the errors of the initial estimates, the right
+    panel those after a trajectory fit that starts there. Both axes are logarithmic. Errors are clipped to
+    `LOWEST_ERROR` and `HIGHEST_ERROR`; a noise of 0 is drawn at the left edge.
 
     Parameters
     ----------
     along
         The errors against one factor.
     methods
-        Names of the estimators to draw.
+        Names of the estimators to draw; one without errors at a stage is left out there.
     """
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = np.atleast_1d(figure.subplots(1, 2, sharey=True))

@@ -106,13 +106,13 @@ def marginals(
     Parameters
     ----------
     model
-        Name of the model.
+        Name of the model, which determines the colour.
     draws
-        Draws, of any shape, by sampler and parameter; the first sampler is filled.
+        Draws, of any shape, by sampler and parameter; the density of the first sampler is filled.
     units
-        Units, by parameter.
+        Units, by parameter, for the labels of the axes.
     truth
-        True values, by parameter; nan if not known.
+        True values, by parameter; missing or nan if not known.
     damping
         Names of the damping coefficients, which are never negative.
     """
@@ -262,9 +262,9 @@ class Panel:
     label
         Label of the axis.
     rows
-        The interval of each record.
+        The interval of each record, as quantiles at 2.5, 50 and 97.5 %.
     band
-        The interval from all records together.
+        The same quantiles from all records together, drawn as a grey band with a line at the median.
     others
         A second interval of each record, which is drawn with an open mark below the first; or empty.
     """
@@ -276,7 +276,10 @@ class Panel:
 
 
 def intervals(labels: Sequence[str], panels: Sequence[Panel], colour: str) -> Figure:
-    """Draw intervals of several records, with a panel for each parameter. `labels` lists the names of the records."""
+    """Draw intervals of several records, with a panel for each parameter.
+
+    `labels` lists the names of the records in the order of the rows of each panel; `colour` is that of their marks.
+    """
     figure = Figure(figsize=(WIDTH, 0.27 * len(labels) + 0.85))
     axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
     places = np.arange(len(labels), dtype=float)

@@ -54,7 +54,7 @@ class ModelFit:
     model
         Name of the model.
     fit, residual
-        The fit and the residual at the record's times, (n,).
+        The fit and the residual (record minus fit) at the record's times, (n,), in the displayed unit.
     autocorrelation
         Autocorrelation of the whitened residual from lag 0 on, (lags,); empty if it is not stored.
     rms
@@ -153,7 +153,7 @@ def draw_raw_record(
     axis
         Label of y.
     start, stop
-        Start and end of the part that is used, on the time axis of t; without an end it is not marked.
+        Start and end of the part that is used, in s on the time axis of t; without an end it is not marked.
     decays
         All free decays in the record; those that overlap the used part are not marked.
     """
@@ -176,9 +176,10 @@ def draw_raw_record(
 
 
 def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Return a line (t, y) thinned to about `points` points, with its extremes and ends.
+    """Return a line (t, y) thinned to about `points` points, which include its ends and the extremes of each section.
 
-    At each long gap of the record it has a point with y = nan. A line with at most `points` samples is not thinned.
+    At each long gap of the samples (see `interrupt_at_gaps`) it has a point with y = nan. A line with at most `points`
+    samples is not thinned.
     """
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
@@ -223,8 +224,8 @@ def draw_motions(
 ) -> Figure:
     """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
 
-    If the first oscillation has no damping ratio (nan), because it is excited, draw instead its amplitude in each
-    period: half the range of the samples.
+    Each amplitude is drawn as an exponential from its first to its last value. If the first oscillation has no damping
+    ratio (nan), because it is excited, draw instead its amplitude in each period: half the range of the samples.
 
     Parameters
     ----------

@@ -70,7 +70,8 @@ def sampling_sentence(comparison: Agreement) -> str:
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
     """Return a check that compares the answer from sequential Monte Carlo with that from linear approximations.
 
-    The list is empty without sampling, or if the record is not a free decay or no law describes it.
+    This check only informs and never fails. The list is empty without sampling, or if the record is not a free decay or
+    no law describes it.
     """
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
@@ -92,6 +93,8 @@ def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
 
 class RecordChecks:
     """Checks of one record's answer against the study's chains, evidence, residuals and trajectory fits.
+
+    Only the first repeat of the record is checked.
 
     Attributes
     ----------
@@ -198,7 +201,12 @@ class RecordChecks:
                 )
 
     def _ratios(self) -> Iterator[Check]:
-        """Yield a check that compares the damping ratios from the chains with the answer's; none without both."""
+        """Yield a check that compares the damping ratios from the chains with the answer's; none without both.
+
+        It fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS` standard
+        deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
+        `exact_only`, or if the chains have only the answer's damping and another one is more probable.
+        """
         v = self.verdict
         drawn = self._drawn_ratios(v) if v is not None else None
         if v is None or drawn is None:
@@ -247,8 +255,9 @@ class RecordChecks:
         Returns
         -------
         tuple
-            The sampler; value, low and high of the ratio at each amplitude; whether the ratios are averaged over the
-            damping models by their evidence. Otherwise they are those of the answer's damping.
+            The sampler; median and ends of the 95 % interval (value, low, high) of the ratio at each amplitude; whether
+            the ratios are averaged over the damping models by their evidence. Otherwise they are those of the answer's
+            damping.
         """
         if not v.damping_ratio:
             return None
@@ -279,8 +288,9 @@ class RecordChecks:
     def _coefficients(self) -> Iterator[Check]:
         """Yield a failed check for each contradiction to a coefficient of the answer.
 
-        A chain contradicts it if its median differs by at least `AGREEMENT_SDS` standard deviations; the trajectory
-        fits, counted in one check, and the true value if they are outside the 95 % interval. Chains and fits are not
+        A chain contradicts it if its median differs from the answer's value by at least `AGREEMENT_SDS` of the answer's
+        standard deviations; the trajectory fits, counted in one check, and the true value if they are outside the
+        answer's 95 % interval. Chains and fits are not
         compared if `exact_only`. Without an answer, only the true value is compared, with the first chain's interval.
         """
         chains = self._samplers()
@@ -328,7 +338,9 @@ class RecordChecks:
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
-        There are none if the study has no evidence besides that of the answer.
+        They report evidence that is missing or unreliable, each method's probability of the answer's damping, methods
+        that rank another damping first, and how the result depends on the width of the priors and on the repeat.
+        `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return

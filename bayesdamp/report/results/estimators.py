@@ -32,7 +32,8 @@ CATEGORIES = {
     "machine learning": ("sindy", "weak_sindy", "pinn", "neural_ode", "rnn", "symbolic_regression"),
     "optimisation": ("envelope", "genetic"),
 }
-"""The paper's three categories (Table 2)."""
+"""Categories of estimators, as in Table 2 of the paper whose methods the package contains: "A Comparative Study of
+Machine Learning and Classical Methods for Damping Parameter Estimation in Nonlinear Oscillatory Systems"."""
 FACTORS = {
     "noise": "noise / % of the first amplitude",
     "sampling": "samples per period",
@@ -62,11 +63,11 @@ class EstimatorComparison:
     outcomes
         By (method, signal, stage): the first outcome that is not `ok`, or `ok`.
     seconds
-        By (method, stage): time in s, summed over signals and repeats.
+        By (method, stage): computing time in s, summed over signals and repeats.
     published
-        By (method, signal): the published error, as it is printed.
+        By (method, signal): the published error in per cent, as it is printed, such as "~0".
     times
-        By method: the published time, as it is printed.
+        By method: the published computing time as text, as it is printed.
     """
 
     methods: list[str]
@@ -78,11 +79,14 @@ class EstimatorComparison:
     times: dict[str, str]
 
     def mean(self, method: str, stage: str) -> float:
-        """Return the mean error over the signals for which the method has one; nan if it has none."""
+        """Return the mean error in per cent over the signals for which the method has one; nan if it has none.
+
+        `stage` is one of `STAGES`.
+        """
         return _mean(self.errors.get((method, s, stage), math.nan) for s in self.signals)
 
     def mean_published(self, method: str) -> float:
-        """Return the mean of a method's published errors over the signals that have one; nan if there are none."""
+        """Return a method's mean published error in per cent over the signals that have one; nan if none has."""
         return _mean(printed_error(self.published.get((method, s), "")) for s in self.signals)
 
 
@@ -104,18 +108,21 @@ def rms(errors: Collection[float]) -> float:
 
 
 def category_of(method: str) -> str:
-    """Return the paper's category of a method, or "others" for a method that is not in the paper."""
+    """Return the category of an estimator, a key of `CATEGORIES`, or "others" for one that is not in the paper."""
     return next((name for name, members in CATEGORIES.items() if method in members), "others")
 
 
 def sort_by_category(methods: Iterable[str]) -> list[str]:
-    """Return the methods in the order of their categories; other methods come last."""
+    """Return the methods, each once, in the order of `CATEGORIES`; other methods come last."""
     order = [m for members in CATEGORIES.values() for m in members]
     return sorted(dict.fromkeys(methods), key=lambda m: order.index(m) if m in order else len(order))
 
 
 def true_models(run: RunFolder) -> dict[str, str]:
-    """Return the damping with which each simulated signal was simulated, by the signal's name."""
+    """Return the damping sum with which each simulated signal was simulated, by the signal's name.
+
+    The terms of a sum are joined by +. Measured signals are left out.
+    """
     simulations = {signal: run.simulation(signal) for signal in run.signals}
     return {signal: "+".join(source["damping"]) for signal, source in simulations.items() if source}
 
@@ -169,9 +176,9 @@ class CoefficientEstimates:
     truth
         True value; nan if it is not known.
     own, refined
-        By method: its own estimate, and the result of the trajectory fit, in the first repeat.
+        By method: its own estimate, and the result of the trajectory fit, in the first repeat; in `unit`.
     posterior
-        95 % interval of the posterior; None if there is no posterior.
+        Low and high end of the 95 % interval of the posterior, in `unit`; None if there is no posterior.
     """
 
     signal: str
@@ -241,10 +248,10 @@ class ErrorSeries:
 
 
 def error_series(run: RunFolder) -> list[ErrorSeries]:
-    """Return all series of signals in the run that differ in one factor only and have at least three values of it.
+    """Return all series of simulated signals that differ in one factor only and have at least three values of it.
 
-    The factors are those of `FACTORS`, rounded to two digits. The other factors have their most common values among the
-    signals of the same damping.
+    The factors are those of `FACTORS`, rounded to two significant digits. The other factors have their most common
+    values among the signals of the same damping.
     """
     # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}
@@ -273,7 +280,10 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
 
 
 def _series(run: RunFolder, model: str, factor: str, signals: list[str], values: list[float]) -> ErrorSeries:
-    """Return the errors on the signals of a series, from the rows of estimates.csv."""
+    """Return the errors on the signals of a series, from the rows of estimates.csv.
+
+    `values` are those of the factor for each of `signals`, ascending.
+    """
     damping = set(damping_parameters(run).values())
     each: dict[tuple[str, str], list[dict[int, float]]] = {}
     tried: Counter[tuple[str, str, str]] = Counter()
@@ -312,10 +322,11 @@ def _series(run: RunFolder, model: str, factor: str, signals: list[str], values:
 
 
 def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
-    """Return the 95 % interval of the root mean square of errors by repeat.
+    """Return the 95 % interval (low, high) of the root mean square of errors, which are given by number of the repeat.
 
-    It is the jackknife interval of the log of the mean square, with Student's t (Tukey 1958). This is approximate; the
-    errors need a finite fourth moment. (nan, nan) for fewer than three repeats, or if all errors are 0.
+    It has the unit of the errors. It is the jackknife interval of the log of the mean square, with Student's t (Tukey
+    1958), which is approximate; the errors need a finite fourth moment. (nan, nan) for fewer than three repeats, or if
+    all errors are 0.
     """
     squares = np.array([e * e for e in errors.values()])
     if squares.size < LEAST_VALUES or not squares.any():

@@ -127,7 +127,10 @@ class RunFolder:
 
     @classmethod
     def of_results(cls, info: Row, task_results: Sequence[TaskResult]) -> Self:
-        """Return a run without a folder, from run information and results in memory."""
+        """Return a run without a folder, from the contents of run.json (`info`) and task results in memory.
+
+        Its tables and `verdicts` are empty, and its figures are not saved as files.
+        """
         run = cls.__new__(cls)
         run.info, run.answered, run.verdicts, run._figures = info, {}, [], None
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
@@ -181,7 +184,7 @@ class RunFolder:
         return str(self.about(signal).get("quantity") or "angle")
 
     def provenance(self, signal: str) -> Provenance:
-        """Return how a signal's record was read."""
+        """Return how a signal's record was read and cleaned, with warnings; empty if run.json does not contain it."""
         return Provenance.of(self.about(signal))
 
     def is_simulated(self, signal: str) -> bool:
@@ -212,7 +215,8 @@ class RunFolder:
     def task_result(self, *parts: object) -> TaskResult | None:
         """Return the stored result whose name consists of these parts, joined by /.
 
-        None if there is none that can be read.
+        The parts are the kind of the task, the record, the repeat (from 0), and for some kinds the model and a method:
+        `task_result("mode", "run-1", 0, "viscous")`. None if there is none that can be read.
         """
         name = "/".join(map(str, parts))
         if name not in self._places:
@@ -236,13 +240,13 @@ def _make_room(results: dict[Any, Any]) -> None:
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
-    """Return the rows in which the named columns have the given values."""
+    """Return the rows in which each of the named columns equals the given value, in their order."""
     return [row for row in rows if all(row[column] == value for column, value in wanted.items())]
 
 
 @dataclass(frozen=True)
 class EvidenceRanking:
-    """The models of one signal, ranked by their evidence.
+    """The models of one repeat of a signal, ranked by their evidence.
 
     Attributes
     ----------
@@ -411,7 +415,7 @@ def truth(run: RunFolder, signal: str, parameter: str) -> float:
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:
-    """Return the name of each damping term's coefficient, by term.
+    """Return the name of each damping term's coefficient, such as "zeta", by term, such as "viscous".
 
     These are the classical terms, and those described in run.json.
     """
@@ -420,7 +424,7 @@ def damping_parameters(run: RunFolder) -> dict[str, str]:
 
 
 def coefficients(run: RunFolder, model: str) -> list[str]:
-    """Return the names of the damping coefficients of a model."""
+    """Return the names of the damping coefficients of a model, such as "zeta", in the order of its terms."""
     parameters = damping_parameters(run)
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
@@ -430,7 +434,8 @@ def answer_of(
 ) -> RecordAnswer | None:
     """Return the answer on the first repeat of a record, from sampling if it was sampled; None if there is none.
 
-    `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first.
+    `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first: "sampled" (from sampling) and
+    "answer" (from linear approximations).
     """
     if (signal, kinds) not in run.answered:
         task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
@@ -475,7 +480,7 @@ def only_answered(run: RunFolder) -> bool:
 def short_names(names: Sequence[str]) -> dict[str, str]:
     """Return each name without the words at its beginning that all names have in common, by full name.
 
-    A word ends with _ or -. The names stay whole if one of them would be empty.
+    A word ends with _ or -: "run-01" and "run-02" become "01" and "02". The names stay whole if one would be empty.
     """
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
     common = "".join(letters[0] for letters in alike)
@@ -498,8 +503,8 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
     """Return the geometric mean of the ends of the range of amplitudes that all damping curves have in common.
 
-    It is in the unit of the records. None if there is no such range, if no record has a curve, or if the records have
-    different units.
+    Records without a curve are ignored. It is in the unit of the records. None if there is no such range, if no record
+    has a curve, or if the records have different units.
     """
     curves = [curve for answer in records if (curve := curve_of(answer)) is not None]
     units = {a.verdict.damping_ratio[0].unit for a in records if a.verdict.damping_ratio}
@@ -510,10 +515,11 @@ def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
 
 
 def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | None:
-    """Return a record's damping ratio at an amplitude; None if the record has none.
+    """Return a record's damping ratio at an amplitude in the unit of its file; None if the record has none.
 
     Its damping curve is interpolated linearly in the logarithm of the amplitude; beyond its ends, it has the value of
     the nearer end. Without an amplitude or a curve, return the ratio at the middle one of the verdict's amplitudes.
+    An interpolated ratio has the `sd_noise` and `sd_law` of the first of the verdict's ratios.
     """
     ratios = answer.verdict.damping_ratio
     if not ratios:
@@ -539,7 +545,8 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
     records
         The answers on the records.
     brief
-        Whether to leave out the links and the columns on how well the law holds (for the terminal).
+        Whether to leave out the links to the records' answers and the columns on how well the law holds (for the
+        terminal).
 
     Returns
     -------

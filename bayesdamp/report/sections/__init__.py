@@ -58,7 +58,7 @@ also contain the less probable models."""
 
 
 def fill(template: str, **values: object) -> Markup:
-    """Fill a template with values and return the HTML. Text is escaped."""
+    """Fill a template, a file in the folder `TEMPLATES`, with values by name and return the HTML. Text is escaped."""
     return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
@@ -78,7 +78,10 @@ def paragraph(text: object, look: str = "") -> Markup:
 
 
 def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
-    """Return the column of a table with the number of the repeat, from 1; no column for a single repeat."""
+    """Return the column of a table with the number of the repeat, from 1; no column for a single repeat.
+
+    The result maps the column's header to the function that writes the cell of a row, as `Table.of` takes it.
+    """
     return {"repeat": lambda r: str(r["repeat"] + 1)} if len(repeats) > 1 else {}
 
 
@@ -194,7 +197,10 @@ def by_signal(
 
 
 def by_model(models: Mapping[str, Sequence[object]]) -> Markup:
-    """Return the content of each model under its name, without models that have none. Only the first is unfolded."""
+    """Return the content of each model under its name in words, without models that have none, in the given order.
+
+    Only the first is unfolded.
+    """
     parts: list[Markup] = []
     for model, content in models.items():
         name = words.model(model)

@@ -212,7 +212,7 @@ def _why_none(run: RunFolder, signal: str) -> str:
 
 
 def _numbers(v: Verdict) -> list[tuple[str, str]]:
-    """Return the numbers in large type, with their names.
+    """Return the numbers that the section shows in large type, as pairs (name, text with interval and unit).
 
     They are the natural frequency; the frequency at an amplitude, if there is no natural frequency or it is
     extrapolated; and the damping ratio and Q at the middle one of the verdict's amplitudes. For an envelope: the
@@ -244,7 +244,11 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
-    """Return the figures and tables of an answer on an oscillation."""
+    """Return the figures and tables of an answer on an oscillation.
+
+    These are the figure of the answer, the posterior of the exponent, and tables of the damping ratios, of the
+    coefficients and (folded) of all compared models.
+    """
     v, signal = answer.verdict, answer.signal
     own = run.unit(signal).displacement
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))

@@ -156,7 +156,10 @@ def _drawn(run: RunFolder, signal: str, repeat: int, model: str, tables: list[ob
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
-    """Return a table of the estimated parameters by each method at each stage, the damping coefficients first."""
+    """Return a table of the estimated parameters by each method at each stage, the damping coefficients first.
+
+    A cell is an estimate with its standard error, or the range of the estimates for several repeats.
+    """
     estimated = {r["parameter"]: words.unit(r["unit"]) for r in rows if r["parameter"]}
     damping = [name for name in coefficients(run, model) if name in estimated]
     known = {n: truth(run, signal, n) for n in damping}
@@ -371,7 +374,10 @@ class SweepsSection(Section):
 
 
 def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
-    """Return a table of the errors of one stage by method, at each value of the factor, with the Cramér–Rao bound."""
+    """Return a table of the errors of one stage by method, at each value of the factor, with the Cramér–Rao bound.
+
+    They are root mean squares in per cent of the true coefficient, with their 95 % interval over the repeats.
+    """
     headers = [words.stage(stage), *(fmt.as_entered(v) for v in along.values)]
     lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
     for method in methods:

@@ -192,7 +192,8 @@ def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[st
 def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
     """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models.
 
-    If no model has a prior whose width can be varied, return a sentence that says so.
+    They are relative to the first of `models` with results. If no model has a prior whose width can be varied, return a
+    sentence that says so.
     """
     task_results = _cells(run, signal, models, "widths")
     if len(task_results) < 2:
@@ -225,7 +226,8 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
 def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
     """Return a table of log Bayes factors from parts of the record, and under each noise model.
 
-    None for a study with deviations, for fewer than two models with evidence under other widths, or without values.
+    They are in nats relative to the best model of the column. None for a study with deviations, for fewer than two
+    models with evidence under other widths, or without values.
     """
     noises = _cells(run, signal, models, "noises")
     if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
@@ -361,7 +363,7 @@ class PriorsSection(SignalSection):
         )
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a table of the priors."""
+        """Return a table of a signal's priors: parameter, meaning, prior in words, and the models that have it."""
         models: dict[str, dict[str, str]] = run.info["priors"][signal]
         lines = []
         for name in dict.fromkeys(name for priors in models.values() for name in priors):

@@ -292,7 +292,7 @@ def _listing(seeds: Iterable[Seed]) -> str:
 
 
 def _searches(mode: ModeContent) -> Table:
-    """Return a table of the searches: where each started, what it cost and where it ended."""
+    """Return a table of the searches: start and end relative to the mode (nats, sds), and likelihood evaluations."""
 
     def ended(c: SearchContent) -> str:
         if c.mode is None:

@@ -123,7 +123,7 @@ def _capped_text(probability: float) -> str:
 
 
 def _interval(quantiles: Mapping[str, float]) -> Interval:
-    """Return the quantiles at 2.5, 50 and 97.5 %."""
+    """Return the quantiles at 2.5, 50 and 97.5 %, which have the names q2.5, median and q97.5."""
     return quantiles["q2.5"], quantiles["median"], quantiles["q97.5"]
 
 
