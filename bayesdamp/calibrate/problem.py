@@ -30,9 +30,9 @@ SECOND_ESTIMATOR = "envelope"
 """If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate, the initial estimate
 of `ESTIMATOR` and the centre of the prior are further starting points of the search."""
 SCALE_RANGE = (0.003, 0.1)
-"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`). Records are drawn, and
-their posteriors and evidence computed, with only those of `SHARED_SCALES` that are in this range: below it noise hides
-the damping of most records; above it many records do not oscillate."""
+"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`), itself a damping ratio
+(1 is critical). Records are drawn, and their posteriors and evidence computed, with only those of `SHARED_SCALES` that
+are in this range: below it noise hides the damping of most records; above it many records do not oscillate."""
 MOST_ESCAPES = 100
 """A prior is rejected if records cannot be simulated with this many successive draws from it, because trajectories are
 unbounded, for example (conventional)."""
@@ -41,7 +41,11 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class DrawnRecord:
-    """A simulated record: the true values of all inferred parameters, the signal, and its posterior density."""
+    """A simulated record: the true values of all inferred parameters, the signal, and a posterior density.
+
+    truth: true values by name, in the units of the parameters (not scores). target: the posterior density for this
+    signal under the model that is fitted to it, at first the one that it was drawn from.
+    """
 
     truth: Mapping[str, float]
     signal: Signal
@@ -50,11 +54,12 @@ class DrawnRecord:
 
 @dataclass(frozen=True)
 class Generator:
-    """Draws records of one damping model from its priors.
+    """Draw records of one damping model from its priors.
 
-    model: the damping sum. source: the settings of the simulation. system: the restoring law, the known values and the
-    priors of the parameters. blank: the posterior density for an empty record. Records are drawn from its priors, and
-    replacing its signal by a record gives the posterior density for that record.
+    model: the damping sum. source: the settings of the simulation; its damping terms and true values are not used.
+    system: the restoring law, the known values and the priors of the parameters. blank: the posterior density for an
+    empty record. Records are drawn from its priors, and replacing its signal by a record gives the posterior density
+    for that record.
     """
 
     model: str
@@ -65,9 +70,9 @@ class Generator:
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
         """Return a record with this name that is simulated with parameters drawn from the prior.
 
-        If the simulation raises InputError, as for an unbounded trajectory, the parameters are drawn again. The
-        likelihood of such parameters is zero for every record, so that leaving them out of the prior does not change
-        the posterior.
+        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded
+        trajectory, the parameters are drawn again. The likelihood of such parameters is zero for every record, so that
+        leaving them out of the prior does not change the posterior.
 
         Raises
         ------
@@ -91,7 +96,11 @@ class Generator:
 
 
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
-    """Return the random number generator of one record, seeded by the study's seed and the record's labels."""
+    """Return the random number generator of one record, seeded by the study's seed and the record's labels.
+
+    The labels, such as the model and the number of the record, are joined to one text. Equal arguments give equal
+    random numbers.
+    """
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
 
 
@@ -105,11 +114,12 @@ def make_generator(
     study
         The study.
     model
-        The damping model.
+        The damping sum, such as "viscous+coulomb".
     source
-        The settings of the simulation; by default those of the first signal.
+        The settings of the simulation (duration, number of samples and so on); by default those of the first signal.
+        Its damping terms, noise model and true values are not used.
     priors
-        Priors that replace the study's, by parameter.
+        Priors that replace what the study states on these parameters, also a known value.
 
     Raises
     ------
@@ -182,8 +192,9 @@ def _reference(study: Study, system: System) -> Reference:
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
     """Return the posterior mode of a record, and the refined estimate: the trajectory fit that starts at `ESTIMATOR`.
 
-    The refined estimate has no values if this fit failed. No starting point of the search for the mode uses the true
-    values: the starting points come from the record or the prior.
+    `system` contains the known values and priors that the estimators use. The refined estimate has no values if this
+    fit failed. No starting point of the search for the mode uses the true values: the starting points come from the
+    record or the prior.
 
     Raises
     ------
@@ -206,8 +217,8 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
     """Call a function and return its result and OK, or None and the outcome of its exception.
 
-    The outcome is the message of a Refusal; for other exceptions it is that of `outcome_of_failure`, which raises
-    InputError, and OSError if the disk is full, again.
+    The outcome is the message of a Refusal, and "failed: TYPE: MESSAGE" for other exceptions. InputError and the
+    OSError of a full disk are raised to the caller, and with BAYESDAMP_DEBUG every exception except Refusal.
     """
     try:
         return compute(*arguments), OK

@@ -31,10 +31,11 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     -------
     Product
         The content is a `RanksContent` with the outcome of each record and the names of the k parameters, the log
-        likelihood last. Arrays for c records and s samplers, in natural units: truth (c, k), the true values; value and
-        stderr (c, k), the refined estimate and its standard errors, NaN where missing; ranks (c, s, k), the number of
-        thinned draws below the truth, −1 if the sampler gave no draws; below (c, s, k), the fraction of all draws below
-        the truth, then NaN.
+        likelihood last. Arrays for c = `RECORDS_PER_TASK` records and s samplers, in the units of the parameters (nats
+        for the log likelihood): truth (c, k), the true values; value and stderr (c, k), the refined estimate and its
+        standard errors, NaN where missing; ranks (c, s, k), the number of thinned draws below the truth (0 to
+        calibration.draws), −1 if the sampler gave no draws; below (c, s, k), the fraction of all draws below the truth,
+        then NaN.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]

@@ -40,11 +40,12 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
     Returns
     -------
     Product
-        The content is a `RecoveryContent`. Arrays for c records and m models: model (c,), the index of the true model;
-        probability (c, m) of each model, with equal prior probabilities; log_evidence (c, m) in nats; design (c, 2),
-        whose columns are the noise (fraction of the reference amplitude) and the number of cycles; loss (c,), the
-        fraction of the amplitude that the motion loses. For records that are not used, all probabilities are NaN, and
-        so is the evidence of models after the first that failed.
+        The content is a `RecoveryContent`. Arrays for c = `RECORDS_PER_TASK` records and the m models in `models` of
+        the content: model (c,), the index of the true model, from 0; probability (c, m) of each model, with equal prior
+        probabilities; log_evidence (c, m) in nats; design (c, 2), whose columns are the noise (fraction of the
+        reference amplitude) and the number of cycles; loss (c,), the fraction of the amplitude that the motion loses.
+        For records that are not used (their outcome is not `ok`), all probabilities are NaN, and so is the evidence of
+        models after the first that failed.
     """
     models, began = models_of(study, kind), time.perf_counter()
     outcomes, evidence_outcomes = (
@@ -95,10 +96,10 @@ def models_of(study: Study, kind: str) -> list[str]:
 
 
 def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
-    """Return the noise (fraction of the reference amplitude) and the number of cycles of a record.
+    """Return the noise (fraction of the reference amplitude) and the number of cycles of record `number`, from 0.
 
-    Records take all combinations of the study's noise levels and cycles in turn; those of the kind "single" all have
-    its single_noise and single_cycles.
+    A cycle is one of the reference frequency. Records take all combinations of the study's noise levels and cycles in
+    turn; those of the kind "single" all have its single_noise and single_cycles.
     """
     table = study.recovery
     if kind == "single":
@@ -108,9 +109,10 @@ def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
 
 
 def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model, for records with this number of cycles.
+    """Return a generator for each model, in their order, for records with this number of reference cycles.
 
-    The prior of the noise has its median at `noise` times the reference amplitude.
+    The prior of the noise's standard deviation is log-normal and has its median at `noise` times the reference
+    amplitude.
 
     Raises InputError if the study's first signal is not simulated, or states no reference amplitude or frequency.
     """
@@ -133,8 +135,9 @@ def _evidence(
 ) -> tuple[float, str]:
     """Return the log evidence (nats) of one model for a record, by importance sampling, and the outcome of this method.
 
-    source: the generator of the model whose evidence is computed. labels: what seeds the random numbers besides the
-    study's seed. Raises Refusal if no mode is found, or the evidence is not finite.
+    source: the generator of the model whose evidence is computed. drawn: the record, from this or any other model; its
+    true values are not used. labels: what seeds the random numbers besides the study's seed. Raises Refusal if no mode
+    is found, or the evidence is not finite.
     """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)
@@ -166,7 +169,8 @@ def check(study: Study) -> None:
     Raises
     ------
     InputError
-        If there are fewer than two models to compare, or `make_generator` cannot draw records of one of them.
+        If there are fewer than two models to compare (fewer than two of a single term, if recovery.single is not 0), or
+        `make_generator` cannot draw records of one of them.
     """
     for kind in ("recovery", "single") if study.recovery.single else ("recovery",):
         models = models_of(study, kind)

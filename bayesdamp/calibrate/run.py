@@ -63,8 +63,8 @@ class RecordSeries:
     def task(self, study: Study, first: int) -> tuple[str, str]:
         """Return the name of the task that begins with record number `first`, and its key.
 
-        The key is a digest of all settings and sources on which the result depends; a stored result with this key is
-        used again.
+        A name is, for example, `ranks/viscous/000016`. The key is a digest of all settings and sources on which the
+        result depends; a stored result with this key is not computed again.
         """
         terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
         laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
@@ -96,22 +96,24 @@ def run_calibration(
     out
         The folder of the results.
     records
-        Number of records, instead of the study's.
+        Number of usable records for each model (with `models`, for all models together, and the largest number of
+        records with a single term), instead of the study's.
     models
         Whether to test the probabilities of models (model recovery) instead of the posteriors of parameters.
     workers
         Number of processes; by default the number of cores.
     fresh
-        Whether results in `out` are deleted first.
+        Whether stored results of tasks in `out` are deleted first, so that everything is computed again.
     report
-        Whether the report is written.
+        Whether report.html is written.
     console
         Where progress is shown; by default stderr.
 
     Returns
     -------
     int
-        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure.
+        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure,
+        and so are fewer usable records than requested after `MOST_TRIES` times as many were simulated.
 
     Raises
     ------
@@ -171,7 +173,8 @@ def run_calibration(
 def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult]], models: bool) -> None:
     """Write run.json and the tables into the folder of the store.
 
-    The tables are recovery.csv if `models`, else calibration.csv and ranks.csv.
+    The tables are recovery.csv if `models`, else calibration.csv and ranks.csv. results: results of tasks by the name
+    of their series.
     """
     if models:
         columns, rows = tables.recovery_table(results)
@@ -200,8 +203,8 @@ def compute_series(
     """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
 
     Tasks run in waves until each series has enough usable records. A wave simulates as many records as are still
-    missing, whatever results were already stored: an interrupted calibration ends with the same records. Failed tasks
-    are repeated by the next run.
+    missing, whatever results were already stored: an interrupted calibration ends with the same records. A series ends
+    at a failed task, which the next run repeats. workers: number of processes; None for one on each core.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()

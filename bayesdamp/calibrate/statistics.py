@@ -38,7 +38,7 @@ def uniformity_p(counts: np.ndarray) -> float:
 
     The statistic is that of Säilynoja, Bürkner and Vehtari (Statistics and Computing 32, 2022): the smallest two-sided
     binomial tail of the distribution function over the ends of the bins. Its distribution is not simulated: the p value
-    is exact.
+    is exact. A small one contradicts uniform ranks.
     """
     cumulative, n = np.cumsum(counts)[:-1], int(np.sum(counts))
     if n == 0:
@@ -49,9 +49,10 @@ def uniformity_p(counts: np.ndarray) -> float:
 
 @lru_cache(maxsize=256)
 def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a band for the cumulative counts of n uniform ranks in bins: lower and upper limits, (bins − 1,) each.
+    """Return a band for the cumulative counts of n uniform ranks in bins: least and greatest, (bins − 1,) each.
 
-    The probability that all cumulative counts are in the band is at least `probability`.
+    The k-th is the number of ranks in the first k bins. The probability that all cumulative counts are in the band is
+    at least `probability`.
     """
     low, high = 0.0, 1.0 - probability
     for _ in range(20):  # bisection: the band changes in steps with the tail, and the wider one is used
@@ -63,7 +64,7 @@ def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
     """Return the two-sided tail probability of each count of n events with probability p; `counts` and `p` broadcast.
 
-    A tail is twice the smaller of P(X ≤ count) and P(X ≥ count).
+    A tail is twice the smaller of P(X ≤ count) and P(X ≥ count); it can be above 1.
     """
     return 2 * np.minimum(binom.cdf(counts, n, p), binom.sf(np.asarray(counts) - 1, n, p))
 
@@ -96,8 +97,8 @@ def _p_of_tail(tail: float, n: int, bins: int) -> float:
 def holm(tests: Sequence[float]) -> np.ndarray:
     """Return the p values of k tests adjusted by Holm's method, (k,).
 
-    If tests with adjusted p values below α are rejected, the probability of any false rejection is at most α. A test
-    without a p value (nan) keeps nan and does not count.
+    They are in the order of the tests. If tests with adjusted p values below α are rejected, the probability of any
+    false rejection is at most α. A test without a p value (nan) keeps nan and does not count.
     """
     p = np.asarray(tests, float)
     adjusted = np.full(p.size, np.nan)
@@ -128,9 +129,10 @@ def hits_p(hits: int, p: np.ndarray) -> float:
 
 
 def hits_band(p: np.ndarray, probability: float) -> tuple[int, int]:
-    """Return the least and greatest number of hits of a range that has at least this probability, with equal tails.
+    """Return the least and greatest number of hits of a range that has at least this probability.
 
-    A hit is one of n independent events with probabilities p (n,).
+    A hit is one of n independent events with probabilities p (n,). Fewer and more hits than in the range each have at
+    most the probability (1 − probability)/2.
     """
     cumulative = np.cumsum(hits_distribution(p))
     tail = 0.5 * (1.0 - probability)

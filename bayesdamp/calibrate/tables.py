@@ -33,8 +33,9 @@ COLUMNS = (
 )  # fmt: skip
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
 RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
-"""First columns of recovery.csv: the true model, the fraction of the amplitude that is lost, and the number of models
-whose evidence is doubtful, among others. A column with the probability of each damping sum follows."""
+"""First columns of recovery.csv: the noise (fraction of the reference amplitude), the number of cycles, the fraction of
+the amplitude that is lost, the true model, and the number of models whose evidence is doubtful, among others. A column
+with the probability of each damping sum follows."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
@@ -46,7 +47,10 @@ def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
 
 
 def _adjust(family: Iterable[Row]) -> list[Row]:
-    """Return the rows of a family of tests, with Holm's adjusted p values added as `p_holm`."""
+    """Return the rows of a family of tests, to which Holm's adjusted p values are added as `p_holm`.
+
+    The p values are adjusted for the number of tests in the family. The given rows are changed.
+    """
     rows = list(family)
     for row, adjusted in zip(rows, statistics.holm([r["p"] for r in rows]), strict=True):
         row["p_holm"] = float(adjusted)
@@ -57,12 +61,14 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     """Return the rows of calibration.csv.
 
     For each model, sampler and parameter there is a test of the ranks and one for each level of intervals; then follow
-    the intervals of the refined estimates. Samplers and refined estimates are two families of tests.
+    the intervals of the refined estimates. Samplers and refined estimates are two families of tests, each with its own
+    adjusted p values (`p_holm`). results: results of tasks by series.
 
     records: number of tested records. without: number of further records, without an interval. value: for "ranks" the
     largest difference (with its sign) of their distribution function from the uniform one; for "coverage" the fraction
     of intervals that contain the truth. low, high: range that contains this fraction with 99 % probability if the
-    intervals are right. The verdict is "wrong" if p_holm is below `FALSE_ALARM`.
+    intervals are right. p: two-sided p value, nan without records. The verdict is "wrong" if p_holm is below
+    `FALSE_ALARM`, "not tested" if it is nan, else "passes".
     """
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
@@ -96,9 +102,9 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
-    """Yield model, sampler, parameter, and the ranks and fractions `below` of usable records, (n,) each.
+    """Yield model, sampler, parameter, and the ranks and fractions of draws below the truth, (n,) each.
 
-    Records without draws are left out; `below` is as in `ranks.compute_chunk`.
+    The n records are those with draws of this sampler; both numbers are as in `ranks.compute_chunk`.
     """
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
@@ -121,7 +127,8 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     """Return the row of a test of coverage.
 
     `inside` (n,): whether each interval of probability `level` contains the truth; `without`: number of records without
-    an interval, which are not tested.
+    an interval, which are not tested. The columns are those of `calibration_rows`; p is that of the exact binomial
+    test.
     """
     n, hits = inside.size, int(inside.sum())
     low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
@@ -138,14 +145,21 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
-    """Return the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records."""
+    """Return the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records.
+
+    A row has all ranks of a model, sampler and parameter in one field, separated by spaces.
+    """
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))
         yield {"model": model, "sampler": sampler, "parameter": name, "ranks": text}
 
 
 def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
-    """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures."""
+    """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures.
+
+    `rows` are those of `calibration_rows`. The bands contain the counts of uniform ranks with a probability of 99 %, by
+    the number of records.
+    """
     table, counts = study.calibration, {}
     for chunks in results.values():
         contents = [RanksContent.of(c) for c in chunks]
@@ -183,13 +197,19 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
 
 
 def _outcomes(contents: Iterable[ChunkContent]) -> Row:
-    """Return the numbers of simulated records and of usable ones, and of the others by the reason."""
+    """Return the numbers of simulated records and of usable ones, and of the others by the reason.
+
+    Their names are `tried`, `counted` and `refused`.
+    """
     outcomes = Counter(o for c in contents for o in c.outcomes)
     return {"tried": sum(outcomes.values()), "counted": outcomes.pop(OK, 0), "refused": dict(outcomes)}
 
 
 def recovery_table(results: Results) -> tuple[tuple[str, ...], list[Row]]:
-    """Return columns and rows of recovery.csv: all simulated records, with the probability of each model."""
+    """Return columns and rows of recovery.csv: all simulated records, with the probability of each model.
+
+    The probabilities of a record that is not used are NaN.
+    """
     rows: list[Row] = []
     models = dict.fromkeys(m for chunks in results.values() for m in RecoveryContent.of(chunks[0]).models)
     for name, chunk in ((name, chunk) for name, chunks in results.items() for chunk in chunks):
@@ -215,8 +235,9 @@ def recovery_table(results: Results) -> tuple[tuple[str, ...], list[Row]]:
 def recovery_summary(results: Results) -> Row:
     """Return the summary of a model recovery for run.json, by name of the series.
 
-    It contains the numbers of tried and counted records, the confusion matrix, the tests of the models' probabilities,
-    and the mean log probability of the true model (`log_score`).
+    It contains the numbers of tried and counted records, the confusion matrix (a row for each true model, a column for
+    each most probable model), the tests of the models' probabilities, and the mean natural log of the probability of
+    the true model (`log_score`).
     """
     summary: Row = {"alarm": FALSE_ALARM}
     for name, chunks in results.items():

@@ -62,9 +62,9 @@ def answer_key(record: StudyRecord, kind: str = ANSWER) -> str:
 def compute_answer(record: StudyRecord, kind: str) -> Product:
     """Compute the answer on a record. If no candidate can be fitted, its outcome is the verdict's sentence.
 
-    kind: `ANSWER`, by linear approximations, or `SAMPLED_ANSWER`, which starts from the comparison of the first answer
-    if this process has computed it. Raises Refusal if the outcome of the record is not OK (it shows no oscillation, for
-    example), if it has no noise, or if a damping term has no kernel.
+    The content is an `AnswerContent`. kind: `ANSWER`, by linear approximations, or `SAMPLED_ANSWER`, which starts from
+    the comparison of the first answer if this process has computed it. Raises Refusal if the outcome of the record is
+    not OK (it shows no oscillation, for example), if it has no noise, or if a damping term has no kernel.
     """
     study, spec, result = record.study, record.spec, record.result
     if result.outcome != OK:
@@ -110,7 +110,7 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
 
 
 def stored_answer(record: StudyRecord) -> Answer | None:
-    """Return the sampled answer on a record, else its first answer; None if neither has the outcome OK."""
+    """Return the sampled answer on a record, else the linear one; None if neither has the outcome OK."""
     for kind in (SAMPLED_ANSWER, ANSWER):
         result = record.find(kind)
         if result is not None and result.outcome == OK:
@@ -137,9 +137,10 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
 def shortlist(record: StudyRecord, nats: float) -> set[tuple[str, str]] | None:
     """Return the candidates, (damping, restoring), that are worth sampling according to the first answer on a record.
 
-    A candidate is returned if its log evidence is less than `nats` below the largest one; the one with the largest log
-    evidence with deviations always is. The evidence is that with deviations from the laws if the study's samplers allow
-    them and any candidate has it, else that under exact laws. Candidates without it are left out.
+    They are a set, without an order. A candidate is returned if its log evidence is less than `nats` below the largest
+    one; the one with the largest log evidence with deviations always is. The evidence is that with deviations from the
+    laws if the study's samplers allow them and any candidate has it, else that under exact laws. Candidates without it
+    are left out.
 
     Return None if there is no answer, or no candidate could be fitted.
     """

@@ -23,9 +23,10 @@ CACHED_ENVELOPES = 2000
 
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, EnvelopeWindow | None]:
-    """Read an envelope and return it, named `name`, with the window that the study states; None without one.
+    """Read an envelope and return it, named `name`, with the window of the decay that the study states.
 
-    Raises InputError if the file cannot be read, or the stated window contains no decay.
+    The window is None if the study states neither start nor stop. Raises InputError if the file cannot be read, or the
+    stated window contains no decay.
     """
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
@@ -91,7 +92,11 @@ def envelope_key(record: StudyRecord) -> str:
 
 
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:
-    """Return the answer on an envelope, with its arrays; the decay is searched unless the study states its window."""
+    """Return the answer on an envelope, with its arrays.
+
+    The decay is searched unless the study states its start or stop. Raises InputError if the file cannot be read, or if
+    the stated window contains no decay.
+    """
     assert isinstance(spec.source, Recording)
     record, window = read_recording(spec.source, spec.name)
     result = answer_envelope(record, window, _sums(study, spec), study.seed, bool(spec.specimen))

@@ -36,7 +36,8 @@ NOT_SAMPLED = Status.NOT_SAMPLED.because("its evidence is not among the highest,
 class CandidateSelection:
     """Choose which candidates of one record are evaluated further, sampled, and tested for sensitivity.
 
-    Methods that return outcomes map each candidate to the reason why it is left out; an empty string means it is kept.
+    A method that returns outcomes maps each candidate to the reason why it is left out; an empty string means it is
+    kept.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
@@ -156,14 +157,17 @@ class Job:
 
 
 def task_names(study: Study) -> list[str]:
-    """Return the names of all tasks of a study, in an order in which they could be computed. Nothing is computed."""
+    """Return the names of all tasks of a study, in an order in which they could be computed.
+
+    Nothing is computed. A run may leave out some of the tasks, such as those of pruned candidates.
+    """
     use_modules(study.plugins)
     store = Store(Path("."))
     return [name for job in jobs_of(study) for name in tasks_of(study, store, job)]
 
 
 def is_within(job: Job, depth: Depth) -> bool:
-    """Return whether a run of this depth includes a job."""
+    """Return whether a run whose last step is `depth` includes a job."""
     return depth is Depth.WHOLE or job.task_group in ("read", ANSWER, depth)
 
 
@@ -178,7 +182,10 @@ def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
 
 
 def jobs_of(study: Study) -> list[Job]:
-    """Return all jobs of a study; the jobs that read records come first."""
+    """Return all jobs of a study; the jobs that read records come first.
+
+    They include the jobs of candidates that a run may leave out.
+    """
     # Repeat by repeat over all signals: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
@@ -242,7 +249,11 @@ def _task_group_of(name: str) -> str:
 
 
 def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:
-    """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages."""
+    """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages.
+
+    Each stage is listed when it is requested, from the results that are stored then: run its jobs before requesting the
+    next one. A stage can be empty.
+    """
     jobs = jobs_of(study)
     # Every other task reads its record from the store.
     for task_group in ("read", ANSWER, SAMPLED_ANSWER):

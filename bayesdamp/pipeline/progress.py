@@ -30,7 +30,7 @@ ACTIVITIES = {
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
-    """Return a description of a stage for the user, such as "sampling 3 damping models on 1 record"."""
+    """Return a description of a stage of these jobs for the user, such as "sampling 3 damping models on 1 record"."""
     names = {job.signal for job in jobs}
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}

@@ -43,9 +43,10 @@ _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
 
 def read_thinned(source: Recording) -> RawRecord:
-    """Read a measured record, and decimate it if it has far more samples than needed.
+    """Read a measured record, and low-pass filter and thin it if it has far more samples than needed.
 
-    Raises InputError if it cannot be read, or if the file leaves open how to read it.
+    Values stay in the unit of the file. Raises InputError if it cannot be read, or if the file leaves open how to read
+    it.
     """
     raw = read_record(
         source.path,
@@ -63,9 +64,10 @@ def read_thinned(source: Recording) -> RawRecord:
 
 
 def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
-    """Return the raw record and its free decay, named `name`. Raises InputError, which names the file.
+    """Return the raw record in the unit of the file, and its free decay, named `name`, in the base unit (such as rad).
 
-    The last few records are cached until their files change, because a run reads them once more before it begins.
+    Raises InputError, which names the file, if there is none. The last few records are cached until their files change,
+    because a run reads them once more before it begins.
     """
     stamp: tuple[int, ...] = ()
     with suppress(OSError):
@@ -122,7 +124,7 @@ class StudyRecord:
 
     @cached_property
     def result(self) -> TaskResult:
-        """Its stored record. Raises KeyError if there is none."""
+        """The stored result of its task `signal/NAME/REPEAT`. Raises KeyError if there is none."""
         return self.store.read(f"signal/{self.name}")
 
     @cached_property
@@ -138,7 +140,7 @@ class StudyRecord:
 
     @cached_property
     def content(self) -> RecordContent:
-        """The values of its stored result, without the samples."""
+        """The values of its stored result (features, provenance and so on), without the samples."""
         return RecordContent.of(self.result)
 
     @property
@@ -155,8 +157,9 @@ class StudyRecord:
 def compute_signal(record: StudyRecord) -> Product:
     """Return the cleaned record with its features, and its samples as arrays.
 
-    If a measured record shows too little of an oscillation, raise InputError; for a simulated one the outcome is the
-    reason.
+    The content is a `RecordContent`. The arrays are `t` in s and `y` in the base unit (such as rad), and for a measured
+    record `raw_t` and `raw_y`, the whole record, thinned. If a measured record shows too little of an oscillation,
+    raise InputError; for a simulated one the outcome is the reason.
     """
     study, spec, name, arrays = record.study, record.spec, f"signal/{record.name}", {}
     source = spec.source
@@ -194,7 +197,8 @@ def compute_signal(record: StudyRecord) -> Product:
 def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
     """Add white noise to a record without noise; return a record with noise, or without oscillation, unchanged.
 
-    share: standard deviation of the noise as a fraction of the largest amplitude. A warning is added to the provenance.
+    The noise is normal. share: its standard deviation as a fraction of the largest amplitude. seed: of the noise. A
+    warning is added to the provenance.
     """
     try:
         measured = features(signal)
@@ -245,8 +249,8 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
 def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
     """Return the Cramér–Rao bound of a simulated record: the smallest standard deviation of each unknown parameter.
 
-    Return {} for a measured record, noise that is not white and normal, no noise, damping terms with further
-    parameters, and friction that changes its sign abruptly (ε = 0).
+    It is by parameter, in the unit of each. Return {} for a measured record, noise that is not white and normal, no
+    noise, damping terms with further parameters, and friction that changes its sign abruptly (ε = 0).
     """
     source = spec.source
     if not isinstance(source, Simulation) or source.noise != "gaussian":

@@ -40,10 +40,11 @@ class Candidate(ResultView):
     """The results of a run for one damping model on one record.
 
     record: name of the signal. repeat: number of the repeat, from 0. damping, restoring: the damping sum and the
-    restoring law. values, sd: the inferred parameters at the posterior mode, and their standard deviations; empty
-    without a mode. log_posterior: log posterior density at the mode, in the coordinates of the search (standard normal
-    scores); nan without a mode. estimates: the estimates of each stage, by estimator. posteriors: by sampler. evidence:
-    by method. outcome: "ok", also if no mode was searched, or the reason why there is no mode.
+    restoring law. values, sd: the inferred parameters at the posterior mode, by name and in their units, and their
+    standard deviations; empty without a mode. log_posterior: log posterior density (nats, not normalised) at the mode,
+    in the coordinates of the search (standard normal scores); nan without a mode. estimates: the estimates of each
+    stage, by estimator. posteriors: by sampler. evidence: by method. outcome: "ok", also if no mode was searched, or
+    the reason why there is no mode.
     """
 
     record: str
@@ -105,7 +106,7 @@ class Run(ResultView):
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """The results for each model on each record, in the order of task names."""
+        """The results for each model on each record and repeat, in the order of task names."""
         store = Store(self.folder)
         results: dict[tuple[str, int, str], list[TaskResult]] = {}
         for name in store.names():
@@ -158,7 +159,7 @@ class Run(ResultView):
         return self.folder / "report.html"
 
     def save(self, path: str | Path) -> Path:
-        """Copy the folder of the run to a new path, and return it.
+        """Copy the folder of the run to a new path, and return the path.
 
         Raises InputError if the path exists or cannot be written.
         """
@@ -172,7 +173,7 @@ class Run(ResultView):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read the run in a folder. Raises InputError if the folder contains no run."""
+        """Read the run in a folder; nothing is computed. Raises InputError if the folder contains no run."""
         folder = Path(path)
         name = (read_description(folder).get("study") or {}).get("name")
         if name is None:
@@ -217,8 +218,8 @@ def run_study(
     Parameters
     ----------
     study
-        A study file, a `Study` from `load_study`, or the content of a study file as a dictionary; paths in it are
-        relative to the working directory.
+        The path of a study file, a `Study` from `load_study`, or the content of a study file as a dictionary; paths in
+        a dictionary are relative to the working directory.
     out
         Folder of the run; by default reports/NAME, as for the command `study`.
     workers

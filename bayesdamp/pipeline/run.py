@@ -79,7 +79,7 @@ def run_study(
     console
         Console that shows progress and failed tasks; by default standard error.
     depth
-        Last step of the run.
+        Last step of the run, such as `Depth.ANSWER` for the answers alone.
     on_verdict
         Function that is called with the verdict on the first repeat of each signal, when the answers on all records are
         computed, and again when all are sampled.
@@ -148,7 +148,7 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file and resolve its system, so that errors appear before anything is written.
+    """Read every file of a study and check its system, so that errors appear before anything is written.
 
     Raises InputError for the first file or system that is wrong.
     """
@@ -174,7 +174,8 @@ def _run_job(
 ) -> None:
     """Compute the tasks of a job that have no result yet.
 
-    The result of a task that fails is its error message.
+    The outcome of a task that fails is its error message; the other tasks are still computed. Raises InputError if the
+    code of a worker differs.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ def _run_jobs(
     pool: Executor | None,
     advance: Callable[[], None],
 ) -> None:
-    """Run the jobs of a stage, in this process without a pool; `advance` is called when a job ends."""
+    """Run the jobs of a stage in the pool, or in this process if there is none; `advance` is called when a job ends."""
     if pool is None:
         for job in jobs:
             _run_job(study, store.folder, job)
@@ -278,7 +279,11 @@ def _import_later_modules() -> None:
 
 
 def _current_keys(study: Study, store: Store) -> dict[str, str]:
-    """Return the keys of the stored results by task name, without results of an earlier version of the study."""
+    """Return the keys of the stored results of this study by task name.
+
+    Results of an earlier version of the study or of the program are left out; reasons why a candidate was left out are
+    included.
+    """
     current = {}
     kinds = [(name, TaskName.of(name).kind) for name in store.names()]
     stored = [name for name, kind in kinds if kind not in ("signal", ANSWER, SAMPLED_ANSWER)]

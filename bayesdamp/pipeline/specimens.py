@@ -46,17 +46,18 @@ NOT_JOINED = Status.PRUNED.because(
 )
 NOT_COMPARED = Status.PRUNED.because("not compared in the answer on any record")
 LOCATION_SCALE = 3.0
-"""Scale of the half-normal prior of a population's location, as a multiple of the largest coefficient of a specimen.
-The population of a coefficient is a normal distribution about this location, truncated at 0. The value is used if the
-study states no prior of the coefficient. A convention: much wider than the intervals of single specimens."""
+"""Scale of the half-normal prior of a population's location, as a multiple of the largest posterior mean of a
+specimen's coefficient. The population of a coefficient is a normal distribution about this location, truncated at 0.
+The value is used if the study states no prior of the coefficient. A convention: much wider than the intervals of single
+specimens."""
 Arrays = dict[str, np.ndarray]
 
 
 class Specimen:
     """One specimen of a study: its records, its candidates, and the joint fit of its records.
 
-    specs: its signals. records: by label. candidates: names of the candidates. seed: of its draws; the verdict on the
-    specimen uses the same one.
+    specs: its signals. records: by label, which is the signal's name, and for repeats "NAME, 1", "NAME, 2" and so on.
+    candidates: names of the candidates. seed: of its draws; the verdict on the specimen uses the same one.
     """
 
     def __init__(self, study: Study, name: str, store: Store) -> None:
@@ -88,13 +89,13 @@ class Specimen:
 
     @cached_property
     def answered(self) -> dict[str, RecordAnswer]:
-        """The answers on its records by their labels, in the study's order; only those that compared candidates."""
+        """The answers on its records by label, in the study's order; only those that compared candidates."""
         answers = {label: stored_answer(record) for label, record in self.records.items()}
         return {label: a.of_specimen() for label, a in answers.items() if a and a.content.candidates}
 
     @property
     def runs(self) -> list[RunComparison]:
-        """The evidence of every damping model on each record with an answer."""
+        """The evidence of every damping model on each record of `answered`, in the same order."""
         return [answer.comparison for answer in self.answered.values()]
 
     @cached_property
@@ -111,7 +112,10 @@ class Specimen:
 
 
 def summarise_draws(draws: Repeats) -> dict[str, Summary]:
-    """Return the summary of each damping parameter of a specimen, by name, from draws of equal weight."""
+    """Return the summary of each damping parameter of a specimen, by name, from draws of equal weight.
+
+    A summary has mean, sd, median, q2.5 and q97.5, in the unit of the parameter.
+    """
     weights = np.full(len(draws.draws), 1.0 / len(draws.draws))
     return {n: summarise(draws.draws[:, i], weights) for i, n in enumerate(draws.names)}
 
@@ -119,7 +123,8 @@ def summarise_draws(draws: Repeats) -> dict[str, Summary]:
 def compute_joint(specimen: Specimen) -> Product:
     """Return the joint fit of a specimen's records, with its draws (`joint/SPECIMEN`).
 
-    Raises Refusal if fewer than two have an answer, or if no model was fitted to all of them.
+    The content is a `JointContent`, which describes the arrays. Raises Refusal if fewer than two have an answer, or if
+    no model was fitted to all of them.
     """
     if len(specimen.answered) < 2:
         raise Refusal("fewer than two records of the specimen have an answer")
@@ -203,7 +208,7 @@ def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[st
 def likeliest_candidate(probabilities: Mapping[str, float]) -> str:
     """Return the most probable candidate of the most probable damping.
 
-    The probability of a damping is summed over restoring laws.
+    `probabilities` are by the names of candidates. The probability of a damping is summed over restoring laws.
     """
     dampings = sum_probabilities(probabilities)
     first = max(dampings, key=lambda d: dampings[d])
@@ -213,9 +218,9 @@ def likeliest_candidate(probabilities: Mapping[str, float]) -> str:
 def compute_population(study: Study, store: Store) -> Product:
     """Infer the population of each coefficient over all specimens (`population/specimens`).
 
-    All specimens have the same candidate: of those that were fitted to every specimen, the one with the largest sum of
-    log evidences. Raises Refusal if there is none, if the specimens have different base units, or if laws hold exactly
-    for some specimens only.
+    The content is a `PopulationContent`, without arrays. All specimens have the same candidate: of those that were
+    fitted to every specimen, the one with the largest sum of log evidences. Raises Refusal if there is none, if the
+    specimens have different base units, or if laws hold exactly for some specimens only.
     """
     specimens = [Specimen(study, name, store) for name in study.specimens]
     assumed = sorted({s.deviation for s in specimens})
@@ -273,8 +278,8 @@ def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:
     ----------
     priors
         Priors of the coefficient, one for each specimen. If the study states priors, the result is the geometric mean
-        of their scales. The default prior has no fixed scale; then the result is `LOCATION_SCALE` times the largest
-        mean.
+        of their values at the score 1 (the scale, for a half-normal prior). The default prior has no fixed scale; then
+        the result is `LOCATION_SCALE` times the largest mean.
     means
         Posterior means of the coefficient, one for each specimen.
     """

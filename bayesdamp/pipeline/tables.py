@@ -73,10 +73,11 @@ def write_tables(study: Study, store: Store) -> None:
 
 
 def write_verdicts(study: Study, store: Store) -> None:
-    """Write verdict.json, verdicts.csv and damping_curves.csv, if any record has a verdict.
+    """Write verdict.json, verdicts.csv and damping_curves.csv; write nothing if no record has a verdict.
 
-    verdict.json has an object for each verdict, in rad, m or the sensor's unit. verdicts.csv has a row for each
-    verdict, and damping_curves.csv the law-free damping curve of each record, both in the unit of the record's file.
+    A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
+    rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
+    curve of each record, both in the unit of the record's file.
     """
     verdicts: list[tuple[Verdict, Unit]] = []
     curves: list[Row] = []  # the law-free damping, a row for each amplitude
@@ -121,7 +122,8 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
 def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Row, SampledPosterior | None]]:
     """Iterate over all candidates on all records.
 
-    Yields the candidate, the columns that name it, and its posterior from the sampled answer (None without one).
+    Yields the candidate, the columns that name it (signal, repeat, model, restoring), and its posterior from the
+    sampled answer (None without one).
     """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)
@@ -132,17 +134,17 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
 
 
 def _head(record: StudyRecord, candidate: str) -> Row:
-    """Return the columns that name a candidate on a record."""
+    """Return the columns that name a candidate on a record: signal, repeat, model and restoring."""
     return {"signal": record.spec.name, "repeat": record.repeat, **_model(record.spec, candidate)}
 
 
 def _model(spec: SignalSpec, candidate: str) -> Row:
-    """Return the columns with the damping sum and the restoring law of a candidate."""
+    """Return the columns with the damping sum (`model`) and the restoring law (`restoring`) of a candidate."""
     return dict(zip(("model", "restoring"), spec.parts(candidate), strict=True))
 
 
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
-    """Return the true value of a parameter of a simulated record.
+    """Return the true value of a parameter of a simulated record, in the parameter's unit.
 
     The true coefficient of a damping term that was not simulated is 0. NaN for a measured record, and for the
     parameters of a restoring law that was not simulated.
@@ -256,7 +258,8 @@ def _evidence_rows(
     by_model
         The evidence of each candidate.
     shares
-        Posterior probabilities of the candidates, as far as they are known.
+        Posterior probabilities of the candidates, as far as they are known; the others are nan in the table. The log
+        Bayes factor in a row is relative to the candidate with the largest log evidence by this method.
     """
     best = max((e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)), default=math.nan)
     for model, evidence in by_model.items():

@@ -53,7 +53,7 @@ class Product:
     """The result of a computation, which is stored as the result of a task.
 
     content: the values; None if there are none. arrays: further arrays by name. outcome: `ok`, or why there is no
-    result, or only a doubtful one. seconds: duration; None for that of the whole task.
+    result, or only a doubtful one. seconds: duration; if it is None, the time that the task takes is stored.
     """
 
     content: Content | None = None
@@ -63,21 +63,21 @@ class Product:
 
 
 Make = Callable[[], Product]
-"""A function that computes the result of a task."""
+"""A function that computes the result of a task, but does not store it."""
 
 
 def digest_of(*parts: object) -> str:
-    """Return the SHA-256 of values as JSON."""
+    """Return the hexadecimal SHA-256 of values as JSON; other objects count by their `str`."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def task_key(kind: str, *parts: object) -> str:
-    """Return the key of a task: the hash of `parts`, which are its inputs, and of the code that computes it."""
+    """Return the key of a task: the hash of its inputs (`parts`) and of the code that computes its kind (`CODE`)."""
     return digest_of(kind, code_digest(*CODE[kind]), *parts)
 
 
 def task_seed(study: Study, name: str) -> int:
-    """Return the seed of a task, which follows from the study's seed and the task's name."""
+    """Return the seed of a task, from 0 to 2³² − 1, which follows from the study's seed and the task's name."""
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
 
 
@@ -85,7 +85,7 @@ def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
     """Compute a task and store its result.
 
     If the computation raises Refusal, the stored outcome is its message; after any other exception it is that of
-    `outcome_of_failure`, which raises InputError, and OSError if the disk is full, again.
+    `outcome_of_failure`. InputError and the OSError of a full disk are raised to the caller, and nothing is stored.
     """
     began = time.perf_counter()
 
@@ -105,7 +105,7 @@ def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
 def outcome_of_failure(fault: Exception) -> str:
     """Return the outcome of a task that failed: "failed: TYPE: FIRST LINE OF THE MESSAGE".
 
-    Raises the exception again if the input or the disk caused it, or if BAYESDAMP_DEBUG is set.
+    Raises the exception itself if it is an InputError, if the disk is full, or if BAYESDAMP_DEBUG is set.
     """
     if isinstance(fault, InputError) or is_disk_full(fault) or os.environ.get("BAYESDAMP_DEBUG"):
         raise fault

@@ -23,7 +23,7 @@ KILLED_OUTCOME = "failed: the process that computed it was killed twice, by a us
 
 @contextmanager
 def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
-    """Connect to a Dask scheduler and use its workers.
+    """Connect to a Dask scheduler, and yield an executor that uses its workers.
 
     Parameters
     ----------
@@ -71,8 +71,9 @@ def open_pool(
 ) -> Iterator[Executor | None]:
     """Open a pool of new processes on this machine or of a Dask scheduler's workers.
 
-    For one worker without a scheduler the pool is None: the jobs run in this process. say: shows a message if the
-    scheduler has no workers. Raises InputError if no scheduler answers.
+    Yields the pool, which is closed at the end of the context. For one worker without a scheduler the pool is None: the
+    jobs run in this process. With a scheduler, `workers` has no effect. say: shows a message if the scheduler has no
+    workers. Raises InputError if no scheduler answers.
     """
     if workers == 1 and scheduler is None:
         yield None
@@ -92,7 +93,8 @@ def run_in_pool(
     """Run all jobs in a pool, and find the tasks that kill their process.
 
     When a process is killed, the whole pool breaks, and any job that was running may be the cause. These jobs are then
-    run one at a time.
+    run one at a time, and a task that kills its process `MOST_TRIES` times is given up. Any other exception of a job is
+    raised to the caller.
 
     Parameters
     ----------

@@ -26,7 +26,8 @@ class StudyCandidate:
     """One candidate (a damping sum under a restoring law) on one record, with the inputs of its tasks.
 
     model: name of the candidate. damping, terms, restoring: its damping sum, the terms of the sum, and its restoring
-    law. path: `SIGNAL/REPEAT/CANDIDATE`, the part of a task's name that all its tasks have.
+    law. repeat: number of the repeat of a simulated signal, from 0. path: `SIGNAL/REPEAT/CANDIDATE`, the part of a
+    task's name that all its tasks have.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
@@ -38,7 +39,7 @@ class StudyCandidate:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """The estimators that the study applies to this candidate and repeat."""
+        """The names of the estimators that the study applies to this candidate and repeat; () for none."""
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
 
@@ -77,19 +78,19 @@ class StudyCandidate:
 
     @cached_property
     def case(self) -> Case:
-        """The candidate on the record, under exact laws."""
+        """The candidate on the record, under exact laws: signal, model, features and reference of the priors."""
         record = self.record
         return Case(record.signal, self.specify("none"), record.features, record.content.scales)
 
     @cached_property
     def answer(self) -> AnswerContent | None:
-        """The first answer on the record; None if there is none, or if it compared no candidate."""
+        """The answer by linear approximations on the record; None if there is none, or if it compared no candidate."""
         answer = AnswerContent.maybe(self.record.find(ANSWER))
         return answer if answer is not None and answer.candidates else None
 
     @property
     def noise(self) -> str:
-        """The noise model with the largest evidence in the first answer, of those that the study allows.
+        """Name of the noise model with the largest evidence in the linear answer, of those that the study allows.
 
         If the answer compared none of these, the first one that the study allows.
         """

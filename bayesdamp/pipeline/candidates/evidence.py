@@ -60,8 +60,9 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
     """Compute the evidence by one method. Raises Refusal if there is no fit or the method cannot work on it.
 
-    The referee is skipped, and its content has no evidence, if the study calls it only for a disagreement and the other
-    methods agree.
+    The content is an `EvidenceContent`. The arrays are those of the method, such as its draws, and only kept for the
+    first repeat. The referee (nested sampling) is skipped, and its content has no evidence, if the study calls it only
+    for a disagreement and the other methods agree.
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
@@ -83,7 +84,8 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
 def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
     """Return the stored evidence for a model on a record by each method of the study and by nested sampling.
 
-    For a method that failed, the evidence has an outcome but no number. A referee that was not needed is left out.
+    They are in the order of the methods, nested sampling last if the study does not name it. For a method that failed,
+    the evidence has an outcome but no number. A referee that was not needed is left out.
     """
     evidences = []
     for method in dict.fromkeys((*record.study.evidence.methods, REFEREE)):
@@ -99,7 +101,7 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 
 
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
-    """Return the stored evidence on a record by method and model.
+    """Return the stored evidence on a record: by method, a dictionary from the model to its evidence.
 
     If more than one method besides Laplace's has results, the last entry, `combined`, has for each model the evidence
     from all of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
@@ -132,7 +134,7 @@ ENOUGH_COVERED = 0.99
 def has_average(study: Study, spec: SignalSpec) -> bool:
     """Return whether the damping of a signal is averaged over models.
 
-    It is if the study has several models for this signal, samples posteriors by NUTS, and computes evidence.
+    It is averaged if the study has several models for this signal, samples posteriors by NUTS, and computes evidence.
     """
     computes_evidence = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
     return computes_evidence and len(study.compare(spec)) > 1
@@ -141,9 +143,10 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
 def compute_average(record: StudyRecord) -> Product:
     """Return the damping against amplitude on a record, averaged over models (`averaged/bench/0`).
 
-    The weights are the models' posterior probabilities; pruned models have weight 0. Models that were not sampled are
-    represented by weighted importance draws, the most probable first, until `ENOUGH_COVERED` of the probability is
-    included.
+    The arrays are `amplitudes`, (a,), in rad or m; `curve/equivalent_ratio`, (3, a), the 2.5, 50 and 97.5 % quantiles
+    of the equivalent damping ratio; and `median/MODEL`, (a,), the median of each model. The weights are the models'
+    posterior probabilities; pruned models have weight 0. Models that were not sampled are represented by weighted
+    importance draws, the most probable first, until `ENOUGH_COVERED` of the probability is included.
 
     Raises Refusal if a model has no evidence, or if the models with draws have less than `LEAST_COVERED` of the
     probability.
@@ -186,7 +189,7 @@ def _has_curve(arrays: Mapping[str, np.ndarray]) -> bool:
 
 
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
-    """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum.
+    """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum (`odds`).
 
     Models without a finite log evidence are left out; the probabilities of the others add up to 1.
     """

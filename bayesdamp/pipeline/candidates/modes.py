@@ -24,11 +24,12 @@ from bayesdamp.types import OK, Refusal, Seed
 
 
 def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
-    """Return the starts of the search for the mode by their seeds, and the outcomes of estimators without values.
+    """Return the starts of the search for the mode by their seeds, and the estimators without values.
 
     The starts are the finite values of every estimator at each of its stages, and values from the record's frequency
-    and decay. If no estimator has finite values, least squares is used. With many candidates, the fit of all terms in
-    the answer is a start too. Raises Refusal if there is no start.
+    and decay. If no estimator has finite values, the estimates of least squares are used. The estimators without values
+    are returned with their outcomes. With many candidates (`has_many_rivals`), the fit of all terms in the answer is a
+    start too. Raises Refusal if there is no start.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
@@ -62,7 +63,9 @@ def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]]
 def compute_mode(candidate: StudyCandidate) -> Product:
     """Return the highest posterior mode that is found, with the checks of its fit.
 
-    Raises Refusal if the search finds none, or if the record has no noise.
+    The content is a `ModeContent`. The arrays are the times `t` in s, the motion `fit` and the `residual` in the unit
+    of the record, the whitened residuals and their autocorrelation, and the mode itself. Raises Refusal if the search
+    finds none, or if the record has no noise.
     """
     if not candidate.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)

@@ -32,10 +32,10 @@ STORED_LEVELS = (np.arange(100) + 0.5) / 100
 """Levels of the 100 quantiles that are stored at each point of a curve. They represent the draws by 100 values of equal
 weight."""
 CURVE_POINTS = 25
-"""Number of amplitudes at which curves of the damping against amplitude are computed."""
+"""Number of amplitudes at which curves of the damping against amplitude are computed. Their ratios are equal."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
-"""Names of two variables in the file of draws: the sizes of the deviations of damping and frequency from their laws, as
-energy-weighted means over the record."""
+"""Names of two variables in the file of draws: the sizes of the deviations of damping and frequency from their laws,
+relative to the laws, as energy-weighted means over the record of |deviation − its mean|."""
 SMALLEST_AMPLITUDE = 0.02
 """Smallest amplitude of the curves as a fraction of the first amplitude (conventional)."""
 
@@ -44,7 +44,7 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     """Draw with one sampler, write the draws to a file (netCDF), and summarise them.
 
     The content is a `PosteriorContent` with the summaries of parameters and derived quantities; the arrays are the
-    draws and the curves of `_curves`.
+    `draws`, (chain, draw, parameter), in the units of the parameters, and the curves of `_curves`.
 
     Raises Refusal if there is no fit, or the sampler cannot work on it.
     """
@@ -94,8 +94,8 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
 def weighted_curves(candidate: StudyCandidate, seed: int) -> dict[str, np.ndarray]:
     """Return the curves of a candidate that was not sampled, from the weighted draws of its importance sampling.
 
-    The arrays are named as in the result of a posterior; there are none if the candidate has no reliable importance
-    draws.
+    The arrays are those of `_curves`, with quantiles of resampled draws of equal weight; there are none if the
+    candidate has no reliable importance draws.
     """
     result = candidate.store.find(f"evidence/{candidate.path}/importance")
     if result is None or result.outcome != OK or "log_weights" not in result.arrays:
@@ -108,7 +108,7 @@ def weighted_curves(candidate: StudyCandidate, seed: int) -> dict[str, np.ndarra
 
 
 def _motions(candidate: StudyCandidate, inferred: Mapping[str, np.ndarray]) -> Motions:
-    """Return the motions of draws under exact laws. inferred: draws by parameter."""
+    """Return the motions of draws under exact laws. inferred: draws by parameter, all of the same shape."""
     (target, _), record = candidate.fit.engine, candidate.record
     values = {**target.known, **inferred}
     return Motions(
@@ -121,11 +121,12 @@ def _motions(candidate: StudyCandidate, inferred: Mapping[str, np.ndarray]) -> M
 
 
 def _curves(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the curves of decrement and equivalent damping ratio over the record's range of amplitudes.
+    """Return the curves of log decrement and equivalent damping ratio over the record's range of amplitudes.
 
-    The arrays are `amplitudes`, (a,); `curve/NAME`, (3, a), quantiles at `QUANTILE_LEVELS`; and
-    `spread/equivalent_ratio`, (100, a), quantiles at `STORED_LEVELS`. Amplitudes at which a curve is not defined are
-    left out. u: draws with their deviations, (n, K), if the fit has deviations.
+    The arrays are `amplitudes`, (a,), ascending, in rad or m; `curve/NAME`, (3, a), the 2.5, 50 and 97.5 % quantiles of
+    `log_decrement` and `equivalent_ratio`; and `spread/equivalent_ratio`, (100, a), quantiles at `STORED_LEVELS`.
+    Amplitudes at which a curve is not defined are left out. u: draws with their deviations, (n, K); not used if the fit
+    has exact laws.
     """
     record, law = candidate.record.features, candidate.fit.law
     least = max(min(record.amplitude, record.final_amplitude), SMALLEST_AMPLITUDE * record.amplitude)

@@ -46,7 +46,7 @@ STORED_SAMPLES = 1000
 
 
 def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> dict[str, str]:
-    """Return the sensitivity tasks of a candidate, and the key of the task that each starts from.
+    """Return the names of a candidate's sensitivity tasks, with the key of the task that each starts from.
 
     They exist only for the first repeat, and only if the study asks for evidence. Fewer terms (`savage_dickey`) are
     tested only in a sum of two or more, other noise models only if the study names several and the laws hold exactly.
@@ -80,7 +80,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Product:
     """Compute one of the sensitivity tasks, `kind` of `SENSITIVITIES`.
 
-    Raises Refusal if the task that it starts from has stored no arrays.
+    `seed` is that of new draws. Raises Refusal if the task that it starts from has stored no arrays.
     """
     source_name, compute = SENSITIVITIES[kind]
     source = candidate.store.read(source_name.format(candidate.path))
@@ -93,7 +93,8 @@ def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Prod
 def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
     """Return the log evidence (nats) with the priors of all damping coefficients scaled by each of several factors.
 
-    It is from reweighted draws, or new ones (see `evidence_by_prior_width`); the arrays are the fields of `Widths`.
+    The factors are `PRIOR_FACTORS`. The evidence is from reweighted draws, or new ones (see `evidence_by_prior_width`);
+    the arrays are the fields of `Widths`.
     """
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     law, (target, mode) = candidate.fit.law, candidate.fit.engine
@@ -110,8 +111,8 @@ def _compute_widths(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
     """Return the evidence of the first half of the record, and how well the fit to this half predicts the second.
 
-    The content is a `HalfContent`. The arrays are the times (s) of the second half, thinned, and the error of the
-    prediction there with its expected sd, in the unit of the record.
+    The content is a `HalfContent`. The arrays are `t`, the times (s) of the second half, thinned, and `error` and `sd`,
+    the error of the prediction there and its expected standard deviation, in the unit of the record.
     """
     law, (_, mode), signal = candidate.fit.law, candidate.fit.engine, candidate.record.signal
     if law is None:
@@ -142,8 +143,8 @@ def _compute_half(candidate: StudyCandidate, source: TaskResult, seed: int) -> P
 def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
     """Return Laplace's log evidence (nats) under each noise model of the study.
 
-    Each search for a mode starts at the mode under the chosen noise model. If a search finds none, the log evidence is
-    −∞, with the reason as outcome.
+    The content is a `NoisesContent`, without arrays; source and seed are not used. Each search for a mode starts at the
+    mode under the chosen noise model. If a search finds none, the log evidence is −∞, with the reason as outcome.
     """
     del source, seed
     content = ModeContent.of(candidate.store.read(f"mode/{candidate.path}"))
@@ -165,8 +166,8 @@ def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) ->
 def _compute_ratios(candidate: StudyCandidate, source: TaskResult, seed: int) -> Product:
     """Return the log Bayes factor (nats) of each model with one damping term less against the candidate.
 
-    It is the Savage-Dickey ratio: log posterior density minus log prior density of the term's coefficient at 0. A
-    positive value favours the smaller model.
+    The content is a `RatiosContent`; seed is not used. Each is a Savage-Dickey ratio: log posterior density minus log
+    prior density of the term's coefficient at 0. A positive value favours the smaller model.
     """
     del seed
     target, _ = candidate.fit.engine

@@ -29,7 +29,11 @@ from bayesdamp.types import OK, Refusal
 
 
 def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Product:
-    """Run one estimator in all its stages. The arrays of the result are its curves (such as training losses)."""
+    """Run one estimator in the stages of the study: its initial estimate, and the trajectory fit that starts there.
+
+    The content is an `EstimateContent`. The arrays are the curves of the stages (such as training losses), named
+    STAGE/NAME. `method` is the name of an estimator or of a variant.
+    """
     use = candidate.study.estimators
     stages = run_estimator(
         use.method(method),
@@ -95,7 +99,7 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
 
 
 def compute(candidate: StudyCandidate, name: str) -> Product:
-    """Compute the task of a candidate with this name.
+    """Compute the task of a candidate with this name, such as `mode/bench/0/viscous`. Nothing is stored.
 
     Raises Refusal if the outcome of the record is not OK, or the method is not applicable to it.
     """
