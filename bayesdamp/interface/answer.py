@@ -70,7 +70,8 @@ class Answer:
     Attributes
     ----------
     content
-        The answer as plain values.
+        The verdict, the compared models and further results as plain values, with amplitudes in the record's base unit
+        (rad, m or the sensor's unit).
     arrays
         The arrays of its figure, as in `inference.deviation.findings.picture`; for one of several records of a specimen
         also the likelihood of each model, `run/DAMPING@RESTORING/...`. Empty if an oscillation has no answer. For an
@@ -150,25 +151,29 @@ def answer(
     signal
         The signal.
     amplitudes
-        Amplitudes at which to give the damping ratio, in `unit`; by default three in the range of the record.
+        Amplitudes at which to give the damping ratio, in `unit`; by default three, at 10, 50 and 90 % of the
+        logarithmic range of the record. They may be outside this range by the factor `BEYOND`.
     unit
-        Unit of `amplitudes`; by default the signal's own unit. The answer itself is in the signal's unit.
+        Unit of `amplitudes`; by default `signal.unit`. The answer itself is always in `signal.unit` (rad, m or the
+        sensor's unit) and s.
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately.
     damping, restoring
-        Damping sums and restoring laws to compare; by default the seven sums of viscous, Coulomb and quadratic damping,
-        and all laws that the unit of the signal allows. Other forms of damping are tried in addition.
+        Damping sums, such as "viscous+coulomb", and restoring laws to compare; by default the seven sums of viscous,
+        Coulomb and quadratic damping, and all laws that the unit of the signal allows. Other forms of damping are tried
+        in addition.
     known
-        Known values of parameters, by name; or a function that returns them for the name of a restoring law.
+        Known values of parameters, by name, in `signal.unit` and s; or a function that returns them for the name of a
+        restoring law.
     priors
-        Priors by parameter.
+        Priors by name of the parameter, such as "zeta"; the other parameters have default priors.
     reference
         Amplitude and frequency to which default priors are scaled; by default those of the record.
     sensor
-        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
-        It is not used if laws hold exactly.
+        Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
+        every damping ratio. It is not used if laws hold exactly.
     measured
-        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`.
+        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`, unless laws hold exactly.
     seed
         Seed of all random numbers.
     notes
@@ -181,7 +186,9 @@ def answer(
     repeated
         Whether the signal is one of several records of a specimen. The answer then contains each model's likelihood.
     noise
-        A noise model, several to choose from, or "auto".
+        A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
+        the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
+        evidence is clearly larger (at least 5 nats), and never by correlated noise.
 
     Returns
     -------
@@ -308,10 +315,10 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
 
 
 def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
-    """Measure the damping ratio at given amplitudes, and the frequency at the last of these, without a damping law.
+    """Measure damping ratios at given amplitudes, and the frequency in Hz at the last of these, without a damping law.
 
-    Amplitudes are in the base unit of the signal (rad, m or the sensor's unit). For an amplitude that the record does
-    not contain, the nearest one is used. Return None if the record is too short.
+    Both have 95 % intervals. Amplitudes are in the base unit of the signal (rad, m or the sensor's unit). For an
+    amplitude that the record does not contain, the nearest one is used. Return None if the record is too short.
     """
     try:
         curve = law_free(signal)
@@ -331,10 +338,10 @@ def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeA
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    They contain, at increasing amplitudes in the signal's unit, the equivalent damping ratio and the energy lost in a
-    cycle, each with the ends `_low` and `_high` of its 95 % interval. The energy lost in a cycle, per unit of inertia,
-    is that of a sinusoidal oscillation: 2π ζ ω² A², with the damping ratio ζ, the angular frequency ω and the amplitude
-    A. Raises Refusal if the record has too few cycles.
+    They contain, at increasing amplitudes `free/amplitude` in the signal's unit, the equivalent damping ratio
+    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its 95
+    % interval. The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A², with
+    the damping ratio ζ, the angular frequency ω and the amplitude A. Raises Refusal if the record has too few cycles.
     """
     at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd

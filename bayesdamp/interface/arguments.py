@@ -74,8 +74,9 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
 def coefficients_of(terms: Sequence[str], law: Sequence[str] = ()) -> dict[str, str]:
     """Return the name by which a user specifies the prior of each damping coefficient, by the coefficient's name.
 
-    This is the name of the damping term, such as "viscous" for "zeta". If a parameter of the restoring law has the same
-    name (`law` lists these parameters), it is the name of the coefficient itself, such as "mu_3" for cubic damping.
+    `terms` lists the damping terms. This is the name of the damping term, such as "viscous" for "zeta". If a parameter
+    of the restoring law has the same name (`law` lists these parameters), it is the name of the coefficient itself,
+    such as "mu_3" for cubic damping.
     """
     names = {t: TERMS.get(t).parameter for t in terms}
     return {n: n if t in law else t for t, n in names.items()}
@@ -100,7 +101,7 @@ def check_known(
     who
         Name of the function or class, for errors.
     known
-        The argument: values by name.
+        The argument: values by name, in base units (rad, m or the sensor's unit, and s).
     coefficients
         The term of each damping coefficient, as `coefficients_of` returns it.
     parameters
@@ -150,9 +151,9 @@ def check_priors(
     priors
         The argument: priors by term or parameter.
     known
-        Values of the parameters that are known.
+        Values of the parameters that are known, by name.
     coefficients
-        The term of each damping coefficient.
+        The term of each damping coefficient, as `coefficients_of` returns it.
     parameters
         Names of all parameters.
 
@@ -186,7 +187,7 @@ def check_priors(
 
 
 def check_deviation(who: str, deviation: object) -> None:
-    """Raise InputError unless an argument `deviation` is one of `DEVIATIONS`."""
+    """Raise InputError unless an argument `deviation` of the function `who` is one of `DEVIATIONS`."""
     if deviation not in DEVIATIONS:
         raise InputError(f"{who}: unknown deviation {deviation!r}{nearest(deviation, list(DEVIATIONS))}")
 
@@ -218,7 +219,8 @@ def sums_and_laws(
 ) -> tuple[list[str], list[str]]:
     """Return damping sums and restoring laws, each one name or several, as lists.
 
-    Raises InputError for an unknown name, and for anything that is not text.
+    An empty argument gives an empty list, which stands for all. Raises InputError for an unknown name, and for anything
+    that is not text.
     """
     sums, laws = _names("damping", damping), _names("restoring", restoring)
     for name in sums:
@@ -243,7 +245,7 @@ def known_and_priors(
     priors: Mapping[str, Prior] | None,
     noises: Sequence[str] = (GAUSSIAN,),
 ) -> tuple[dict[str, float], dict[str, Prior]]:
-    """Check the known values and the priors of a comparison, and return them by parameter.
+    """Check the known values and the priors of a comparison, and return both by name of the parameter.
 
     Parameters
     ----------

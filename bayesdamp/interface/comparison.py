@@ -86,8 +86,9 @@ class Comparison(Result):
 
         The columns are record, damping, restoring, log_evidence (with deviations from the laws; NaN if laws hold
         exactly) and log_evidence_exact (under exact laws), each in nats relative to the record's largest value; rms of
-        the residual under exact laws, in the unit of the file; outcome ("ok", or why the model was not compared);
-        place; parameters. Rows are sorted by record and falling log_evidence; those without it come last, by falling
+        the residual under exact laws, in the unit of the file (NaN if averages over cycles were fitted); outcome ("ok",
+        or why the model was not compared); place (empty here); parameters (names of the inferred damping parameters).
+        Rows are sorted by record and falling log_evidence; those without it come last, by falling
         log_evidence_exact. Other forms of damping, which may be more probable, are in `verdict.rivals`.
         """
         rows = [
@@ -111,9 +112,9 @@ class Comparison(Result):
     def curve(self) -> pd.DataFrame:
         """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
 
-        Columns: amplitude; ratio (equivalent damping ratio) and lost (energy lost in a cycle per unit of inertia, in
-        unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude); record. An
-        envelope, a record on which no model was compared, or one that is too short for this has no rows.
+        Columns: amplitude (in the unit of the file); ratio (equivalent damping ratio) and lost (energy lost in a cycle
+        per unit of inertia, in unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude);
+        record. An envelope, a record on which no model was compared, or one that is too short for this has no rows.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
@@ -129,7 +130,7 @@ class Comparison(Result):
         return self._joined(names)
 
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
-        """Return arrays of all records as the columns of a table, with further columns unit and record.
+        """Return arrays of all records, in the units of their files, as columns of a table, with unit and record.
 
         `names` maps columns to the names of arrays. Records that lack one of these arrays have no rows.
         """
@@ -258,19 +259,23 @@ def compare(
     deviation
         "auto" or "law": laws may hold approximately; "none": they hold exactly.
     noise
-        A noise model; or several, or "auto" for all, from which the most probable one is chosen.
+        A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
+        the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
+        evidence is clearly larger (at least 5 nats), and never by correlated noise.
     damping, restoring
-        Damping sums and restoring laws to compare; by default the seven sums of viscous, Coulomb and quadratic damping,
-        and all laws that the unit of the record allows. Other forms of damping are tried in addition.
+        Damping sums, such as "viscous+coulomb", and restoring laws to compare; by default the seven sums of viscous,
+        Coulomb and quadratic damping, and all laws that the unit of the record allows. Other forms of damping are tried
+        in addition.
     known
-        Known values of parameters, by name.
+        Known values of parameters, by name, in base units: rad, m or the sensor's unit, and s.
     priors
-        Priors by damping term or parameter.
+        Priors by damping term or parameter, in base units; the other parameters have default priors.
     sensor
-        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
-        It is not used if laws hold exactly.
+        Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
+        every damping ratio. It is not used if laws hold exactly.
     amplitudes
-        Amplitudes at which to give the damping ratio, in the unit of the recorded file; by default three.
+        Amplitudes at which to give the damping ratio, in the unit of the recorded file (of the first one for several);
+        by default three in the range of the record. They may be outside each record's range by a factor of at most 1.3.
     sample
         Whether to replace the linear approximations of the most probable models by sampling with the full equation of
         motion.
@@ -285,7 +290,7 @@ def compare(
     Raises
     ------
     InputError
-        If an argument is invalid.
+        If an argument is invalid, or an amplitude is too far outside the range of a record.
 
     Examples
     --------

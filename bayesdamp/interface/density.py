@@ -149,7 +149,7 @@ class Density(ResultView):
         return slopes + joint_slope(list(self.priors.values()), x, self.target.scales)
 
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
-        """Return a NumPyro model function of this posterior.
+        """Return a NumPyro model function of this posterior, with parameters in natural units.
 
         Without arguments, the model samples every parameter under its prior. It samples whitened standard normal
         scores (site `whitened`), and each parameter is a deterministic site with its name. A parameter that is passed
@@ -197,5 +197,5 @@ class Density(ResultView):
 
 
 def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
-    """Return the unit of each parameter for a record, by the parameter's name."""
+    """Return the base unit of each parameter, such as "1/s", for a record and a restoring law, by its name."""
     return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}

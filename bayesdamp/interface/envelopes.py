@@ -42,11 +42,12 @@ def analyse(
     record
         The envelope.
     window
-        Window of the free decay; None to find it.
+        Window of the free decay, as indices of readings; None to find it.
     seed
         Seed of the draws from which intervals are computed.
     sums
-        Damping sums to compare, each as the names of at most three terms.
+        Damping sums to compare, each as the names of at most three terms; by default the seven sums of viscous, Coulomb
+        and quadratic damping.
 
     Raises
     ------
@@ -80,9 +81,10 @@ def answer_envelope(
     record
         The envelope.
     window
-        Window of the free decay; None to find it.
+        Window of the free decay, as indices of readings; None to find it.
     sums
-        Damping sums to compare, each as the names of its terms.
+        Damping sums to compare, each as the names of its terms. Of sums that an envelope cannot distinguish, only the
+        first is compared.
     seed
         Seed of the draws from which intervals are computed.
     repeated
@@ -97,7 +99,7 @@ def answer_envelope(
     Raises
     ------
     InputError
-        If a sum has more than three terms, or envelopes cannot distinguish the sums.
+        If a sum has more than three terms, if a term cannot be used for an envelope, or if no sum is left.
     """
     from bayesdamp.report.figures.answer import picture  # imports slowly
     from bayesdamp.report.figures.record import thin_line

@@ -38,7 +38,7 @@ class Estimate(Result):
         from it. Each has values and stderr by parameter (in SI units, for the parameters that were computed), trace,
         details, evaluations, seconds and outcome.
     units
-        Unit of each parameter, by name.
+        Unit of each parameter that a stage computed, by name.
     """
 
     signal: Signal
@@ -67,7 +67,10 @@ class Estimate(Result):
         return self.refined.values or self.initial.values
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with a row for each parameter: value and standard error at both stages, and unit."""
+        """Return a table with a row for each parameter: value and standard error at both stages, and unit.
+
+        The columns are value_initial, stderr_initial, value_refined, stderr_refined and unit; NaN if not computed.
+        """
         columns = {
             f"{what}_{stage.stage}": [values.get(name, np.nan) for name in self.units]
             for stage in (self.initial, self.refined)
@@ -123,7 +126,7 @@ def estimate(
     model
         The model.
     options
-        Options of the estimator, by name.
+        Options of the estimator, by name, as in a study; by default its own defaults.
     seed
         Seed of all random numbers.
 

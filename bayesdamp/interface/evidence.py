@@ -74,7 +74,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
         posterior by smc, and without these they make their own.
     method
         A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if the fit assumes exact laws),
-        importance, nested or laplace.
+        importance, nested or laplace. If laws may hold approximately, also smc (the default) or linear.
     seed
         Seed of all random numbers.
 

@@ -165,7 +165,8 @@ class Fit(Result, Storable):
     mode
         The posterior mode, from which samplers start; None without a fit, or if laws may hold approximately.
     sd_noise, sd_law
-        If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest.
+        If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest, by
+        name (the two add in quadrature); otherwise empty.
     deviation, frequency_deviation
         If laws may hold approximately: median and 95 % interval of the energy-weighted mean over the record of |g − ḡ|
         and of |h − h̄|, where g is the log deviation of the damping, and h the relative deviation of the frequency,
@@ -233,7 +234,8 @@ class Fit(Result, Storable):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return a table of equivalent damping ratios at amplitudes, with the parts of their sd and 95 % intervals.
 
-        They include the deviation from the law and the linearity error of the sensor.
+        Columns: amplitude, unit (of the amplitude), value (median; a fraction), low and high (ends of the 95 %
+        interval), sd_noise and sd_law. They include the deviation from the law and the linearity error of the sensor.
 
         Parameters
         ----------
@@ -243,7 +245,7 @@ class Fit(Result, Storable):
         Raises
         ------
         InputError
-            If an amplitude is far outside the range of the record.
+            If an amplitude is outside the range of the record by more than a factor of 1.3.
         Refusal
             If there is no fit, or if the fit assumes exact laws; use `sample(fit).derived` then.
         """
@@ -301,8 +303,8 @@ class Fit(Result, Storable):
         ax
             Two axes, or one axes for the record and the fit without residuals; by default new ones.
         until
-            Time in s up to which the fit is extrapolated after the end of the record, with a band of ± 2 sd; by default
-            it is not extrapolated.
+            Time in s from the first sample up to which the fit is extrapolated after the end of the record, with a band
+            of ± 2 sd; by default it is not extrapolated.
 
         Returns
         -------
@@ -499,8 +501,8 @@ def tabulate_ratios(
 ) -> pd.DataFrame:
     """Return the table of `Fit.damping_ratio` from draws of parameters and deviations.
 
-    `u`, (n, K), contains the draws, as in `Posterior.u`; by default draws of the linear approximation are used. Raises
-    Refusal if there is no fit, or if it assumes exact laws.
+    `amplitudes` are as there. `u`, (n, K), contains n draws, as in `Posterior.u` (chains joined); by default draws of
+    the linear approximation are used. Raises Refusal if there is no fit, or if it assumes exact laws.
     """
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)
@@ -517,7 +519,7 @@ def tabulate_ratios(
 
 
 def check_times(t: ArrayLike, quantity: str) -> Vector:
-    """Convert a number or an array of any shape to times, (m,).
+    """Convert a number or an array of any shape to times, (m,), in the same order; `quantity` is only checked.
 
     Raises InputError if a time is not a finite number, or the quantity is unknown.
     """
@@ -535,7 +537,8 @@ def predict_exact(
     """Predict the motion of the best fit and its standard deviation, for a fit that assumes exact laws.
 
     times: (m,), in s from the first sample, within the record, after it, or before it. wanted: the quantity to predict,
-    "angle", "velocity" or "acceleration".
+    "angle", "velocity" or "acceleration". The standard deviation does not include the noise. Both are (m,), in the base
+    unit of the quantity.
     """
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
@@ -561,6 +564,7 @@ def predict_approximate(law: Single, times: Vector, wanted: str) -> tuple[Vector
     """Predict the motion of the best fit and its standard deviation, for a fit with deviations from the laws.
 
     times: (m,), in s from the first sample. wanted: the quantity to predict, "angle", "velocity" or "acceleration".
+    The standard deviation does not include the noise. Both are (m,), in the base unit of the quantity.
     Raises InputError if a time is outside the part of the record that was fitted.
     """
     end = float(law.knots[-1])

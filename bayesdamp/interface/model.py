@@ -84,23 +84,24 @@ class Model(Result):
     damping
         A sum of damping terms, such as "viscous+coulomb".
     restoring
-        The restoring law.
+        Name of the restoring law, such as "linear" or "pendulum".
     noise
-        A noise model; or several, or "auto" for all, of which the evidence chooses one for the record.
+        A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, of which
+        the evidence chooses one for the record.
     priors
-        Priors by damping term or parameter name; parameters without one have the default. If a name is both a damping
-        term and a parameter of the restoring law, such as "cubic" under "duffing", it means the parameter; use "mu_3"
-        for the coefficient of the term.
+        Priors by damping term or parameter name, in base units (rad, m or the sensor's, and s); parameters without one
+        have the default. If a name is both a damping term and a parameter of the restoring law, such as "cubic" under
+        "duffing", it means the parameter; use "mu_3" for the coefficient of the term.
     known
-        Values of parameters that are not inferred, by name. Damping coefficients are always inferred. epsilon, the
-        velocity within which Coulomb friction changes its sign, may also be given for a model without friction, which
-        ignores it.
+        Values of parameters that are not inferred, by name, in base units. Damping coefficients are always inferred.
+        epsilon, the velocity within which Coulomb friction changes its sign, may also be given for a model without
+        friction, which ignores it.
     deviation
         "none": laws hold exactly; "law" or "auto": they may hold approximately, with deviations that are inferred. The
         noise variance is then known, or set to the residual variance after fitting parameters and deviations.
     sensor
-        Relative linearity error of the sensor (sd), which is added in quadrature to the error of every damping ratio.
-        It is used only if laws may hold approximately.
+        Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
+        every damping ratio. It is used only if laws may hold approximately.
     amplitude, frequency
         Amplitude and frequency to which default priors are scaled, in the base unit of the displacement (rad, m or the
         sensor's) and in rad/s. By default they follow from the known parameters if these suffice, or else from the
@@ -259,7 +260,7 @@ class Case:
     features
         Period, noise level and other features of the record.
     reference
-        Amplitude and frequency to which default priors are scaled.
+        Amplitude (rad, m or the sensor's unit) and angular frequency (rad/s) to which default priors are scaled.
     """
 
     signal: types.Signal
@@ -402,7 +403,7 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Mode, tuple[str, ...]]:
-    """Fit a model whose laws hold exactly.
+    """Fit a model whose laws hold exactly; `start` and `seed` are as in `fit`.
 
     Returns
     -------
@@ -494,7 +495,7 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
 def start_from_regression(
     signal: types.Signal, problem: Problem
 ) -> tuple[dict[Seed, Mapping[str, float]], str]:
-    """Return the initial estimate of `least_squares` as a starting point, and its outcome.
+    """Return the initial estimate of `least_squares` as a starting point, and its outcome ("ok" or the reason).
 
     There is no starting point if the estimate has no values.
     """

@@ -32,7 +32,8 @@ def numpyro_model(
     priors
         Priors by parameter.
     value_and_slopes
-        Function of the parameters, (d,), in the order of `priors`, which returns the log likelihood and its gradient.
+        Function of the parameters in natural units, (d,), in the order of `priors`, which returns the log likelihood in
+        nats and its gradient with respect to them, (d,).
     centre, covariance
         Approximate posterior mean, (d,), and covariance, (d, d), of the parameters' standard normal scores z, with
         which sampling is whitened. The score z of a parameter is N(0, 1) under its prior.
@@ -42,7 +43,7 @@ def numpyro_model(
     Returns
     -------
     callable
-        The model. Parameters that are passed to it by name are not sampled.
+        The model. Parameters that are passed to it by name are not sampled. It returns all parameters by name.
     """
     names = list(priors)
     shape = jax.ShapeDtypeStruct((1 + len(names),), float)

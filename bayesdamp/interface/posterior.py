@@ -77,9 +77,10 @@ class Posterior(Result, types.Posterior):
     fit
         The fit.
     names, summaries
-        Names of the parameters, and mean, sd, quantiles and diagnostics of each.
+        Names of the inferred parameters, and mean, sd, quantiles and diagnostics of each, by name. Both are empty
+        without draws.
     draws
-        Draws in natural units, shape (chain, draw, parameter).
+        Draws in natural units (`fit.units`), shape (chain, draw, parameter), without the warmup.
     log_likelihood
         Log likelihood of each draw in nats, shape (chain, draw).
     stats
@@ -188,8 +189,9 @@ class Posterior(Result, types.Posterior):
     def derived(self) -> xr.Dataset:
         """Quantities that are computed from each draw, (chain, draw), with their units as attributes.
 
-        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors. They
-        are computed without deviations from the laws; `damping_ratio` includes these. Raises Refusal without draws.
+        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors, which
+        is the attribute `amplitude` of each. They are not finite for draws for which they do not exist. They are
+        computed without deviations from the laws; `damping_ratio` includes these. Raises Refusal without draws.
         """
         import xarray as xr
 
@@ -207,7 +209,7 @@ class Posterior(Result, types.Posterior):
         )
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Return the table of `Fit.damping_ratio` from these draws.
+        """Return the table of `Fit.damping_ratio` from these draws, at amplitudes in the unit of the recorded file.
 
         Raises Refusal without draws, and if the fit assumes exact laws.
         """
@@ -245,6 +247,8 @@ class Posterior(Result, types.Posterior):
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Plot the trace of each parameter, and to the right a histogram of each chain with the prior (dashed).
+
+        Derived quantities are not plotted.
 
         Parameters
         ----------
@@ -441,12 +445,14 @@ def sample(
         The fit.
     sampler
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws), emcee,
-        kalman, laplace or variational.
+        kalman, laplace or variational. If laws may hold approximately, also smc (the default).
     chains, warmup
-        Number of chains, and number of draws that each chain discards at its beginning. The chains of emcee are
+        Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. The
+        chains of emcee are
         walkers; it may use more than requested.
     draws
-        Number of draws of each chain. By default 1,000; nuts and emcee then add draws if these are too few.
+        Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
+        these are too few.
     seed
         Seed of all random numbers.
 
@@ -488,10 +494,12 @@ def sample(
 def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, Array]:
     """Sample the posterior of a fit. `sample` and the tasks of a study call this function.
 
+    The arguments are checked in `sample`; `settings` has the numbers of chains and draws, and the seed.
+
     Returns
     -------
     posterior
-        The draws with their summaries.
+        The draws in natural units with their summaries.
     u
         Parameters and deviations of each draw, shape (chain, draw, K), as in `Posterior`; empty if laws hold exactly.
 

@@ -39,9 +39,10 @@ class Record(Result):
     columns
         For each run, the names of its columns of times and values. The first is empty if times follow from a rate.
     unit, quantity
-        Unit of the values, and the recorded quantity.
+        Unit of the displacement (or of the values, for units such as rpm or g), and the recorded quantity: "angle" (any
+        displacement), "velocity" or "acceleration". The unit of the values, such as "mm/s", is in `units`.
     raw
-        The runs as they were read.
+        The runs as they were read, with values in the unit of the file.
     """
 
     path: Path
@@ -65,7 +66,8 @@ class Record(Result):
     def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
         """Start and end in s of all free decays in each run, by the run's number; empty for a run without a decay.
 
-        They are on the time axis of the file. Use `signal(run, start=..., stop=...)` to select one of them.
+        They are on the time axis of the file (from the first sample if it contains dates). Use `signal(run, start=...,
+        stop=...)` to select one of them.
         """
         decays: dict[int, tuple[tuple[float, float], ...]] = dict.fromkeys(self.runs, ())
         for run in self.runs:
@@ -118,7 +120,7 @@ class Record(Result):
         return tuple(self.signal(run) for run in self.runs)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot all runs as they were read, in the unit of the file, and return the axes."""
+        """Plot all runs as they were read, in the unit of the file, in one axes (by default new), and return it."""
         ax = get_axes(ax)[0]
         for run, raw in zip(self.runs, self.raw, strict=True):
             times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
@@ -166,7 +168,7 @@ def read(
     runs
         Runs to read, such as `2` or `"1,3-5"`; by default all. In the record they are numbered from 1.
     channels
-        Names of the channels to read; by default all.
+        Names of the channels to read; by default all that oscillate. Each run of each channel is a run of the record.
     time_unit
         Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
 

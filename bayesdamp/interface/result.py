@@ -59,6 +59,9 @@ class Result(ResultView):
     def save(self, path: str | Path) -> Path:
         """Save the result in a file and return its path. An interrupted save leaves no incomplete file.
 
+        An existing file is replaced. The name can have any ending but .json, which `bayesdamp.load` takes for a
+        verdict.
+
         Raises
         ------
         InputError
@@ -134,7 +137,10 @@ def _read(path: str | Path) -> Any:
 
 
 def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> Table:
-    """Return a data frame as a table to print: its index, then its columns, numbers with up to five digits."""
+    """Return a data frame as a table to print: its index, then its columns; numbers have up to five digits.
+
+    `caption` is the text above the table, and `notes` are sentences below it.
+    """
     lines = [
         [str(name), *(compact(v, 5) if isinstance(v, float) else str(v) for v in row)]
         for name, *row in frame.astype(object).itertuples()
@@ -143,7 +149,7 @@ def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) ->
 
 
 def outcome_notes(outcome: str, notes: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the sentences below a table: the outcome if it is not `ok`, then the notes."""
+    """Return the sentences below a table: "Outcome: ..." if the outcome is not "ok", then the notes."""
     return (*([f"Outcome: {outcome}"] if outcome != "ok" else []), *notes)
 
 

@@ -79,8 +79,8 @@ class Signal(Result, types.Signal):
     def summary(self) -> pd.DataFrame:
         """Return a table with one row.
 
-        Its columns are record, samples, length in s, mean sampling rate in Hz, whether sampling is uniform, quantity,
-        unit, and the smallest and largest value in this unit.
+        Its columns are record, samples, length in s, rate (mean sampling rate in Hz), uniform (whether sampling is),
+        quantity, unit (of the values in the file), and low and high (smallest and largest value in this unit).
         """
         unit, n = self.own_unit, self.t.size
         row = {
@@ -144,7 +144,7 @@ def signal(
     t
         Times in s, shape (n,).
     y
-        The recorded quantity, shape (n,).
+        The recorded quantity, shape (n,), in the unit that follows from `unit` and `quantity`.
     rate
         Sampling rate in Hz, instead of the times: `signal(y, rate=500.0)`.
     unit
@@ -228,7 +228,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     raw
         The record as it was read.
     name, unit, quantity
-        Name of the signal, unit of the raw values, and recorded quantity.
+        Name of the signal, unit of the displacement as in `signal`, and recorded quantity.
     **window
         Options clock, start and stop, as in `Record.signal`.
 

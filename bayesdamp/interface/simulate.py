@@ -51,9 +51,9 @@ def simulate(
     Parameters
     ----------
     damping
-        Coefficient of each damping term, such as {"viscous": 0.05, "coulomb": 0.03}.
+        Coefficient of each damping term, in `unit` and s, such as {"viscous": 0.05, "coulomb": 0.03}.
     restoring
-        The restoring law.
+        Name of the restoring law, such as "linear" or "pendulum".
     duration
         Length of the record in s.
     samples
@@ -61,23 +61,25 @@ def simulate(
     noise_sd
         Standard deviation of the noise, in the unit of the quantity.
     noise
-        The noise model.
+        The noise model: "gaussian" (white), "correlated" or "student_t".
     outliers
-        Number of outliers; a number below 1 is their fraction of the samples.
+        Number of outliers; a number below 1 is their fraction of the samples. Each shifts a sample by 0.3 to 1 times
+        half of the range of the motion.
     gaps
-        Number of gaps without samples.
+        Number of gaps without samples, each 1/50 of the record.
     quantum
         Step to which values are rounded, in the unit of the quantity; 0 for no rounding.
     quantity
         "angle" (any displacement), "velocity" or "acceleration".
     unit
-        Base unit of the displacement.
+        Unit of the displacement, "rad" or "m"; a velocity is in this unit per s.
     seed
         Seed of all random numbers.
     name
         Name of the signal.
     **parameters
-        Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5), by name. Further
+        Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5), by name, in `unit` and s.
+        Further
         parameters: theta0 and omega0, displacement and velocity at the start (by default 0.3 and 0.0); epsilon, the
         velocity within which Coulomb friction tanh(velocity/epsilon) changes its sign (by default 0, the sign
         function); noise_time in s for noise="correlated"; noise_dof for "student_t". rest_angle and spring_angle are 0
@@ -143,7 +145,7 @@ def simulate_source(
     restoring
         The restoring law.
     truth
-        True values of the parameters, by name.
+        True values of the parameters, by name, in the base unit (rad or m) and s; also noise_sd.
     name
         Name of the signal.
     rng

@@ -63,7 +63,7 @@ def model(name: str) -> str:
 
 
 def law(name: str) -> str:
-    """Return the name of a restoring law or a damping term in words: with spaces for "_", and a capital for proper names."""
+    """Return a restoring law or a damping term in words: with spaces for "_", and a capital for proper names."""
     return _PROPER.get(name, name.replace("_", " "))
 
 
