@@ -194,10 +194,10 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
 
 
 def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
-    """Return the errors of a method's initial estimates at a noise level (one of `along.values`).
+    """Return the errors of a method's initial estimates at a noise level in per cent of the first amplitude.
 
-    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none, or if
-    the series does not contain the level.
+    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none, or if the
+    level is not one of `along.values`.
     """
     each = along.each.get((method, "initial"))
     return each[along.values.index(level)] if each and level in along.values else {}
@@ -206,8 +206,8 @@ def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
 def _size(along: ErrorSeries, method: str, level: float) -> str:
     """Return the root mean square error of a method's initial estimates at a noise level as text.
 
-    It is in per cent of the true value, with its 95 % interval if at least three repeats have an estimate. The level is
-    one of `along.values`.
+    It is in per cent of the true value, with its 95 % interval if at least three repeats have an estimate. The level,
+    in per cent of the first amplitude, is one of `along.values`. An example is "2.1 % (1.5 to 2.9)".
     """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors[method, "initial"][along.values.index(level)]

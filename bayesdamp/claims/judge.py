@@ -71,7 +71,7 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """The errors of the estimators against the noise level.
+        """The errors of the estimators against the noise level, in per cent of the first amplitude.
 
         There is one series for each damping with at least three noise levels in each run of `noise`; [] without runs.
         """
@@ -129,14 +129,15 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 def paper_record(
     damping: str, restoring: str = "horizontal_pendulum", epsilon: float = 0.1
 ) -> tuple[Signal, Problem]:
-    """Simulate the paper's record with one damping term (5,000 samples in 10 s, no noise).
+    """Simulate the paper's record with one damping term (5,000 samples in 10 s, no noise, from 0.3 rad at rest).
 
     Parameters
     ----------
     damping
         The damping term; its coefficient is that of `TRUTH`.
     restoring
-        "horizontal_pendulum" for the paper's pendulum; any other law has the parameters of a spring.
+        "horizontal_pendulum" for the paper's pendulum; any other law has the parameters of a spring (stiffness 20/s²,
+        equilibrium at 0).
     epsilon
         Velocity in rad/s within which Coulomb friction changes its sign smoothly (tanh); 0 for the sign function.
 
@@ -193,12 +194,15 @@ def error_of(estimate: Estimate, damping: str) -> float:
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """Return the absolute error of `initial_estimate`, called with the same arguments, in per cent of `TRUTH`."""
+    """Return the absolute error of `initial_estimate`, called with the same arguments, in per cent of `TRUTH`.
+
+    `record` can contain restoring, simulated and assumed. The error is nan if there is no estimate.
+    """
     return error_of(initial_estimate(method, damping, options, **record), damping)
 
 
 def period_drift(damping: str) -> float:
-    """Return 100·|P₁/P₂ − 1| for the paper's record with this damping, in per cent.
+    """Return 100·|P₁/P₂ − 1| in per cent for the paper's record (the pendulum) with this damping.
 
     P₁ and P₂ are the mean periods in the first and in the second half of the record's periods.
     """

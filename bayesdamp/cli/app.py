@@ -137,7 +137,7 @@ def _main(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status.
+    """Run a command and return its exit status; an error is printed on stderr as one line.
 
     Parameters
     ----------
@@ -216,6 +216,6 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
 
 
 def _trace() -> None:
-    """Print the traceback of the current exception, if BAYESDAMP_DEBUG=1."""
+    """Print the traceback of the current exception on stderr, if BAYESDAMP_DEBUG=1."""
     if os.environ.get("BAYESDAMP_DEBUG") == "1":
         traceback.print_exc()

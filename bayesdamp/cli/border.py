@@ -23,7 +23,7 @@ def one_line(text: object) -> str:
     """Return a text as one printable line of at most `LONGEST_ERROR` characters.
 
     White space becomes single spaces, and other unprintable characters are escaped. The middle of a longer text is
-    replaced by "...", because the end of an error usually contains the remedy.
+    replaced by "...", because the end of an error usually contains the remedy. `text` is converted by `str`.
     """
     words = " ".join(str(text).split())
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
@@ -35,7 +35,7 @@ def one_line(text: object) -> str:
 def machine_refusal(error: BaseException) -> str | None:
     """Return a line that explains too little memory, a full disk, or a path that the operating system refuses.
 
-    Return None for other errors, and for an error of the operating system that names no path.
+    Return None for other errors, also for an OSError that contains no path, unless memory is short or the disk is full.
     """
     number = getattr(error, "errno", None)
     if (

@@ -23,7 +23,8 @@ def check_folder(out: Path | None, name: str) -> Path:
     Raises
     ------
     InputError
-        If the path or the part of it that exists is not a folder, or if the operating system refuses the path.
+        If the path, or the nearest folder above it that exists, is not a folder, or if the operating system refuses the
+        path.
     """
     folder = out if out is not None else Path("reports") / name
     try:
@@ -109,7 +110,7 @@ class SingleFile:
                 raise self._taken()
 
     def write(self, text: str) -> None:
-        """Write the file. An interrupted write leaves no incomplete file.
+        """Check the file (`check`) and write it. An interrupted write leaves no incomplete file.
 
         Raises
         ------

@@ -30,7 +30,10 @@ _STYLE = (
 
 
 def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
-    """Return a self-contained HTML page on the content of a file, and on how its records are read."""
+    """Return a self-contained HTML page on the content of a file, and on how its records are read.
+
+    `views` are of the records in the file; each gets a figure. Nothing is written.
+    """
 
     def items(lines: Iterable[object], look: str = "") -> Markup:
         return Markup("").join(Markup('<li class="{}">{}</li>').format(look, str(line)) for line in lines)

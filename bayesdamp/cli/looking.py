@@ -40,7 +40,7 @@ class RecordView:
     lines, doubts
         Sentences on how it was cleaned, and on what looks wrong.
     t, y
-        Times in s and values in the unit of the file, (n,).
+        Times in s and values in the unit of the file, (n,), of the whole record.
     window
         Start and end of the free decay in s; None if there is none.
     """
@@ -115,7 +115,8 @@ def view_envelope(
     path
         The file.
     columns
-        Columns of times and readings, the sampling rate in Hz, and the unit; None for those that are not given.
+        Columns of times and readings, the sampling rate in Hz, and the unit, in this order; None for those that are not
+        given.
     ends
         Start and end of the decay in s, or "auto".
 
@@ -149,8 +150,9 @@ def view_envelope(
 def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
     """Return the curve y (n,) against t (n,) as texts of braille characters, the top row first.
 
-    Each character has two columns and four rows of dots. Each column of dots covers the range of all values in it,
-    extended until it touches the last value of the nearest earlier column that has values. All values are finite.
+    `columns` and `rows` are the numbers of characters; t is ascending. Each character has two columns and four rows of
+    dots. Each column of dots covers the range of all values in it, extended until it touches the last value of the
+    nearest earlier column that has values. All values are finite.
     """
     wide, high = 2 * columns, 4 * rows
     span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))

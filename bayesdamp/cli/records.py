@@ -47,7 +47,8 @@ single command that provides all of them."""
 class ReadingOptions:
     """The options of the command line on how to read files, with their help (`with_reading_options`).
 
-    start, stop: times in s as numbers, or "auto".
+    None for an option that is not given. start, stop: times in s as numbers, or "auto". A wrong value raises
+    InputError.
     """
 
     angle: Annotated[
@@ -118,7 +119,7 @@ class ReadingOptions:
             raise InputError("--rate: replaces a column of times; remove --rate or --time")
 
     def read(self, path: Path) -> list[RawRecord]:
-        """Read the records of a file. Raises InputError if this is not possible."""
+        """Read the selected runs and channels of a file, a record each. Raises InputError if this is not possible."""
         return read_records(
             path,
             time=self.time,
@@ -147,7 +148,10 @@ class ReadingOptions:
 
 
 def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
-    """Give a command the options of `ReadingOptions`; it gets their values as further keyword arguments."""
+    """Give a command the options of `ReadingOptions`, which it gets as further keyword arguments.
+
+    The last parameter of the command, **reading, is replaced by them in its signature. The command itself is returned.
+    """
     *own, _ = signature(command, eval_str=True).parameters.values()
     added = signature(ReadingOptions, eval_str=True).parameters.values()
     first = [parameter for parameter in own if parameter.default is Parameter.empty]
@@ -167,7 +171,7 @@ class FileRecord:
     raw
         The record as it was read.
     unit, quantity
-        Unit of the values, and the recorded quantity.
+        Unit of the displacement, such as "deg" (or of the recorded quantity, such as "rpm"), and the recorded quantity.
     findings
         Findings on what looks wrong.
     signal
@@ -333,7 +337,7 @@ def _choose(
 
 
 def doubt_lines(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
-    """Return a line for each of these kinds of findings: the first finding of the kind in the records of a file."""
+    """Return a line, with the file's name, for the first finding of each of these kinds in the records of a file."""
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
@@ -419,7 +423,8 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
 def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
     """Return a line for each file with doubts that two or more options would settle.
 
-    The line contains a command with all these options, each with its most likely value.
+    The records may be of several files. The line contains a command with all these options, each with its most likely
+    value.
     """
     by_path: dict[Path, dict[str, str]] = {}
     for record in records:

@@ -27,7 +27,7 @@ FEW_RECORDS = 5
 
 
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
-    """Read a study, and check the options of its estimators.
+    """Read a study, and check the options of its estimators. Raises InputError if anything in it is wrong.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def run_and_print(
     folder
         The folder of the run.
     depth
-        How thoroughly the answer is checked.
+        Last step of the run: the answer alone, the sampled answer, or everything that the study asks for.
     finish
         Function that prints the end of the output, from the folder of the run; by default `print_conclusion`. It is
         not called if `as_json`.

@@ -22,7 +22,7 @@ _PRIORS: Mapping[str, type[BaseModel]] = {
 
 
 class StudyError(Exception):
-    """An error at a key of the study file. `load_study` adds the name of the file."""
+    """An error at a key of the study file. `load_study` converts it to an InputError with the name of the file."""
 
     def __init__(self, key: str, what: str) -> None:
         key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
@@ -39,7 +39,7 @@ class StudyError(Exception):
 
 
 def show(value: object) -> str:
-    """Return a value as written in a study file, shortened to fit on a line."""
+    """Return a value as written in a study file, for a message; shortened to at most 60 characters."""
     try:
         text = str(value).lower() if isinstance(value, bool) else repr(value)
     except ValueError:  # Python does not convert integers of more than 4,300 digits
@@ -48,19 +48,19 @@ def show(value: object) -> str:
 
 
 def join_keys(key: str, name: str) -> str:
-    """Return the full key of `name` in the table `key`, such as "simulate.samples"."""
+    """Return the full key of `name` in the table `key`, such as "simulate.samples"; `name` alone if `key` is empty."""
     return f"{key}.{name}" if key else name
 
 
 def check_table(raw: object, key: str) -> dict[str, Any]:
-    """Return a raw value that is a table. Raises StudyError if it is not."""
+    """Return a raw value that is a table (a dict). Raises StudyError, which names its `key`, if it is not."""
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {show(raw)}; it must be a table")
     return raw
 
 
 def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
-    """Raise StudyError if a key is unknown; the message names the nearest valid key."""
+    """Raise StudyError if a key of the table `key` is not valid; the message names the nearest valid key."""
     valid = list(valid)
     for name in raw:
         if name not in valid:
@@ -70,7 +70,8 @@ def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
 def read_section(model: type[Model], raw: object, key: str) -> Model:
     """Return a table as an instance of `model`, a class of tables.
 
-    Raises StudyError for an unknown, missing or wrong key; the message states valid values.
+    `key` is the full key of the table, for messages; empty for the top of the file. Raises StudyError for an unknown,
+    missing or wrong key; the message states valid values.
     """
     fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
     given = check_table(raw, key)
@@ -92,7 +93,8 @@ def read_section(model: type[Model], raw: object, key: str) -> Model:
 def check_number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
     """Return a raw value as a finite float. Raises StudyError if it is not a number, or out of range.
 
-    positive: whether it must be above 0. minimum: smallest allowed value.
+    A bool is not a number. key: full key of the value, for the message. positive: whether it must be above 0. minimum:
+    smallest allowed value.
     """
     right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
     try:
@@ -105,7 +107,11 @@ def check_number(raw: object, key: str, *, positive: bool = False, minimum: floa
 
 
 def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
-    """Return the prior that a table describes. negative: whether it may allow negative values. Raises StudyError."""
+    """Return the prior that a table such as { prior = "normal", mean = 0.0, sd = 1.0 } describes.
+
+    key: full key of the table, for messages. negative: whether the prior may allow negative values. Raises StudyError
+    if the table is wrong.
+    """
     example = 'a table such as { prior = "normal", mean = 0.0, sd = 1.0 }'
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {show(raw)}; it must be {example}")

@@ -26,8 +26,8 @@ a posterior is not normal."""
 SAMPLED_CANDIDATES = 2
 """Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
 WARMUP, DRAWS = 100, 500
-"""Numbers of warm-up draws and of draws of each of four chains. Draws in whitened coordinates are nearly independent;
-if they are not, the sampler adds draws."""
+"""Numbers of warm-up draws, which are discarded, and of draws of each of four chains. Draws in whitened coordinates are
+nearly independent; if they are not, the sampler adds draws."""
 LEAST_NOISE = 1e-3
 """Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
 of the amplitude, typical of a good encoder."""
@@ -47,7 +47,8 @@ file has several records. Without a unit, an envelope has the unit of its file, 
 def laws_for(unit: str) -> tuple[str, ...]:
     """Return the restoring laws that are compared if the user names none.
 
-    For an angle or an unknown unit these are all laws, for any other unit those that also describe a translation.
+    `unit` is that of the displacement, such as "mm". For an angle or an unknown unit these are all laws, for any other
+    unit those that also describe a translation.
 
     All are needed, because the misfit of a wrong restoring law would be explained by damping.
     """
@@ -63,7 +64,7 @@ def comparison(
     Parameters
     ----------
     records
-        Files and how to read them.
+        Files and how to read them (`RecordOptions`).
     plugins
         The user's modules. Each damping term in them is compared alone and together with viscous, Coulomb and quadratic
         damping; each restoring law in them is added to the laws that are compared.
@@ -105,15 +106,17 @@ def comparison_tables(
     Parameters
     ----------
     records
-        Files and how to read them.
+        Files and how to read them (`RecordOptions`).
     restoring, damping
-        Restoring laws and damping sums; all if empty.
+        Names of restoring laws, and damping sums such as "viscous+cubic"; all if empty.
     repeats
         Whether all records belong to one specimen. Single records then get modes and evidence, but no draws. If false,
         each of several oscillations is a specimen of its own, except that records with the same key `specimen` belong
         to one specimen. Envelopes then have no specimen.
     noise, seed, deviation, sensor
-        Settings of the study.
+        Name of the noise model, or "auto" to choose one for each record; seed of all random numbers; whether laws hold
+        with deviations ("law"), exactly ("none"), or with deviations for measured records ("auto"); relative linearity
+        error of the sensor (standard deviation).
 
     Raises
     ------
@@ -169,7 +172,7 @@ def comparison_tables(
 
 
 def _as_name(label: str) -> str:
-    """Convert a label to a valid name of letters, digits, - and _. A long label is shortened in its middle."""
+    """Convert a label to a valid name of letters, digits, - and _. Above 56 characters, its middle is left out."""
     name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
     name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
     return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"

@@ -94,7 +94,7 @@ def study_file(given: Path) -> Path:
 
 
 def record_question(study: Study, folder: Path) -> dict[str, Any]:
-    """Return the part of run.json that describes the study, from which the study can be run again.
+    """Return the part of run.json (`asked`) from which the study can be run again.
 
     `tables` has the tables of the study file, `beside` the folder of the study's files. This path is relative to
     `folder`, the folder of the run, so that both folders can be moved together.
@@ -157,7 +157,7 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
     Parameters
     ----------
     path
-        A TOML file, or the run.json of a run, which repeats the study of that run.
+        A TOML file, or the run.json of a run, which repeats the study of that run; its input files must be unchanged.
     plugins
         Modules of plug-ins besides those that the file names.
 
@@ -269,7 +269,11 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
 
 
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
-    """Return the signals of the tables [[signal]], with [system] and expanded by [[sweep]]. Raises StudyError."""
+    """Return the signals of the tables [[signal]], with [system] and expanded by [[sweep]]. Raises StudyError.
+
+    raw: all tables of the study file. folder: that of the study file. laws: the restoring laws of [models], which apply
+    to every signal without its own.
+    """
 
     def tables_of(name: str) -> list[dict[str, Any]]:
         entries = raw.get(name, [])
@@ -335,7 +339,10 @@ def _read_estimators(raw: object) -> Estimators:
 def _read_published(
     path: Path, signals: Iterable[str], estimators: Iterable[str]
 ) -> tuple[PublishedResult, ...]:
-    """Return the rows of a CSV file with the columns `_PUBLISHED`. Raises StudyError if the file or a name is wrong."""
+    """Return the rows of a CSV file with the columns `_PUBLISHED`. Raises StudyError if the file or a name is wrong.
+
+    Values stay text. The names in the file must be among `signals` and `estimators`.
+    """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
         missing = [c for c in _PUBLISHED if c not in (reader.fieldnames or ())]

@@ -42,7 +42,8 @@ from bayesdamp.types import System
 from bayesdamp.units import UNITS
 
 START = ("theta0", "omega0")
-"""Names of the initial conditions of a motion: displacement and velocity at the first sample."""
+"""Names of the initial conditions of a motion: displacement (rad or m) and velocity (rad/s or m/s) at the first
+sample."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 LARGEST_VALUE = 1e24
@@ -62,7 +63,7 @@ _FILE_KEYS = tuple(n for n in SignalTable.model_fields if n not in ("name", *_IN
 
 
 def _find_law(name: object, key: str) -> RestoringLaw:
-    """Return a restoring law by name. Raises StudyError if `name` is not that of a law."""
+    """Return a restoring law by name. Raises StudyError, at `key`, if `name` is not that of a law."""
     if not isinstance(name, str):
         raise StudyError(key, f"is {show(name)}; it must be a restoring law: {', '.join(LAWS.names())}")
     check_plugins(LAWS, [name], key)
@@ -135,9 +136,10 @@ def _read_systems(
     Returns
     -------
     systems
-        A system for each law. The first law is the one that `own` or `base` names, or else the first of `laws`.
+        A system for each law: numbers as known values, other parameters with their prior, or None for the default one.
+        The first law is the one that `own` or `base` names, or else the first of `laws`.
     reference
-        Amplitude, frequency and inertia, as far as the tables state them (`REFERENCE`), by name.
+        Amplitude (rad or m), frequency (rad/s) and inertia (kg m² or kg), as far as the tables state them, by name.
 
     Raises
     ------
@@ -375,7 +377,8 @@ def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, k
 def canonical_model(name: object, key: str) -> str:
     """Return a damping sum, such as `viscous+coulomb`, with its terms in the order of `damping_order`.
 
-    Raises StudyError if `name` is not a sum of different damping terms.
+    `key` is the key of the study file with the sum, for messages. Raises StudyError if `name` is not a sum of different
+    damping terms.
     """
     valid = damping_order()
     parts = [part.strip() for part in name.split("+")] if isinstance(name, str) else []

@@ -58,7 +58,11 @@ class StudySection(BaseModel):
 
 
 class Header(StudySection):
-    """The keys at the top of the file, outside all tables."""
+    """The keys at the top of the file, outside all tables.
+
+    version: of the format, always 1. name: of the study; by default that of the file. seed: of all random numbers.
+    description: shown in the report. published: path of a CSV file with published results.
+    """
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
     name: Name | None = Field(None, description="at most 64 letters, digits, - and _")
@@ -72,7 +76,11 @@ class Header(StudySection):
 class FileTable(StudySection):
     """How the file of a record is read; keys that are not given follow from the file.
 
-    angle: column of the recorded quantity, also if it is not an angle. start, stop: in s of the record's clock.
+    time, angle: columns of the times and of the recorded quantity (also if it is not an angle), by name or number from
+    1. unit: of the displacement. rate: sampling rate in Hz, for a file without times. frequency: that of an envelope's
+    oscillation in Hz. start, stop: ends of the free decay in s of the record's clock; "auto" searches them.
+    least_noise: standard deviation of the noise that is added to a record without noise, as a fraction of its
+    amplitude.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -108,7 +116,12 @@ class FileTable(StudySection):
 
 
 class SignalTable(FileTable):
-    """A table [[signal]]: a record that is simulated or read."""
+    """A table [[signal]]: a record that is simulated or read.
+
+    It has either `simulate` or `file`. system: what is known of the oscillator, in addition to [system]. compare,
+    restoring: damping sums and restoring laws instead of those of [models]. estimate: the sums under which estimators
+    run; all by default. specimen: name that repeats of one specimen have in common.
+    """
 
     name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
@@ -131,7 +144,12 @@ class SignalTable(FileTable):
 
 
 class SimulateTable(StudySection):
-    """The table `simulate` of a signal, without the true values of the parameters."""
+    """The table `simulate` of a signal, without the true values of the parameters.
+
+    duration: in s. repeats: number of records, which differ only in their random numbers (noise, outliers and gaps).
+    noise: the noise model. outliers: their number, or below 1 their fraction of the samples. gaps: number of gaps.
+    quantum: step to which values are rounded, in the record's unit; 0 for none.
+    """
 
     duration: float = Field(
         ge=1e-12, le=1e9, description="the length of the record in s, a positive number up to 1e9"
@@ -166,7 +184,11 @@ class PluginsTable(StudySection):
 
 
 class EstimatorsTable(StudySection):
-    """[estimators] without the tables of single estimators."""
+    """[estimators] without the tables of single estimators.
+
+    use: names of estimators and variants, or "all". stages: "initial" (the estimate of the method itself), "refined"
+    (the trajectory fit that starts there). repeats: by name, the largest number of repeats on which it runs.
+    """
 
     use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
     stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_tuple_of)] = Field(
@@ -178,7 +200,12 @@ class EstimatorsTable(StudySection):
 
 
 class ModelsTable(StudySection):
-    """[models]: the damping sums and restoring laws to compare, and priors of damping terms."""
+    """[models]: the damping sums and restoring laws to compare, and priors of damping terms.
+
+    compare: damping sums, or "all". restoring: laws that each sum is combined with; by default that of [system]. prune:
+    a model is left out if its log evidence by Laplace's approximation is at least this many nats below the best; None
+    keeps all.
+    """
 
     compare: Literal["all"] | SomeNames = Field(
         ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
@@ -195,7 +222,12 @@ class ModelsTable(StudySection):
 
 
 class PosteriorTable(StudySection):
-    """[posterior]: samplers, noise models, deviations and numbers of draws."""
+    """[posterior]: samplers, noise models, deviations and numbers of draws.
+
+    noise: a noise model, several, or "auto" for all, of which the most probable is used. best: number of the most
+    probable models of a record whose posterior is sampled; None for all. deviation: see `DEVIATIONS`. sensor: relative
+    linearity error of the sensor (standard deviation). warmup, draws: numbers for each chain.
+    """
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
     noise: str | SomeNames = Field(
@@ -219,7 +251,11 @@ class PosteriorTable(StudySection):
 
 
 class EvidenceTable(StudySection):
-    """[evidence]: methods of computing the evidence, and when nested sampling (the referee) checks them."""
+    """[evidence]: methods of computing the evidence, and when nested sampling (the referee) checks them.
+
+    methods: names, such as "laplace" and "importance". referee: "auto" (if the methods disagree or one is unreliable),
+    "always" or "never".
+    """
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field(
@@ -230,8 +266,9 @@ class EvidenceTable(StudySection):
 class CalibrationTable(StudySection):
     """[calibration]: settings of `calibrate`.
 
-    records: number of simulated records for each model. samplers: samplers whose intervals are checked. draws: number
-    of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of ranks.
+    records: number of usable simulated records for each model. samplers: samplers whose intervals are checked. draws:
+    number of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of
+    ranks.
     """
 
     records: Count = 500
@@ -271,7 +308,7 @@ class RecoveryTable(StudySection):
 
 @dataclass(frozen=True)
 class PublishedResult:
-    """A published result, as printed: the error of an estimator on a signal (per cent), and its time."""
+    """A published result, as printed: the error of an estimator on a signal (per cent), and its computing time."""
 
     estimator: str
     signal: str
@@ -282,7 +319,8 @@ class PublishedResult:
 class Simulation(SimulateTable):
     """A record to simulate. Estimators and inference get only the simulated samples.
 
-    damping: true damping terms. truth: true values of the parameters by name (`zeta`, `stiffness`, ...).
+    damping: true damping terms. truth: true values of the parameters by name (`zeta`, `stiffness`, ...), in their units
+    with rad or m, and s.
     """
 
     damping: tuple[str, ...]
@@ -346,7 +384,7 @@ class SignalSpec:
 
     @property
     def repeats(self) -> int:
-        """The number of simulated records; 1 for a record that is read."""
+        """The number of simulated records, which differ in their random numbers; 1 for a record that is read."""
         return self.source.repeats if isinstance(self.source, Simulation) else 1
 
     def candidate(self, damping: str, restoring: str) -> str:
@@ -359,7 +397,7 @@ class SignalSpec:
         return damping, law or self.restoring[0]
 
     def unit_of(self, parameter: str, restoring: str) -> str:
-        """Return the unit of a parameter under a restoring law, for the base unit of the record."""
+        """Return the unit of a parameter under a restoring law, for the base unit of the record (rad, m, V, ...)."""
         return parameter_unit(parameter, restoring, UNITS[self.source.unit].base, self.source.quantity)
 
 
@@ -383,7 +421,7 @@ class Estimators:
         return self.variants.get(name, name)
 
     def on(self, repeat: int) -> tuple[str, ...]:
-        """Return the names in `use` that run on a repeat, numbered from 0."""
+        """Return the names in `use` of the estimators that run on a repeat, numbered from 0."""
         return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
 
 
@@ -438,7 +476,7 @@ class Study:
         return tuple(spec.candidate(m, law) for m in self.dampings(spec) for law in spec.restoring)
 
     def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the candidates under which estimators run."""
+        """Return the names of a signal's candidates under which estimators run."""
         wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
 

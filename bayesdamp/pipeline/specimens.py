@@ -197,7 +197,10 @@ def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
 
 
 def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[str, np.ndarray]:
-    """Return the draws of a candidate's coefficients by name, from the arrays of a joint fit."""
+    """Return the draws, (n,), of a candidate's coefficients by name, from the arrays of a joint fit.
+
+    The arrays are named as in `JointContent`. The result is empty if they contain no draws of the candidate.
+    """
     start, end = f"{candidate}/", "/log_prior"
     names = [
         n.removeprefix(start).removesuffix(end) for n in arrays if n.startswith(start) and n.endswith(end)

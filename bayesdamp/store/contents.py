@@ -42,7 +42,7 @@ class Content:
 
     @classmethod
     def maybe(cls, result: TaskResult | None) -> Self | None:
-        """Read the content of a result; None if there is no result or it has only an outcome.
+        """Read the content of a result; None if there is no result, or it has an outcome but no values.
 
         Raises OtherVersionError if it was stored by another version.
         """
@@ -59,7 +59,7 @@ class Content:
             raise OtherVersionError(f"{what} ({error})") from None
 
     def meta(self) -> dict[str, Any]:
-        """Return the content in its JSON form."""
+        """Return the content in its JSON form, a dictionary by field; nan and infinities stay floats."""
         return split(self)
 
 
@@ -67,12 +67,14 @@ class Content:
 class RecordContent(Content):
     """A record (`signal/NAME/REPEAT`).
 
-    step: step to which values are rounded, in the unit of the record; 0 if they are not rounded. provenance: source of
-    the record, and how it was cleaned. bound: Cramér–Rao bound of a simulated record, standard deviation by parameter.
-    The other fields exist only if the record oscillates. features: period, amplitudes and other features. anomalies:
-    remarks for the user. reference: amplitude and frequency to which default priors are scaled. known: values of known
-    parameters, and ε, the velocity (rad/s or m/s) within which Coulomb friction changes its sign. epsilon_note: a
-    sentence if ε was assumed. noisy: whether the record has noise, without which there is no likelihood.
+    The samples are arrays of the result: `t` in s, and `y` in the base unit `unit` (per s or s² for a velocity or an
+    acceleration). step: step to which values are rounded, in the unit of `y`; 0 if they are not rounded. provenance:
+    source of the record, and how it was cleaned. bound: Cramér–Rao bound of a simulated record, standard deviation by
+    parameter. The other fields exist only if the record oscillates. features: period, amplitudes and other features.
+    anomalies: remarks for the user. reference: amplitude (rad or m) and frequency (rad/s) to which default priors are
+    scaled. known: values of known parameters, and ε, the velocity (rad/s or m/s) within which Coulomb friction changes
+    its sign. epsilon_note: a sentence if ε was assumed. noisy: whether the record has noise, without which there is no
+    likelihood.
     """
 
     name: str = ""
@@ -100,7 +102,8 @@ class RecordContent(Content):
 class EstimateContent(Content):
     """The estimates of one estimator for one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), by stage.
 
-    The arrays of the result are the curves of the stages, STAGE/NAME.
+    stages: the initial estimate and the trajectory fit that starts there, as far as the study asks for them. The arrays
+    of the result are the curves of the stages, such as training losses, under STAGE/NAME.
     """
 
     stages: tuple[Estimate, ...] = ()
@@ -142,7 +145,8 @@ class RefusedSeed:
 class MaximumContent:
     """A maximum of the posterior, with the log posterior there (nats).
 
-    share: fraction of the posterior probability. values: the parameters there, by name.
+    share: its fraction of the probability of all maxima that were found. values: the parameters there, by name and in
+    their units.
     """
 
     log_posterior: float
@@ -154,7 +158,8 @@ class MaximumContent:
 class ModeContent(FitCheck, Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
 
-    values, sd: inferred parameters and their standard deviations. known: the other parameters. priors: descriptions.
+    values, sd: inferred parameters and their standard deviations, by name and in their units. known: the values of the
+    other parameters. priors: descriptions in words. log_posterior: log density at the mode (nats, not normalised).
     climbs, modes: the searches, and the maxima that they reached. touching_zero: parameters with half-normal priors
     that are within a standard deviation of zero. refused: seeds without values. error_budget: changes of motion and log
     likelihood with finer integration steps. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it,
@@ -182,11 +187,11 @@ NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
 class PosteriorContent(Content):
     """The draws of one sampler (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
-    posterior: without its arrays; the result has `draws`, (chain, draw, parameter). summary, units: of parameters and
-    derived quantities. reference_amplitude: amplitude at which derived quantities are computed, in the unit of the
-    displacement. without: derived quantities without a summary, with the number of draws for which they are not
-    defined. file: path of the netCDF file with all draws, in the run's folder. ratios: damping ratios at the verdict's
-    amplitudes, if deviations from the laws are allowed.
+    posterior: names, diagnostics and settings of the draws without their arrays; the result has `draws`, (chain, draw,
+    parameter). summary, units: of parameters and derived quantities. reference_amplitude: amplitude at which derived
+    quantities are computed, in rad or m. without: derived quantities without a summary, with the number of draws for
+    which they are not defined. file: path of the netCDF file with all draws, in the run's folder. ratios: damping
+    ratios at the verdict's amplitudes, if deviations from the laws are allowed.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -202,8 +207,9 @@ class PosteriorContent(Content):
 class AverageContent(Content):
     """The damping against amplitude, averaged over models (`averaged/NAME/0`).
 
-    probabilities: of the models, from the evidence by `method`. covered: total probability of the models in the
-    average. weighed: models without a sampled posterior, for which weighted importance draws are used.
+    The curves are arrays of the result. probabilities: by model, from the evidence by `method`. covered: total
+    probability of the models in the average. weighed: models without a sampled posterior, for which weighted importance
+    draws are used.
     """
 
     probabilities: Mapping[str, float]
@@ -224,7 +230,11 @@ class EvidenceContent(Content):
 
 @dataclass(frozen=True)
 class WidthsContent(Content):
-    """Evidence with other prior widths (`sensitivity/.../widths`). varied: parameters whose priors were scaled."""
+    """The evidence with the priors of damping coefficients scaled by several factors (`sensitivity/.../widths`).
+
+    varied: coefficients whose priors were scaled. The arrays of the result are the other fields of
+    `inference.sensitivity.Widths`, with one entry for each factor.
+    """
 
     varied: tuple[str, ...] = ()
 
@@ -233,7 +243,10 @@ class WidthsContent(Content):
 class HalfContent(Forecast, Content):
     """The evidence of the first half of a record, and its forecast of the second half (`sensitivity/.../half`).
 
-    start: time at which the second half starts, in s. log_predictive_stderr: standard error of `log_predictive`, nats.
+    rms, expected: root mean square error of the forecast, and its expected value, in the unit of the record. coverage:
+    fraction of the samples in their 95 % intervals. log_predictive: log density of the second half, given the first
+    (nats). evidence: that of the first half. start: time at which the second half starts, in s. log_predictive_stderr:
+    standard error of `log_predictive`, nats.
     """
 
     start: float
@@ -264,7 +277,7 @@ class NoisesContent(Content):
 class RatiosContent(Content):
     """Log Bayes factors of models with one term less against the candidate (`sensitivity/.../savage_dickey`).
 
-    against: the factor of each smaller model by its name; a positive one favours the smaller model.
+    against: the log Bayes factor (nats) of each smaller model by its name; a positive one favours the smaller model.
     """
 
     against: Mapping[str, NestedRatio]
@@ -275,9 +288,9 @@ class ComparedCandidate:
     """The result of an answer for one candidate: a damping sum under a restoring law.
 
     log_evidence: in nats, with deviations from the laws; None under exact laws only. log_evidence_exact: under exact
-    laws. rms: root mean square residual of the fit under exact laws, in the record's unit. place: for a form of damping
-    that the study does not compare, the compared sum that is its limiting case, if any. parameters: names of the
-    inferred damping parameters.
+    laws; None if it was not computed. outcome: "ok", or why there is no result. rms: root mean square residual of the
+    fit under exact laws, in the record's unit. place: for a form of damping that the study does not compare, the
+    compared sum that is its limiting case, if any. parameters: names of the inferred damping parameters.
     """
 
     damping: str
@@ -299,10 +312,11 @@ class ComparedCandidate:
 class SampledPosterior:
     """The posterior of a candidate in a sampled answer.
 
-    parameters: summaries by name. deviation: size of the deviation from the damping law, (2.5 %, median, 97.5 %).
-    unexplained: root mean square residual beyond the noise, as a fraction of the amplitude. log_evidence, stderr: in
-    nats. acceptance, temperatures: acceptance rate of the last moves of sequential Monte Carlo, and number of increases
-    of the inverse temperature.
+    parameters: by name, mean, sd, quantiles and other summaries, in the parameter's unit. deviation: size of the
+    relative deviation from the damping law, (2.5 %, median, 97.5 %); 0.1 is 10 %. unexplained: root mean square
+    residual under exact laws beyond the noise, as a fraction of the first amplitude. log_evidence, stderr: in nats.
+    acceptance, temperatures: acceptance rate of the last moves of sequential Monte Carlo, and number of increases of
+    the inverse temperature.
     """
 
     damping: str
@@ -318,7 +332,7 @@ class SampledPosterior:
 
 @dataclass(frozen=True)
 class CandidatePriors:
-    """Descriptions of the priors of a candidate, by parameter."""
+    """Descriptions (in words) of the priors of a candidate's inferred parameters, by parameter."""
 
     damping: str
     restoring: str
@@ -396,7 +410,8 @@ LEAST_SPREAD = 0.05
 """Records differ if the lower end of the 95 % interval of their spread (sd of the logarithm of the damping between
 records) is above this value: half the scale of the spread's prior."""
 Summary = Mapping[str, float]
-"""mean, sd, median, q2.5 and q97.5 of a parameter."""
+"""mean, sd, median, q2.5 and q97.5 of a parameter, by these names and in its unit; q2.5 and q97.5 are the ends of the
+central 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -415,7 +430,7 @@ class JointEvidence:
 
 @dataclass(frozen=True)
 class JointCandidate(JointEvidence):
-    """A candidate in the joint fit of a specimen's records, with its posterior probability."""
+    """A candidate in the joint fit of a specimen's records, with its posterior probability among all candidates."""
 
     probability: float = 0.0
 
@@ -424,10 +439,11 @@ class JointCandidate(JointEvidence):
 class CoefficientPopulation:
     """Mean and spread of a coefficient over a population of specimens.
 
-    scale: scale of the half-normal prior of the location of the population, which is a normal distribution truncated at
-    0. mean, spread: posterior summaries of the mean and the standard deviation of the coefficient over the population.
-    shrunk: posterior summary of each specimen's coefficient, given the records of all specimens. effective: effective
-    number of each specimen's draws, given all specimens.
+    All values are in the unit of the coefficient. scale: scale of the half-normal prior of the location of the
+    population, which is a normal distribution truncated at 0. mean, spread: posterior summaries of the mean and the
+    standard deviation of the coefficient over the population. shrunk: by specimen, the posterior summary of its
+    coefficient, given the records of all specimens. effective: by specimen, the effective number of its draws after
+    weighting by all specimens.
     """
 
     scale: float
@@ -445,13 +461,13 @@ class JointContent(Content):
     The arrays of the result are draws of equal weight: of each candidate's coefficients (`CANDIDATE/NAME`), of the log
     density of their priors (`CANDIDATE/NAME/log_prior`) and of the spread (`CANDIDATE/spread`).
 
-    records: labels. members: signal and repeat of each record. reference: amplitude and frequency to which default
-    priors are scaled. deviation: "law" if the answers on all records allow deviations from the laws, else "none".
-    candidates: results by name.
+    records: labels. members: signal and repeat of each record. reference: amplitude (rad or m) and frequency (rad/s) to
+    which default priors are scaled. deviation: "law" if the answers on all records allow deviations from the laws, else
+    "none". candidates: results by name.
     best: the most probable candidate. others: probabilities of forms of damping that the study does not compare.
     spread: standard deviation of the logarithm of the damping between records, over all models. no_spread: log Bayes
-    factor of equal damping in all records against an inferred spread, for the best candidate; NaN if it has no summary.
-    alone: results of each record alone, for the best candidate.
+    factor (nats) of equal damping in all records against an inferred spread, for the best candidate; NaN if it has no
+    summary. alone: by label, the result of each record alone, for the best candidate.
     """
 
     records: tuple[str, ...]
@@ -506,7 +522,8 @@ class PopulationContent(Content):
 class ChunkContent(Content):
     """The simulated records of one calibration task.
 
-    outcomes: of each record. accepted: whether each record is usable. first: number of the first record.
+    outcomes: of each record, "ok" or why it is not used. accepted: whether each record is usable. first: number of the
+    first record, from 0; the others follow.
     """
 
     outcomes: tuple[str, ...] = ()
@@ -518,8 +535,9 @@ class ChunkContent(Content):
 class RanksContent(ChunkContent):
     """Ranks of true parameters for the records of one task (`ranks/MODEL/FIRST`).
 
-    names: names of the ranked quantities. sampler_outcomes: outcomes of each sampler, by record. seconds: by sampler,
-    and "record" for simulation and fit.
+    The ranks are arrays of the result (`ranks.compute_chunk`). names: names of the ranked quantities. sampler_outcomes:
+    by sampler, its outcome for each record; empty if the record has no mode. seconds: by sampler, and under "record"
+    for simulation and fit.
     """
 
     model: str = ""

@@ -35,7 +35,7 @@ _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a temporary path in the same folder; a file is written there and then renamed to its own name."""
+    """Return a new, random path in the folder of `path`; a file is written there and then renamed to its own name."""
     return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
 
 
@@ -51,7 +51,7 @@ def is_disk_full(error: BaseException) -> bool:
 def name_in_errors(path: Path) -> Iterator[None]:
     """Replace the file name in any OSError within this context by `path`.
 
-    On a full disk the error names no file, or only the temporary one.
+    On a full disk the error would name no file, or only the temporary one. An OSError without a number is not changed.
     """
     try:
         yield
@@ -157,7 +157,11 @@ def pack(
     arrays: Mapping[str, np.ndarray],
     compression: int = zipfile.ZIP_STORED,
 ) -> bytes:
-    """Return a zip archive of arrays. Its first member, named `first`, has the values of `head` as JSON."""
+    """Return the bytes of a zip archive of arrays, which `unpack` reads.
+
+    Its first member, named `first`, has the values of `head` as JSON, and the names of the arrays; the arrays follow in
+    the format .npy. compression: a constant of `zipfile`; by default none.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", compression) as archive:
         archive.writestr(first, json.dumps(split({**head, "arrays": list(arrays)})))

@@ -24,7 +24,8 @@ def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str]
     inputs
         Input files, by the names under which their SHA-256 is stated.
     packages
-        Names of packages whose versions are stated; by default bayesdamp and its requirements.
+        Names of packages whose versions are stated; by default bayesdamp and its requirements. A package that is not
+        installed is left out.
 
     Returns
     -------

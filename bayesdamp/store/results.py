@@ -144,7 +144,7 @@ class TaskName:
 
     @classmethod
     def of(cls, name: str) -> TaskName:
-        """Split the name of a task into its parts."""
+        """Split the name of a task, such as `mode/bench/0/viscous`, into its parts."""
         kind, *rest = name.split("/")
         record = rest.pop(0) if rest else ""
         repeat = int(rest.pop(0)) if rest and rest[0].isdigit() else None  # a specimen has none
@@ -193,7 +193,8 @@ class Store:
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
         """Return the key of a task, which `compute` returns and which depends on the objects `of`.
 
-        The key is cached: `compute` is called only once for the same task and the same objects.
+        This is the key under which the task should be stored, not that of a stored result. The key is cached: `compute`
+        is called only once for the same task and the same objects.
         """
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
@@ -206,9 +207,10 @@ class Store:
         return result is not None and result.key == key
 
     def read(self, task_name: str, *, arrays: bool = True) -> TaskResult:
-        """Return the result of a task, with or without its arrays.
+        """Return the stored result of a task, whatever its key; without its arrays if `arrays` is false.
 
-        Raises KeyError if it is missing, damaged, or not among the visible results (`only`).
+        Damaged arrays are only noticed if they are read. Raises KeyError if it is missing, damaged, or not among the
+        visible results (`only`).
         """
         if self.only is not None and task_name not in self.only:
             raise KeyError(task_name)
@@ -234,7 +236,10 @@ class Store:
             return None
 
     def write(self, result: TaskResult) -> None:
-        """Store a result in one step: other processes see the old file or the new one, never a part of it."""
+        """Store a result, or replace that of the same task, in one step.
+
+        Other processes see the old file or the new one, never a part of it. Raises OSError if it cannot be written.
+        """
         head = {"name": result.name, "key": result.key, "outcome": result.outcome}
         head |= {"seconds": float(result.seconds), "meta": result.meta}
         write_bytes(self._path(result.name), pack(HEAD_MEMBER, head, result.arrays))

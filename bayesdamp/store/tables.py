@@ -33,7 +33,8 @@ TABLES: dict[str, tuple[str, ...]] = {
         "window_spread", "predictive_p", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "verdict",
     ),
 }  # fmt: skip
-"""Columns of the tables of every study, by file name."""
+"""Columns of the tables of every study, by file name. All intervals are 95 %; log_evidence and its stderr are in nats,
+error_pct and unexplained_pct in per cent, seconds in s, and parameters in the column `unit`."""
 
 SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     "specimens.csv": (
@@ -48,8 +49,8 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
 """Columns of the tables of a study that names specimens, by file name."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude: amplitude, damping ratio and
-energy lost in a cycle, measured without a damping law, with 95 % intervals. The array of a column in an answer has the
-name `free/COLUMN`."""
+energy lost in a cycle per unit of inertia (square of the amplitude's unit per s²), measured without a damping law, with
+95 % intervals. The array of a column in an answer has the name `free/COLUMN`."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 """Names of the tables of a calibration."""

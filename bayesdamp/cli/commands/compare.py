@@ -26,7 +26,8 @@ from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 
 SENSOR = 0.002
-"""Default of --sensor, as in Python."""
+"""Default of --sensor, the relative linearity error (standard deviation) of the sensor; `bayesdamp.compare` has the
+same."""
 MOST_EARLY_LINES = 5
 """Largest number of records in one command for which lines are printed before anything is fitted (`early_lines`)."""
 MOST_ENVELOPES_HERE = 6
@@ -210,8 +211,8 @@ def _envelopes(
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
     """Return the records in which a missing free decay is filled in, read as the run of the study will read it.
 
-    `records` are the records of the study's signals, in the same order. A record whose free decay cannot be read stays
-    without one; the run then reports the error.
+    `records` are the records of the study's signals, in the same order. The given records are not changed. A record
+    whose free decay cannot be read stays without one; the run then reports the error.
     """
     read = []
     for record, spec in zip(records, study.signals, strict=True):

@@ -22,7 +22,11 @@ installation check fails (conventional)."""
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The result of one check: what was checked, whether it is good, and a text with details or the remedy."""
+    """The result of one check of the installation.
+
+    what: name of the check, such as "libraries". good: whether it succeeded. text: what was found; if the check failed,
+    also what to do.
+    """
 
     what: str
     good: bool
@@ -30,7 +34,7 @@ class CheckResult:
 
 
 def packages() -> CheckResult:
-    """Check whether the versions of the required libraries are in the ranges that the package allows."""
+    """Check whether the required libraries are installed, with versions in the ranges that the package allows."""
     from packaging.requirements import Requirement
 
     try:
@@ -59,7 +63,7 @@ def packages() -> CheckResult:
 
 
 def cache() -> CheckResult:
-    """Check whether the cache folder of compiled code can be written."""
+    """Check whether the cache folder of compiled code can be written; it is created if it is missing."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -82,7 +86,7 @@ def kernels() -> CheckResult:
 
 
 def machine() -> CheckResult:
-    """Check whether the machine has at least `LEAST_MEMORY`, and state its cores and memory (GiB)."""
+    """Check whether the machine has at least `LEAST_MEMORY`, and state its cores and physical memory (GiB)."""
     count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY

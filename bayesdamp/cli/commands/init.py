@@ -45,7 +45,9 @@ _TABLES: dict[str, tuple[type[StudySection], str]] = {
 
 
 def study_text(records: Sequence[RecordOptions], out: Path) -> str:
-    """Return the text of a study of these records, whose files are in the same folder as the study file `out`.
+    """Return the text (TOML) of a study of these records, whose files are in the folder of the study file `out`.
+
+    It has the settings of `bayesdamp compare --exact`, each with a comment. Nothing is written.
 
     Raises
     ------
@@ -79,7 +81,7 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
 
 
 def _as_comment(text: str) -> str:
-    """Return a text as one printable line, for a comment in the study."""
+    """Return a text as one printable line, for a comment in the study; unprintable characters are escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 

@@ -33,7 +33,7 @@ noise."""
 def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
     """Parse texts such as `a=1,b=2` to numbers by name; `option` names them in errors.
 
-    Raises InputError for other texts, and for a repeated name.
+    Empty parts are ignored. Raises InputError for other texts, and for a repeated name; names are not checked.
     """
     values: dict[str, float] = {}
     for part in ",".join(texts).split(","):
@@ -95,7 +95,8 @@ def simulate_with_defaults(
 ) -> tuple[Signal, float]:
     """Simulate a record with the options of the command. Return it, and the sd of its noise in rad.
 
-    Without damping, `DAMPING_DEFAULTS` are used; other missing values are those of `RESTORING_DEFAULTS`.
+    Without damping, `DAMPING_DEFAULTS` are used; other missing values are those of `RESTORING_DEFAULTS`, else those of
+    `bayesdamp.simulate`.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def simulate_with_defaults(
 
 
 def as_csv(signal: Signal) -> str:
-    """Return the record as CSV. Its first line marks it as simulated."""
+    """Return the record as CSV with the columns `t (s)` and `angle (rad)`; a line before them marks it as simulated."""
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
     return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"
 
