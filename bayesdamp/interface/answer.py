@@ -339,9 +339,10 @@ def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
     They contain, at increasing amplitudes `free/amplitude` in the signal's unit, the equivalent damping ratio
-    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its 95
-    % interval. The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A², with
-    the damping ratio ζ, the angular frequency ω and the amplitude A. Raises Refusal if the record has too few cycles.
+    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its
+    95 % interval. The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A²,
+    with the damping ratio ζ, the angular frequency ω and the amplitude A. Raises Refusal if the record has too few
+    cycles.
     """
     at = amplitude_curves(signal)
     order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd

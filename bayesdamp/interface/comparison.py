@@ -86,9 +86,9 @@ class Comparison(Result):
 
         The columns are record, damping, restoring, log_evidence (with deviations from the laws; NaN if laws hold
         exactly) and log_evidence_exact (under exact laws), each in nats relative to the record's largest value; rms of
-        the residual under exact laws, in the unit of the file (NaN if averages over cycles were fitted); outcome ("ok",
-        or why the model was not compared); place (empty here); parameters (names of the inferred damping parameters).
-        Rows are sorted by record and falling log_evidence; those without it come last, by falling
+        the residual under exact laws, in the unit of the file (missing if averages over cycles were fitted); outcome
+        ("ok", or why the model was not compared); place (empty here); parameters (names of the inferred damping
+        parameters). Rows are sorted by record and falling log_evidence; those without it come last, by falling
         log_evidence_exact. Other forms of damping, which may be more probable, are in `verdict.rivals`.
         """
         rows = [
@@ -274,8 +274,10 @@ def compare(
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used if laws hold exactly.
     amplitudes
-        Amplitudes at which to give the damping ratio, in the unit of the recorded file (of the first one for several);
-        by default three in the range of the record. They may be outside each record's range by a factor of at most 1.3.
+        Amplitudes at which to give the damping ratio, in the unit of the recorded file (in rad or m if that is a unit
+        of velocity or acceleration); by default three in the range of the record. They may be outside each record's
+        range by a factor of at most 1.3. For files in different units, each record's own answer takes them in its unit,
+        and the verdict on the specimen in the unit of the first.
     sample
         Whether to replace the linear approximations of the most probable models by sampling with the full equation of
         motion.

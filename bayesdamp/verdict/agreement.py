@@ -25,7 +25,7 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
-        """Return whether the damping is the same and every ratio moved by less than `AGREEMENT_SDS`."""
+        """Return whether the damping is the same and every ratio moved by less than `AGREEMENT_SDS` (half an sd)."""
         return self.same and self.moved < AGREEMENT_SDS
 
 
@@ -33,8 +33,8 @@ class Agreement:
 class RatioAgreement:
     """How well another computation of a damping ratio agrees with the verdict, at one amplitude.
 
-    moved: change of the value, in total standard deviations of the verdict. wider: width of the other interval divided
-    by that of the verdict.
+    amplitude: in the unit of the verdict. moved: change of the value, in total standard deviations of the verdict.
+    wider: width of the other 95 % interval divided by that of the verdict.
     """
 
     amplitude: float
@@ -80,7 +80,10 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
 
 
 def agreement(first: Verdict, second: Verdict) -> Agreement:
-    """Compare a second verdict on a record with the first; dampings are the same if they have the same terms."""
+    """Compare a second verdict on a record with the first; dampings are the same if they have the same terms.
+
+    The damping ratios of both verdicts must be at the same amplitudes, in the same order.
+    """
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])
     return Agreement(len(dampings) == 1, max((i.moved for i in comparisons), default=0.0))

@@ -63,7 +63,7 @@ def decide(
     record
         Name of the record.
     unit
-        Unit of the displacement.
+        Base unit of the displacement ("rad", "m" or the sensor's), in which the amplitudes of the findings are.
     quantity
         The recorded quantity, as in `Verdict`.
     measured
@@ -176,7 +176,7 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
     """Return the terms of the sum `damping` for which a twin is possible: a term with the same loss at every amplitude.
 
     A twin is possible if it was compared, is not in the sum, and its 95 % upper limit is at least `thresholds.TWIN`.
-    Each is returned as (term, twin, upper limit of the twin's energy fraction).
+    Each is returned as (term, twin, upper limit of the twin's energy fraction, from 0 to 1); empty if there is none.
     """
     own = damping.split("+")
     return tuple(
@@ -197,7 +197,8 @@ def twin_pairs(terms: Iterable[str], others: Container[str]) -> list[tuple[str, 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
     """Return all damping sums but the first, and all other forms of damping, as rivals, the most probable first.
 
-    sums: probabilities of the compared sums, by name. others: probabilities of other forms of damping, by name.
+    sums: probabilities of the compared sums, by name, the named one first. others: probabilities of other forms of
+    damping, by name.
     """
     rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
     return tuple(sorted(rivals, key=lambda r: -r.probability))

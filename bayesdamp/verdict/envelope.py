@@ -60,7 +60,7 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import at_middle, by_ten, named, sentence, with_interval
 
 FALL_FRACTIONS = (0.15, 0.5, 0.85)
-"""Fractions of the decay's fall in dB at which rates are given (conventional)."""
+"""Fractions of the decay's fall in dB, from its start, at which rates and Q are given (conventional)."""
 Kind = TypeVar("Kind", bound=AtAmplitude)
 
 
@@ -92,7 +92,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     decay
         The decay of an envelope.
     sums
-        Damping sums to compare.
+        Damping sums to compare, prepared for this decay (see `inference.envelope.decay.free_decay`).
     seed
         Seed of the draws.
     """
@@ -182,7 +182,7 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
     """Return the median of draws (n,) of a number, its 95 % interval, and the parts of its standard deviation.
 
     plain: draws (m,) that vary by the noise of the readings alone; their standard deviation, but at most that of
-    `draws`, is `sd_noise`. sd_law is √(sd² − sd_noise²) with the sd of `draws`. unit: unit of the number.
+    `draws`, is `sd_noise`. sd_law is √(sd² − sd_noise²) with the sd of `draws`. unit: unit of the draws and the result.
     """
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
@@ -398,8 +398,9 @@ def at_common_amplitudes(
     Returns
     -------
     list of tuple
-        For each amplitude, the largest first: the amplitude, ln of the records' numbers and its standard deviation,
-        (n,) each. Empty if the records have no amplitudes in common.
+        For each amplitude, the largest first: the amplitude in the records' unit, ln of the records' numbers there and
+        its standard deviation, (n,) each. Empty if the records have no amplitudes in common. The amplitudes are the
+        ends and the middle of the common range (the geometric middle, but the arithmetic one for levels in dB).
     """
     level = records[0][0].unit.startswith("dB")
     curves = []

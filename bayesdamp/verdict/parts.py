@@ -55,7 +55,7 @@ class IntervalAt:
 
 
 class FrequencyAt(IntervalAt):
-    """The frequency in Hz at an amplitude."""
+    """The frequency in Hz at an amplitude, with its 95 % interval."""
 
 
 class OverLaw(IntervalAt):
@@ -95,7 +95,7 @@ class AtAmplitude:
 
 
 class DampingRatio(AtAmplitude):
-    """The equivalent viscous damping ratio at an amplitude."""
+    """The equivalent viscous damping ratio (a fraction, not per cent) at an amplitude."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,9 @@ class Bound:
 class UsedWindow:
     """The part of the record that was used, from `start` to `stop` in s on the file's own clock, and why.
 
-    cycles: number of cycles; NaN where the frequency is not known. floor_db: mean level of the noise floor after an
-    envelope's decay, in dB of the recorded power; NaN where there is none.
+    why: for an envelope, clauses on how start and stop were chosen, separated by "; "; otherwise "". cycles: number of
+    cycles; NaN where the frequency is not known. floor_db: mean level of the noise floor after an envelope's decay, in
+    dB of the recorded power; NaN where there is none.
     """
 
     start: float
@@ -181,7 +182,8 @@ class UsedWindow:
 class Averages:
     """The averaging by which amplitudes and phases replaced the full motion, in a record of very many cycles.
 
-    cycles: number of cycles. error_sd: largest shift of a parameter by the averaging, in posterior standard deviations.
+    cycles: number of cycles in the record. error_sd: largest shift of a parameter by the averaging, in posterior
+    standard deviations.
     """
 
     cycles: float
@@ -223,9 +225,10 @@ class MotionKind(StrEnum):
 
 
 def quality_of(r: DampingRatio) -> str:
-    """Return Q with its interval; its value and lower limit where the damping ratio may be zero.
+    """Return Q = 1/(2 × damping ratio) as text with its 95 % interval.
 
-    Return a dash where the damping ratio itself is not positive.
+    The text has only the value and the lower limit where the interval of the damping ratio includes 0. Return a dash
+    where the damping ratio itself is not positive.
     """
     if not r.value > 0:
         return fmt.NONE
@@ -235,7 +238,10 @@ def quality_of(r: DampingRatio) -> str:
 
 
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
-    """Return a table of damping ratios against amplitude; `parts` adds the parts of their standard deviations."""
+    """Return a table of damping ratios in per cent and of Q, with 95 % intervals, against amplitude.
+
+    `parts`: whether to add the parts of the ratios' standard deviations that are due to noise and to the law.
+    """
     columns: dict[str, Callable[[DampingRatio], str]] = {
         "amplitude": lambda r: f"{fmt.compact(r.amplitude, 3)} {r.unit}",
         "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
@@ -248,7 +254,10 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
 
 
 def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) -> Table:
-    """Return a table of an envelope's decay rates, and of Q if it is known, against amplitude."""
+    """Return a table of an envelope's decay rates in 1/s, and of Q, with 95 % intervals, against amplitude.
+
+    `qualities`: Q at the amplitudes of `rates`, or empty if it is not known.
+    """
     columns: dict[str, Callable[[int], str]] = {
         "amplitude": lambda i: f"{fmt.by_ten(f'{rates[i].amplitude:.4g}')} {rates[i].unit}",
         "rate / (1/s) (95 %)": lambda i: number(rates[i]),
@@ -260,7 +269,7 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
 
 
 def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
-    """Return a number with its 95 % interval as text; large numbers have a power of ten."""
+    """Return a number with its 95 % interval as text without unit; None is a dash, large numbers have a power of ten."""
     return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 
 

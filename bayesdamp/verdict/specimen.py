@@ -37,7 +37,7 @@ class PooledMean:
 
     mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: posterior median of
     the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured value of
-    one more record, whose standard error is the median of those of the records.
+    one more record, whose standard error is the median of those of the records. All are in the unit of the number.
     """
 
     mean: float
@@ -52,7 +52,8 @@ class PooledMean:
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     """Return mean and spread of values of records that differ by a normal random effect.
 
-    The prior of the spread is half-Cauchy, that of the mean is flat. For a single value the spread is 0.
+    The prior of the spread is half-Cauchy (see `PRIOR_SCATTERS`), that of the mean is flat. For a single value the
+    spread is 0.
 
     Parameters
     ----------
@@ -94,8 +95,9 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
 class RecordAnswer:
     """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
-    curve: arrays `amplitude`, `ratio`, `low`, `high`; where laws may hold approximately also `over` and `over_sd`, mean
-    and standard deviation of log(damping ratio / that without deviations).
+    curve: arrays `amplitude` (in the base unit), `ratio` (a fraction), `low` and `high` (95 % interval); where laws may
+    hold approximately also `over` and `over_sd`, mean and standard deviation of log(damping ratio / that without
+    deviations).
     """
 
     verdict: Verdict
@@ -120,13 +122,15 @@ def specimen(
     records
         Answers on its records.
     priors
-        Given priors, by parameter.
+        Given priors of the damping coefficients, by parameter; the others have default priors.
     sensor
-        Relative error of the sensor's linearity; all records have the same error, so it does not average out.
+        Relative error of the sensor's linearity (sd; 0.002 by default); all records have the same error, so it does not
+        average out.
     seed
         Seed of the draws.
     amplitudes
-        Amplitudes, in rad or m, at which to give the damping ratio; by default those that `choose_amplitudes` returns.
+        Amplitudes, in the base unit (rad, m or the sensor's), at which to give the damping ratio; by default those that
+        `choose_amplitudes` returns. Beyond the range of all records the ratio is extrapolated, and a remark says so.
 
     Raises
     ------
@@ -261,7 +265,11 @@ def specimen_probabilities(
 
 
 def spread_of(comparison: SpecimenComparison) -> Interval:
-    """Return the relative standard deviation of the damping between records: median and 95 % interval."""
+    """Return the relative standard deviation of the damping between records as a fraction: median and 95 % interval.
+
+    It is the standard deviation of the log factors by which the records' coefficients differ from those of the
+    specimen.
+    """
     spread = comparison.spread()
     return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
 
@@ -285,7 +293,7 @@ def choose_amplitudes(ranges: Sequence[tuple[float, float]]) -> list[float]:
     Parameters
     ----------
     ranges
-        The least and the largest amplitude of each record.
+        The least and the largest amplitude of each record, all in one unit, which the result also has.
     """
     low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
     if low < high:

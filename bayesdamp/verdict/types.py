@@ -84,41 +84,43 @@ class Verdict(CheckedMethods):
     record, records
         Name of the record or specimen, and the number of records.
     grade
-        How well the laws hold.
+        How well the laws hold, or why none was compared (see `Grade`).
     decided
         Whether one damping is named without reservation.
     damping, probability, rivals
-        The damping sum that is named first, its probability, and all other dampings that were compared.
+        The most probable damping sum, its terms joined by + ("" if none was compared); its probability; and all other
+        dampings that were compared, which include forms outside the compared sums and may be more probable.
     restoring, restoring_probability
-        The most probable restoring law.
+        Name and probability of the most probable restoring law; "" and NaN for an envelope.
     frequency
         Natural frequency of small oscillations in Hz, by the restoring law; None where the record does not determine
         it. For an envelope: the frequency of its oscillation, if it was stated.
     frequency_at
-        Frequency at the last of the amplitudes of `damping_ratio`.
+        Frequency in Hz at the last of the amplitudes of `damping_ratio`.
     exponent
-        Power of the velocity with which the damping force grows.
+        Power of the velocity with which the damping force grows, if it is a single power, with its 95 % interval.
     damping_ratio
-        Equivalent viscous damping ratios at amplitudes of the record.
+        Equivalent viscous damping ratios (fractions) at amplitudes of the record, usually three, the largest first.
     energy, other_forms
-        Each term's share of the dissipated energy, and upper limits for absent forms.
+        Each term's share of the dissipated energy, and upper limits for absent forms, as fractions.
     deviation, restoring_deviation
-        Energy-weighted mean of the relative deviation from the damping law, and from the restoring law; for an envelope
+        Energy-weighted mean of the relative deviation from the damping law, and from the restoring law, as fractions
+        with 95 % intervals; None if laws were assumed to hold exactly; for an envelope
         the root mean square over the decay.
     over_law
         The damping divided by that of its law, at the amplitude where it surely deviates most; None where it surely
         deviates by more than `thresholds.DEVIATES` at no amplitude.
     unnamed
-        Fraction of the energy that no sum of the compared terms explains.
+        Fraction of the energy that no sum of the compared terms explains, with its 95 % interval.
     unexplained_pct, noise_pct
         Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
     midline_drift_pct
-        Drift of the midline over the record in % of the first amplitude; 0 where it is not significant.
+        Drift of the midline (signed) over the record in % of the first amplitude; 0 where it is not significant.
     law_free, contradicted
         Whether damping_ratio and frequency_at are measured without a law, because no law is the answer; and whether
         that is because the best law contradicts them.
     coefficients
-        Parameters of the damping that is named and of the restoring law.
+        Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
     motion, modes
         For a record that is not a free decay of one oscillator: what it is, and its oscillations, the largest first.
     window, averages
@@ -126,20 +128,20 @@ class Verdict(CheckedMethods):
     quantity
         The recorded quantity: angle (or displacement), velocity, acceleration, or envelope.
     rate, quality_factor
-        For an envelope: the mean rate of decay by the law over the first half of the fall in dB, and its Q if the
-        frequency is known.
+        For an envelope: the mean rate of decay of the amplitude in 1/s by the law over the first half of the fall in
+        dB, and its Q if the frequency is known.
     decay_rate, quality_factor_at
         For an envelope: rate and Q at the amplitudes of damping_ratio, the largest first. For several envelopes whose
         damping is not viscous: at three amplitudes that all have in common; rate and quality_factor are those at the
         middle one.
     probability_exact, power_law
-        For an envelope: the probability that the law holds exactly, and the log Bayes factor of one power of the
+        For an envelope: the probability that the law holds exactly, and the log Bayes factor (nats) of one power of the
         amplitude against the sums.
     spread
-        For several records: the relative standard deviation of the damping between them.
+        For several records: the relative standard deviation of the damping between them, as a fraction.
     next_record, next_value
-        For several records: the damping ratio that one more record would have; for envelopes its quality factor, or
-        else its rate.
+        For several records: the damping ratios that one more record would have, with 95 % intervals; for envelopes its
+        quality factor, or else its rate.
     standardised
         For several envelopes: the mean square of the standardised differences of their own values, 1 where their
         intervals are honest.
@@ -204,7 +206,10 @@ class Verdict(CheckedMethods):
         return data_frame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """Return the row of verdicts.csv by column, without the columns of fields that are None."""
+        """Return the row of verdicts.csv by column, without the columns of fields that are None.
+
+        `columns()` lists the columns. Amplitudes are in this verdict's own unit.
+        """
         row: dict[str, object] = {}
         for f in fields(self):
             value = getattr(self, f.name)
@@ -217,7 +222,8 @@ class Verdict(CheckedMethods):
     def facts(self) -> dict[str, str]:
         """Return the known numbers that terminal and report show on lines of their own, by label.
 
-        These are the fields with a label and a unit in their metadata.
+        These are the fields with a label and a unit in their metadata, so far only `noise_pct`; the texts contain the
+        unit.
         """
         labelled = [(f.metadata, getattr(self, f.name)) for f in fields(self) if f.metadata]
         return {about["label"]: f"{x:.2g} {about['unit']}" for about, x in labelled if isfinite(x)}
@@ -231,7 +237,7 @@ class Verdict(CheckedMethods):
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Return the verdict from the result of `to_dict`."""
+        """Return the verdict from the result of `to_dict`; None in the place of a number becomes NaN."""
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
@@ -296,7 +302,10 @@ _FULL = Verdict(
 
 
 def columns() -> tuple[str, ...]:
-    """Return the names of the columns of verdicts.csv, in the order of the fields."""
+    """Return the names of the columns of verdicts.csv, in the order of the fields of `Verdict`.
+
+    Columns of terms other than viscous, Coulomb and quadratic damping are not included.
+    """
     return tuple(_FULL.row())
 
 

@@ -43,9 +43,10 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """Return the arrays of `inference.deviation.findings.picture`, displacements and energies in another unit.
+    """Convert the arrays of `inference.deviation.findings.picture` from the base unit, and return all of them.
 
-    Other arrays, such as damping ratios, are not changed.
+    Displacements are then in the unit of displacement of `unit`, and energies in its square per s². Other arrays, such
+    as damping ratios, are not changed.
     """
     scale = unit.displacement.scale
 

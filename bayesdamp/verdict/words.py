@@ -32,7 +32,7 @@ ASYMMETRY = 1.25
 
 
 def named(damping: str) -> str:
-    """Return the name of a damping sum in words."""
+    """Return the name of a damping sum in words, such as "viscous + Coulomb" for `viscous+coulomb`."""
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
@@ -203,13 +203,13 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
 
 
 def _mode(m: Oscillation) -> str:
-    """Return frequency and damping ratio of an oscillation as text."""
+    """Return frequency and damping ratio of an oscillation as text, with units and the ratio's 95 % interval."""
     ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100).replace(" (", ", ").rstrip(")")
     return f"{_frequency_of(m)} Hz (damping ratio {ratio})"
 
 
 def _frequency_of(m: Oscillation) -> str:
-    """Return the frequency of a sinusoid as text, rounded to its uncertainty.
+    """Return the frequency of a sinusoid in Hz as text without unit, rounded to its uncertainty.
 
     The uncertainty is the frequency times the width of the damping ratio's 95 % interval, at least 1e-4 of the
     frequency.
@@ -244,7 +244,10 @@ def plus_minus(i: Interval) -> str:
 
 
 def energy_sentences(v: Verdict) -> tuple[str, ...]:
-    """Return the sentences on the energy of each term and on the upper limits for other damping terms."""
+    """Return the sentences on the energy of each term and on the 95 % upper limits for other damping terms.
+
+    There are at most two; none if the verdict has no energies, such as one without a law.
+    """
     texts, stated = [], [s for s in v.energy if s.high >= 0.005]
     for s in stated:
         name = words_of(s.term)
@@ -332,7 +335,9 @@ def power_in_words(e: Interval, damping: str = "") -> str:
 
 
 def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
-    """Return the remark that a twin of a term may dissipate up to the fraction `share` of the energy.
+    """Return the remark that a twin of a term may dissipate up to the fraction `share` (0 to 1) of the energy.
+
+    A twin is a term with the same energy loss at every amplitude.
 
     records: number of records of the verdict.
     """
@@ -371,9 +376,9 @@ def remarks(
     findings
         The numbers from which it was decided.
     same
-        Whether exact laws have the same most probable damping.
+        Whether exact laws have the same most probable damping; if not, a remark says so.
     notes
-        Sentences on the record.
+        Sentences on the record, which are added to the remarks.
     twins
         As `decide.possible_twins` returns them.
     """
