@@ -17,7 +17,8 @@ from scipy.stats import binom
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
     """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw).
 
-    The chains are joined one after the other. Raises ValueError if there are fewer than `count` draws.
+    The chains are joined one after the other; the first and the last draw are included. Raises ValueError if there are
+    fewer than `count` draws.
     """
     flat = draws.reshape(-1)
     if flat.size < count:
@@ -72,7 +73,7 @@ def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
 def _range_inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
     """Return least and greatest cumulative counts, (bins − 1,) each, with two-sided tails above `tail`.
 
-    n: number of ranks. If no count has such a tail, least > greatest.
+    The k-th is the number of n uniform ranks in the first k bins. If no count has such a tail, least > greatest.
     """
     good = _tails(np.arange(n + 1)[:, None], n, np.arange(1, bins) / bins) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
@@ -81,7 +82,7 @@ def _range_inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarra
 
 @lru_cache(maxsize=4096)
 def _p_of_tail(tail: float, n: int, bins: int) -> float:
-    """Return the probability that n uniform ranks have a two-sided tail as small as this at the end of some bin."""
+    """Return the probability that n uniform ranks have a two-sided tail of at most `tail` at the end of some bin."""
     # A tail that equals the limit apart from rounding is not beyond it.
     low, high = _range_inside(tail * (1 + 1e-9), n, bins)
     if np.any(low > high):

@@ -175,8 +175,9 @@ class FileRecord:
     findings
         Findings on what looks wrong.
     signal
-        The part of the record that is used, as `clean` returns it: its free decay, or the whole oscillation if this is
-        not the free decay of one oscillator. None if there is none, or if it was not searched.
+        The part of the record that is used, as `clean` returns it, in the base unit (such as rad): its free decay, or
+        the whole oscillation if this is not the free decay of one oscillator. None if there is none, or if it was not
+        searched.
     refusal
         Reason why `signal` is None; empty if there is a signal, or if it was not searched.
     several
@@ -209,7 +210,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     options
         How to read it.
     cleaned
-        Whether to look for the free decay in each record.
+        Whether to look for the free decay in each record; a record without one then has a `refusal`.
 
     Raises
     ------
@@ -354,7 +355,7 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 
 
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
-    """Return records as entries [[signal]] of a study.
+    """Return records as entries [[signal]] of a study, in the same order.
 
     If the file marks its records as runs, the runs of one channel are repeats of one specimen, which has the name of
     the file without its ending, and of the channel if there are several. Other records have no specimen.

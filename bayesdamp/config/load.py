@@ -121,7 +121,7 @@ def has_other_study(study: Study, folder: Path) -> bool:
 def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
     """Read a study from a run.json.
 
-    Returns the tables of the study, the folder of its files, and the files of the user's modules by their digests.
+    Returns the tables of the study, the folder of its files, and the names of the user's modules by their SHA-256.
     Raises StudyError if the file contains no study, or if an input file is missing or has changed.
     """
     try:

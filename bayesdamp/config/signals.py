@@ -71,7 +71,7 @@ def _find_law(name: object, key: str) -> RestoringLaw:
 
 
 def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Check that the names are different restoring laws, and return them. Raises StudyError."""
+    """Check that the names are different restoring laws, and return them. Raises StudyError, which names `key`."""
     for name in names:
         _find_law(name, key)
     check_distinct(names, key, "the law")
@@ -82,7 +82,7 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
     """Check the table [system] of a study, and return it as it is.
 
     If the table names a restoring law, its other keys must be parameters of this law or of `laws`, the laws that the
-    study compares; otherwise they may be parameters of any law. Raises StudyError.
+    study compares; otherwise they may be parameters of any law. Raises StudyError if it is wrong.
     """
     base = check_table(raw, "system")
     names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
@@ -95,14 +95,15 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
-    """Return the valid keys of [system], given the parameters of the restoring laws."""
+    """Return the valid keys of [system]: the given parameters of restoring laws, and those that every law has."""
     return ["restoring", *parameters, *START, "epsilon", *NOISE, *REFERENCE]
 
 
 def _read_value(name: str, raw: object, key: str) -> object:
     """Return a number, None for "free", or the prior that a table describes.
 
-    `name` is the parameter; a name of `REFERENCE` must have a positive number. Raises StudyError.
+    `name` is the parameter; a name of `REFERENCE` must have a positive number. `key` is its full key, for messages.
+    Raises StudyError.
     """
     if name not in REFERENCE:
         if raw == "free":
@@ -115,7 +116,7 @@ def _read_value(name: str, raw: object, key: str) -> object:
 
 
 def _read_number(name: str, raw: object, key: str) -> float:
-    """Return a raw value as a number that the parameter `name` may have. Raises StudyError."""
+    """Return a raw value as a number that the parameter `name` may have. Raises StudyError at `key`."""
     return check_number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
 
 
@@ -171,7 +172,8 @@ def _read_systems(
 def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     """Read the table `simulate`; true values that it does not state are the known values of `system`.
 
-    Raises StudyError if a value is missing or wrong, or if the motion would hardly oscillate or have too many cycles.
+    `key` is the full key of the table, for messages. Raises StudyError if a value is missing or wrong, or if the motion
+    would hardly oscillate or have too many cycles.
     """
     law = LAWS.get(system.restoring)
     given = check_table(raw, key)
@@ -253,7 +255,8 @@ def damping_order() -> list[str]:
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     """Return the record of a signal that is read from a file; the file itself is not read.
 
-    Raises StudyError if it does not exist, if both time and rate are given, or if start is not before stop.
+    `folder` is that of the study; `key` is the key of the signal, for messages. Raises StudyError if it does not exist,
+    if both time and rate are given, or if start is not before stop.
     """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
@@ -270,7 +273,7 @@ def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
 
 
 def _check_translation(unit: str, restoring: str, key: str) -> None:
-    """Raise StudyError if the unit is that of a translation, but the restoring law needs an angle."""
+    """Raise StudyError at `key` if the unit is that of a translation (such as m or V), but the law needs an angle."""
     if UNITS[unit].translates and not LAWS.get(restoring).translates:
         laws = ", ".join(name for name in LAWS.present() if LAWS.get(name).translates)
         what = f"is {unit!r}, a translation, but the restoring law {restoring} needs an angle"
@@ -403,7 +406,8 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
 
     A sweep over a key `simulate.*` applies to simulated signals, a sweep over `system.*` to all signals, and a sweep
     over any other key to signals that are read from files. The name of a signal gets a suffix `-key-value` for each
-    sweep that applies (0.003 becomes `0p003`). Raises StudyError.
+    sweep that applies (0.003 becomes `0p003`). A signal's copies replace it at its place; the values of the last sweep
+    change fastest. Raises StudyError.
     """
     tables = [read_section(SweepTable, raw, f"sweep[{i}]") for i, raw in enumerate(sweeps, start=1)]
     for i, sweep in enumerate(tables, start=1):

@@ -444,8 +444,9 @@ class Models:
 class Study:
     """A checked study. The order of tables in the file has no effect.
 
-    source: the file. published: published results that the report shows next to those of the study. plugins: the user's
-    modules with their source code. tables: the raw tables of the file.
+    source: path of the file, to whose folder other paths are relative. published: published results that the report
+    shows next to those of the study. plugins: the user's modules with their source code. tables: the raw tables of the
+    file.
     """
 
     source: Path
@@ -524,7 +525,7 @@ class Study:
 
     @property
     def records(self) -> tuple[tuple[SignalSpec, int], ...]:
-        """All records: signal and number of the repeat, from 0."""
+        """All records, signal by signal: the signal and the number of the repeat, from 0."""
         return tuple((spec, repeat) for spec in self.signals for repeat in range(spec.repeats))
 
     @property

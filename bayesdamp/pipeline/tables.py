@@ -60,7 +60,7 @@ SUMMARY = ("mean", "sd", "median", "q2.5", "q97.5")
 def write_tables(study: Study, store: Store) -> None:
     """Write all tables of a run and its run.json, with rows in the order of signals, repeats and models.
 
-    store: a store that shows only the results of this study.
+    Files go to the store's folder. store: a store that shows only the results of this study.
     """
     makers = [_estimates, _posteriors, _evidence, _fits]
     tables = TABLES
@@ -466,7 +466,8 @@ def run_info(study: Study, store: Store) -> Row:
 def _equilibrium(spec: SignalSpec, record: RecordContent) -> Row:
     """Return a signal's `equilibrium` (rad or m) and `natural_frequency` (rad/s) from its known restoring law.
 
-    Return {} if a parameter of the law is not known, or if the record does not oscillate.
+    The frequency is that of small oscillations about the equilibrium nearest to the record's rest. Return {} if a
+    parameter of the law is not known, or if the record does not oscillate.
     """
     oscillator = Oscillator(("viscous",), spec.system.restoring)
     shape, known = record.features, spec.system.known

@@ -174,7 +174,8 @@ def pack(
 def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return the values and the arrays (by name) of an archive that `pack` made; no arrays if `arrays` is false.
 
-    Raises one of `READ_ERRORS` if the file is damaged or is not such an archive.
+    first: name of the member with the values. Raises one of `READ_ERRORS` if the file is damaged or is not such an
+    archive.
     """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))

@@ -225,7 +225,7 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
 
 
 def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> list[str]:
-    """Return lines on records that are printed before anything is fitted.
+    """Return lines on records, to be printed before anything is fitted.
 
     For each record that oscillates, a line gives its frequency and its damping, measured without assuming a damping
     law (if the record is long enough), or says that it is not the free decay of one oscillator. For each record

@@ -210,7 +210,7 @@ def average_curves(curves: Mapping[str, np.ndarray], weights: Mapping[str, float
     curves
         Values that represent a model's draws with equal weight, shape (k, m), by model; k may differ between models.
     weights
-        Weights of the models, which need not sum to one.
+        Weights of the models, which need not sum to one. A model's weight is divided equally among its k values.
 
     Returns
     -------
