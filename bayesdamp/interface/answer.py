@@ -94,7 +94,8 @@ class Answer:
         """Return the part of this answer that a verdict on several records of a specimen needs.
 
         Log evidences are relative to the largest one of the compared models. They are under exact laws if one of these
-        has no other. The answer must be on an oscillation and have `arrays`.
+        has no other. The answer must be on an oscillation, have `arrays`, and be computed
+        with `repeated`.
         """
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)

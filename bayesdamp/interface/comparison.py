@@ -197,7 +197,10 @@ class Comparison(Result):
         return four
 
     def report(self, path: str | Path) -> Path:
-        """Write the answer as an HTML page and return its path. Raises InputError if the file cannot be written."""
+        """Write the answers on the records as one self-contained HTML file, and return its path.
+
+        The page does not contain the verdict on a specimen. Raises InputError if the file cannot be written.
+        """
         from bayesdamp.report.render import page_of
         from bayesdamp.report.results.run import RunFolder
 

@@ -122,7 +122,8 @@ def estimate(
     signal
         The record.
     estimator
-        A name in `bayesdamp.estimators.ESTIMATORS`: one of the eleven of the package, or one of your own.
+        A name in `bayesdamp.estimators.ESTIMATORS`, such as "envelope" or "sindy": one of the eleven of the package, or
+        one of your own.
     model
         The model.
     options

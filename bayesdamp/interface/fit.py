@@ -459,7 +459,7 @@ def fit(
     model
         The model.
     start
-        A further starting point: parameter values by name, such as those of an estimate.
+        A further starting point: parameter values in natural units by name, such as those of an estimate.
     seed
         Seed of the draws from the prior.
 

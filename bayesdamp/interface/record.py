@@ -84,7 +84,7 @@ class Record(Result):
         stop: str | float = "auto",
         name: str | None = None,
     ) -> Signal:
-        """Return the free decay of one run.
+        """Return the free decay of one run, in base units (rad, m or the sensor's unit).
 
         If the run is not the free decay of one oscillator (beats, growth), and `start` and `stop` are "auto", the
         signal is the whole oscillation up to the end of the run.

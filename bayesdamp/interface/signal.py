@@ -97,7 +97,10 @@ class Signal(Result, types.Signal):
         return data_frame([row])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the record and return the axes. The parts that were cut away are grey; the title gives the reasons."""
+        """Plot the record in the unit of its file, and return the axes.
+
+        The parts that were cut away are grey; the title gives the reasons.
+        """
         ax = get_axes(ax)[0]
         begun = self.provenance.start if self.whole_t.size else 0.0
         unit = self.own_unit
@@ -137,7 +140,7 @@ def signal(
     start: str | float = "auto",
     stop: str | float = "auto",
 ) -> Signal:
-    """Make a signal from arrays.
+    """Make a signal from arrays, and convert it to base units (rad, m or the sensor's unit).
 
     Parameters
     ----------

@@ -269,7 +269,7 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
 
 
 def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
-    """Return a number with its 95 % interval as text without unit; None is a dash, large numbers have a power of ten."""
+    """Return a number with its 95 % interval as text without unit; a power of ten if large, a dash for None."""
     return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
 
 

@@ -32,7 +32,7 @@ ASYMMETRY = 1.25
 
 
 def named(damping: str) -> str:
-    """Return the name of a damping sum in words, such as "viscous + Coulomb" for `viscous+coulomb`."""
+    """Return the name of a damping sum in words, such as "viscous + Coulomb (dry friction)"."""
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
@@ -350,7 +350,7 @@ def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
 
 
 def parameter_in_words(name: str) -> str:
-    """Return a parameter in words, such as `the coefficient of viscous damping`."""
+    """Return a parameter in words, such as `the coefficient of viscous damping` (zeta) or `the rest angle`."""
     term = next((t for t in TERMS.names() if TERMS.get(t).parameter == name), None)
     return f"the {_in_words(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
 

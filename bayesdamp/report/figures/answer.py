@@ -140,7 +140,7 @@ def draw_answer(
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    """Draw the equivalent damping ratio in per cent against amplitude.
+    """Draw the equivalent damping ratio in per cent against amplitude in `unit`; in `arrays` ratios are fractions.
 
     The curves are that of the answer with its 95 % band, that of each damping sum fitted to the record, and the 95 %
     band of the ratio measured without assuming a damping law, as far as `arrays` contains them. Without a curve of the

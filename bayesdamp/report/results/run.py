@@ -404,7 +404,7 @@ def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[R
 
 
 def truth(run: RunFolder, signal: str, parameter: str) -> float:
-    """Return the true value of a simulated signal's parameter, nan if it is not known."""
+    """Return the true value of a simulated signal's parameter, in its unit in the tables; nan if it is not known."""
     if not run.is_simulated(signal):
         return math.nan
     for row in run.estimates:
@@ -491,7 +491,8 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 def curve_of(answer: RecordAnswer) -> Curve | None:
     """Return the points of an answer's damping curve that are finite and have a positive amplitude.
 
-    None if there are fewer than two, or if the verdict has no damping ratio.
+    Amplitudes are in the unit of the record's file, ratios are fractions. None if there are fewer than two points, or
+    if the verdict has no damping ratio.
     """
     if not answer.verdict.damping_ratio or not set(CURVE) <= set(answer.arrays):
         return None

@@ -270,8 +270,9 @@ class RecoveredSection(Section):
 def _tables(result: Mapping[str, Any]) -> list[Table]:
     """Return the confusion matrix of the models, and tables of how reliable their probabilities are.
 
-    The further tables compare expected with observed numbers of correct answers: by the probability of the best model,
-    by model, and by the noise and the number of cycles of the simulated records.
+    `result` is that of one series (a key of `SERIES`) in run.json. The further tables compare expected with observed
+    numbers of correct answers: by the probability of the best model, by model, and by the noise and the number of
+    cycles of the simulated records.
     """
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]

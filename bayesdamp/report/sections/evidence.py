@@ -184,7 +184,10 @@ class SensitivitySection(SignalSection):
 
 
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
-    """Return the results of one kind of sensitivity task for the first repeat, by model, if their outcome is `ok`."""
+    """Return the results of one kind of sensitivity task for the first repeat, by model, if their outcome is `ok`.
+
+    The kinds are "widths", "noises", "half" and "savage_dickey".
+    """
     task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
 
@@ -265,7 +268,8 @@ def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table |
 def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
     """Return a table of the evidence from the first half of the record, and of how well it predicts the second half.
 
-    None if there are no results of the task `half`.
+    Log Bayes factors and log predictive densities are in nats, relative to the best model. None if there are no results
+    of the task `half`.
     """
     halves = {
         m: HalfContent.of(task_result) for m, task_result in _cells(run, signal, models, "half").items()
@@ -305,7 +309,10 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
 
 
 def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
-    """Return a table of Savage–Dickey density ratios of nested models; None if there are none."""
+    """Return a table of Savage–Dickey density ratios of nested models, as log Bayes factors in nats; None without any.
+
+    The difference of the models' log evidence is in the next column.
+    """
     rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
     task_results = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
     lines = []
