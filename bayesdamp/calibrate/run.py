@@ -227,7 +227,8 @@ def count_usable(results: Sequence[TaskResult]) -> int:
 def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
     """Return, for each task of the next wave, the number of its first record.
 
-    The list is empty if the series is complete, has tried `MOST_TRIES` times the wanted records, or has a failed task.
+    results: those of the series so far. The list is empty if the series is complete, has tried `MOST_TRIES` times the
+    wanted records, or has a failed task.
     """
     chunk = series.module.RECORDS_PER_TASK
     tried, good = len(results) * chunk, count_usable(results)

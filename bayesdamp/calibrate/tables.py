@@ -145,7 +145,7 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
-    """Return the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records.
+    """Yield the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records.
 
     A row has all ranks of a model, sampler and parameter in one field, separated by spaces.
     """

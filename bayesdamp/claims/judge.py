@@ -66,7 +66,7 @@ class Runs:
 
     @cached_property
     def compared(self) -> EstimatorComparison | None:
-        """The comparison of estimators on the paper's records without noise; None without a run."""
+        """The errors and times of estimators on the paper's records without noise; None without a run."""
         return compare_estimators(RunFolder(self.paper)) if self.paper else None
 
     @cached_property
@@ -92,7 +92,7 @@ class Claim:
     where
         Section, table or figure of the paper.
     judge
-        Function that measures and judges.
+        Function that measures and judges; it maps the `Runs` to a `Judgement`.
     """
 
     text: str

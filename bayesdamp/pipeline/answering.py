@@ -110,7 +110,10 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
 
 
 def stored_answer(record: StudyRecord) -> Answer | None:
-    """Return the sampled answer on a record, else the linear one; None if neither has the outcome OK."""
+    """Return the sampled answer on a record, else the linear one; None if neither has the outcome OK.
+
+    The linear one is the result of the task `answer`, by linear approximations.
+    """
     for kind in (SAMPLED_ANSWER, ANSWER):
         result = record.find(kind)
         if result is not None and result.outcome == OK:

@@ -74,12 +74,12 @@ class CandidateSelection:
         return outcomes
 
     def choose_for_sampling(self) -> tuple[str, ...]:
-        """Return the candidates whose posterior is sampled.
+        """Return the names of the candidates whose posterior is sampled.
 
         These are the candidates with the largest log evidence among those that were not pruned, the best first. The
         study sets their number (`posterior.best`); without a number these are all. Candidates whose evidence by a
-        method other than Laplace's is unreliable are added if they are less than `FAR_BEHIND` behind the best, because
-        bridge sampling and nested sampling, which check the evidence, start from draws.
+        method other than Laplace's is unreliable are added if they are less than `FAR_BEHIND` (5 nats) behind the best,
+        because bridge sampling and nested sampling, which check the evidence, start from draws.
         """
         log_evidences = self._log_evidences()
         count = self.study.posterior.best or len(log_evidences)
@@ -97,7 +97,8 @@ class CandidateSelection:
     def choose_for_sensitivity(self) -> tuple[str, ...]:
         """Return the candidates whose sensitivity is computed: those of `choose_for_sampling`, and near ones.
 
-        A candidate that was not pruned is near if its log evidence is less than `FAR_BEHIND` below the largest.
+        A candidate that was not pruned is near if its log evidence is less than `FAR_BEHIND` (5 nats) below the
+        largest.
         """
         log_evidences = self._log_evidences()
         top = max(log_evidences.values(), default=math.nan)
@@ -105,9 +106,10 @@ class CandidateSelection:
         return tuple(dict.fromkeys([*self.choose_for_sampling(), *near]))
 
     def _log_evidences(self) -> dict[str, float]:
-        """Return the log evidence of the candidates that were not pruned, the best first.
+        """Return the log evidence (nats) of the candidates that were not pruned, by name, the best first.
 
-        It is that of the first method of the study with a finite value, Laplace's last; −∞ if none has one.
+        It is that of the first method of the study with a finite value, with Laplace's as the last choice; −∞ if none
+        has one.
         """
         order = [m for m in self.study.evidence.methods if m != "laplace"] + ["laplace"]
         log_evidences = {}
@@ -118,7 +120,7 @@ class CandidateSelection:
         return dict(sorted(log_evidences.items(), key=lambda item: -item[1]))
 
     def _evidence(self, name: str, method: str) -> Evidence:
-        """Return the stored evidence of a candidate by a method; without a number if there is none."""
+        """Return the stored evidence of a candidate by a method; its log evidence is nan if there is none."""
         result = self.record.store.find(f"evidence/{self.record.name}/{name}/{method}", arrays=False)
         content = EvidenceContent.maybe(result)
         if content is not None and content.evidence is not None:

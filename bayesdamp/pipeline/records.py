@@ -149,7 +149,10 @@ class StudyRecord:
         return features(self.signal)
 
     def system(self, law: str) -> System:
-        """Return the system under a restoring law; the width ε of friction follows from the record if not given."""
+        """Return what is known of the system under a restoring law.
+
+        If the study gives no width ε of friction, it is known too: a fixed fraction of the record's peak velocity.
+        """
         system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
         return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
 

@@ -43,8 +43,8 @@ class Candidate(ResultView):
     restoring law. values, sd: the inferred parameters at the posterior mode, by name and in their units, and their
     standard deviations; empty without a mode. log_posterior: log posterior density (nats, not normalised) at the mode,
     in the coordinates of the search (standard normal scores); nan without a mode. estimates: the estimates of each
-    stage, by estimator. posteriors: by sampler. evidence: by method. outcome: "ok", also if no mode was searched, or
-    the reason why there is no mode.
+    stage, by estimator. posteriors: the posterior by each sampler. evidence: the log evidence by each method. outcome:
+    "ok", also if no mode was searched, or the reason why there is no mode.
     """
 
     record: str
@@ -86,22 +86,35 @@ class Run(ResultView):
 
     @cached_property
     def estimates(self) -> pd.DataFrame:
-        """The table estimates.csv, a row for each parameter that an estimator estimated at a stage for a candidate."""
+        """The table estimates.csv, a row for each parameter that an estimator estimated at a stage for a candidate.
+
+        It has the value with its standard error, and for a simulated record the true value and the error in per cent.
+        """
         return self._read("estimates.csv")
 
     @cached_property
     def posteriors(self) -> pd.DataFrame:
-        """The table posteriors.csv, a row for each parameter of each posterior."""
+        """The table posteriors.csv, a row for each parameter of each posterior.
+
+        It has mean, sd, quantiles, the shortest 95 % interval and the diagnostics of the sampler.
+        """
         return self._read("posteriors.csv")
 
     @cached_property
     def evidence(self) -> pd.DataFrame:
-        """The table evidence.csv, a row for each record, candidate and method."""
+        """The table evidence.csv, a row for each record, candidate and method.
+
+        It has the log evidence with its standard error in nats, the log Bayes factor to the best candidate, and the
+        posterior probability.
+        """
         return self._read("evidence.csv")
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """The table fits.csv, a row for each record and candidate that has a fit."""
+        """The table fits.csv, a row for each record and candidate that has a fit.
+
+        It has the rms of the residuals, the checks of the fit, and the size of deviations from the damping law.
+        """
         return self._read("fits.csv")
 
     @cached_property

@@ -106,7 +106,7 @@ class Specimen:
         return compare_runs(self.runs, self.study.priors, seed=self.seed)
 
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
-        """Return the units of parameters under a candidate's restoring law, as in the tables."""
+        """Return the units, such as "1/s", of parameters under a candidate's restoring law, by parameter."""
         first = self.specs[0]
         return {n: first.unit_of(n, first.parts(candidate)[1]) for n in names}
 

@@ -216,7 +216,11 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of evidence.csv: for each record, of each method in `evidence_by_method`, then of `SMC`."""
+    """Yield the rows of evidence.csv: for each record, of each method in `evidence_by_method`, then of `SMC`.
+
+    `SMC` is the sequential Monte Carlo of the sampled answer, without probabilities. A method's probabilities are nan
+    if it lacks the evidence of a model that another method has.
+    """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)
         models, by_method = study.compare(spec), evidence_by_method(record)

@@ -161,9 +161,10 @@ class ModeContent(FitCheck, Content):
     values, sd: inferred parameters and their standard deviations, by name and in their units. known: the values of the
     other parameters. priors: descriptions in words. log_posterior: log density at the mode (nats, not normalised).
     climbs, modes: the searches, and the maxima that they reached. touching_zero: parameters with half-normal priors
-    that are within a standard deviation of zero. refused: seeds without values. error_budget: changes of motion and log
-    likelihood with finer integration steps. stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it,
-    with arrays `stored/...`.
+    that are within a standard deviation of zero. refused: seeds without values. error_budget: changes with finer
+    integration steps, of a sample (`step_error`, in the record's unit) and of the log likelihood
+    (`log_likelihood_change`, nats). stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it, with
+    arrays `stored/...`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -256,7 +257,10 @@ class HalfContent(Forecast, Content):
 
 @dataclass(frozen=True)
 class UnderNoise:
-    """Log evidence (nats) under a noise model by Laplace's approximation; −∞ if there is no fit."""
+    """Log evidence (nats) under a noise model by Laplace's approximation.
+
+    It is −∞ if there is no fit; the outcome is then the reason.
+    """
 
     log_evidence: float
     outcome: str = OK

@@ -202,7 +202,10 @@ class Store:
         return self._keys[identity][1]
 
     def has(self, task_name: str, key: str) -> bool:
-        """Return whether an undamaged result of a task is stored under this key."""
+        """Return whether an undamaged result of a task is stored under this key.
+
+        Under another key the result is out of date: the key is a hash of the inputs and the code.
+        """
         result = self.find(task_name)
         return result is not None and result.key == key
 

@@ -78,7 +78,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 
 
 def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Product:
-    """Compute one of the sensitivity tasks, `kind` of `SENSITIVITIES`.
+    """Compute one of the sensitivity tasks: kind "widths", "half", "noises" or "savage_dickey".
 
     `seed` is that of new draws. Raises Refusal if the task that it starts from has stored no arrays.
     """

@@ -59,7 +59,10 @@ sensitivity) and the seed, which follows from the task's name. Tasks of the kind
 
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
-    """Return the key of each task of a candidate by its name, in an order in which they can be computed."""
+    """Return the key of each task of a candidate by its name, in an order in which they can be computed.
+
+    A key is the hash of the task's inputs and code. Nothing is computed besides the keys.
+    """
     study, spec, model, record_key = candidate.study, candidate.spec, candidate.model, candidate.record.key
     forces = [*map(TERMS.source, candidate.terms), LAWS.source(candidate.restoring)]
     system = spec.under(candidate.restoring)
