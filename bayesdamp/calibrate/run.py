@@ -118,7 +118,8 @@ def run_calibration(
     Raises
     ------
     InputError
-        If the study cannot be calibrated; then nothing is written.
+        If the study cannot be calibrated, if `out` contains files that no run wrote, or if another run is writing
+        there. Then nothing is computed.
     """
     console = console or Console(stderr=True)
     if records is not None:

@@ -86,7 +86,10 @@ class SingleFile:
     inputs: tuple[Path, ...] = ()
 
     def check(self) -> None:
-        """Raise InputError if the file must not or cannot be written. Called before anything is computed."""
+        """Raise InputError if the file must not or cannot be written; to be called before anything is computed.
+
+        It must not be written if it is an input or not a regular file, or if it exists and `ours` does not match it.
+        """
         try:
             above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
             if above is not None and not above.is_dir():
@@ -115,7 +118,7 @@ class SingleFile:
         Raises
         ------
         InputError
-            If the file must not or cannot be written.
+            If the file is an input or was not written by this command, or if it cannot be written.
         OSError
             If the disk is full.
         """

@@ -341,7 +341,8 @@ def _read_published(
 ) -> tuple[PublishedResult, ...]:
     """Return the rows of a CSV file with the columns `_PUBLISHED`. Raises StudyError if the file or a name is wrong.
 
-    Values stay text. The names in the file must be among `signals` and `estimators`.
+    The columns are estimator, signal, error_pct (per cent) and time; their values stay text. The names in the file must
+    be among `signals` and `estimators`.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))

@@ -116,7 +116,10 @@ def _read_value(name: str, raw: object, key: str) -> object:
 
 
 def _read_number(name: str, raw: object, key: str) -> float:
-    """Return a raw value as a number that the parameter `name` may have. Raises StudyError at `key`."""
+    """Return a raw value as a number that the parameter `name` may have. Raises StudyError at `key`.
+
+    Reference values, noise_time and noise_dof must be positive, noise_sd and epsilon not negative.
+    """
     return check_number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
 
 

@@ -469,9 +469,9 @@ class JointContent(Content):
     which default priors are scaled. deviation: "law" if the answers on all records allow deviations from the laws, else
     "none". candidates: results by name.
     best: the most probable candidate. others: probabilities of forms of damping that the study does not compare.
-    spread: standard deviation of the logarithm of the damping between records, over all models. no_spread: log Bayes
-    factor (nats) of equal damping in all records against an inferred spread, for the best candidate; NaN if it has no
-    summary. alone: by label, the result of each record alone, for the best candidate.
+    spread: posterior summary of the standard deviation of the logarithm of the damping between records, over all
+    models. no_spread: log Bayes factor (nats) of equal damping in all records against an inferred spread, for the best
+    candidate; NaN if it has no summary. alone: by label, the result of each record alone, for the best candidate.
     """
 
     records: tuple[str, ...]
