@@ -169,7 +169,8 @@ def answer(
     priors
         Priors by name of the parameter, such as "zeta"; the other parameters have default priors.
     reference
-        Amplitude and frequency to which default priors are scaled; by default those of the record.
+        Amplitude (in `signal.unit`) and angular frequency (rad/s) to which default priors are scaled; by default those
+        of the record.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used if laws hold exactly.
@@ -200,7 +201,7 @@ def answer(
     Raises
     ------
     InputError
-        If an argument is invalid, or an amplitude is far outside the range of the record.
+        If an argument is invalid, or an amplitude is outside the range of the record by more than `BEYOND`.
     """
     check_deviation("compare", deviation)
     wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
@@ -392,7 +393,7 @@ def amplitudes_in_base_unit(
 
 
 def _noise_remark(noise: SampleNoise) -> str:
-    """Return a sentence on the noise model; empty if the noise is Gaussian."""
+    """Return a sentence on the noise model and its lead over Gaussian noise in nats; empty if it is Gaussian."""
     if noise.name == GAUSSIAN:
         return ""
     if np.isnan(noise.ahead):
@@ -432,8 +433,9 @@ def _phase_remark(data: Data, first: float) -> str:
 def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:
     """Return the arrays that a verdict on several records of a specimen needs.
 
-    They describe each model's likelihood as a function of its damping (for other forms of damping, see `JOINABLE`), the
-    deviation of the damping from its law along the damping curve, and the reference amplitude and frequency.
+    They describe each model's likelihood as a function of its damping (`run/DAMPING@RESTORING/...`; for other forms of
+    damping, see `JOINABLE`), the deviation of the damping from its law along the damping curve (`over`, `over_sd`; see
+    `CURVE`), and the reference amplitude and angular frequency (`run/reference`).
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])
     arrays = {f"{RUN}reference": np.array([comparison.reference.amplitude, comparison.reference.frequency])}

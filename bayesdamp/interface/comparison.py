@@ -132,7 +132,8 @@ class Comparison(Result):
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
         """Return arrays of all records, in the units of their files, as columns of a table, with unit and record.
 
-        `names` maps columns to the names of arrays. Records that lack one of these arrays have no rows.
+        `names` maps the columns to the names of arrays in `Answer.arrays`. Records that lack one of these arrays have
+        no rows.
         """
         import pandas as pd
 

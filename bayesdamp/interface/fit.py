@@ -258,8 +258,8 @@ class Fit(Result, Storable):
         ----------
         t
             Times in s from the first sample: a number, or an array of any shape and order. They may be within the
-            record, after it, or before it (negative). If laws may hold approximately, they must be within the record,
-            because the deviations are not known elsewhere.
+            record, after it, or before it (negative). If laws may hold approximately, they must be within the part of
+            the record that was fitted, because the deviations are not known elsewhere.
         quantity
             "angle", "velocity" or "acceleration"; by default the recorded quantity.
 
@@ -287,7 +287,8 @@ class Fit(Result, Storable):
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
 
-        If laws may hold approximately, the table also has the parts of the sd. Without a fit it has no rows.
+        The columns are value, sd, low, high, unit and prior; the index has the names. If laws may hold approximately,
+        the table also has the parts of the sd, sd_noise and sd_law. Without a fit it has no rows.
         """
         parts = {"sd_noise": self.sd_noise, "sd_law": self.sd_law} if self.law is not None else {}
         low, high = ({n: ends[i] for n, ends in self.intervals.items()} for i in (0, 1))
@@ -450,7 +451,7 @@ def fit(
 
     If laws may hold approximately (model.deviation), the search is that of `compare`: it fits windows that grow from
     the first two cycles to the whole record, and `start` cannot be given. The noise model, and the width of friction
-    if it is not known, are then chosen with viscous, Coulomb and quadratic damping together.
+    if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic damping together.
 
     Parameters
     ----------
@@ -461,7 +462,7 @@ def fit(
     start
         A further starting point: parameter values in natural units by name, such as those of an estimate.
     seed
-        Seed of the draws from the prior.
+        Seed of the draws from the prior; without effect if laws may hold approximately.
 
     Returns
     -------

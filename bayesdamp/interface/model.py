@@ -172,7 +172,7 @@ class Model(Result):
 
     @property
     def noises(self) -> tuple[str, ...]:
-        """Names of the noise models from which one is chosen."""
+        """Names of the noise models from which one is chosen; all for "auto"."""
         if self.noise == "auto":
             return tuple(NOISES.names())
         return (self.noise,) if isinstance(self.noise, str) else self.noise
@@ -197,7 +197,7 @@ class Model(Result):
 
     @property
     def parameter_priors(self) -> dict[str, Prior]:
-        """The specified priors, by parameter."""
+        """The specified priors, by name of the parameter (such as "zeta", not "viscous")."""
         return by_parameter(self.priors, self._coefficients)
 
     @property
@@ -216,7 +216,7 @@ class Model(Result):
         signal
             The record.
         seed
-            Seed of the search for the best fit.
+            Seed of the search for the best fit; without effect if laws may hold approximately.
 
         Raises
         ------

@@ -67,7 +67,9 @@ def numpyro_model(
     density.defjvp(along)
 
     def sample(free: Sequence[str]) -> dict[str, Any]:
-        """Sample parameters under their priors; each becomes a deterministic site with its name.
+        """Sample the parameters named in `free` under their priors, and return them by name, in natural units.
+
+        Each becomes a deterministic site with its name.
 
         The sampler draws whitened scores u, because it would explore a narrow, correlated posterior only slowly.
         """

@@ -324,7 +324,7 @@ def _parameters(post: Posterior, draws: np.ndarray) -> Group:
 
 
 def _definition(name: str, fit: Fit) -> str:
-    """Return the definition of a parameter in one line."""
+    """Return the definition of a parameter in words, in one line, without its unit."""
 
     def first_line(thing: object) -> str:
         return (inspect.getdoc(type(thing)) or "").partition("\n")[0]
@@ -395,8 +395,8 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     """Return log likelihoods and simulated records of m draws, (m, n) each, if the fit assumes exact laws.
 
-    `numbers` are the indices of the draws of each chain. There are no simulated records (None) if the noise model
-    cannot be simulated.
+    `numbers` are the indices of the draws that are used of each chain; the m draws are in the order of the chains.
+    There are no simulated records (None) if the noise model cannot be simulated.
     """
     target, mode = post.fit.engine
     noise = NOISES.get(target.noise)
@@ -448,8 +448,7 @@ def sample(
         kalman, laplace or variational. If laws may hold approximately, also smc (the default).
     chains, warmup
         Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. The
-        chains of emcee are
-        walkers; it may use more than requested.
+        chains of emcee are walkers; it may use more than requested.
     draws
         Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
         these are too few.

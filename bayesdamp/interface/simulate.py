@@ -59,7 +59,7 @@ def simulate(
     samples
         Number of equally spaced samples from 0 to `duration`.
     noise_sd
-        Standard deviation of the noise, in the unit of the quantity.
+        Standard deviation of the noise, in the unit of the quantity; for "student_t" the scale of the distribution.
     noise
         The noise model: "gaussian" (white), "correlated" or "student_t".
     outliers
@@ -79,11 +79,10 @@ def simulate(
         Name of the signal.
     **parameters
         Parameters of the restoring law (stiffness=20.0) and of damping terms (exponent=1.5), by name, in `unit` and s.
-        Further
-        parameters: theta0 and omega0, displacement and velocity at the start (by default 0.3 and 0.0); epsilon, the
-        velocity within which Coulomb friction tanh(velocity/epsilon) changes its sign (by default 0, the sign
-        function); noise_time in s for noise="correlated"; noise_dof for "student_t". rest_angle and spring_angle are 0
-        by default.
+        Further parameters: theta0 and omega0, displacement and velocity at the start (by default 0.3 and 0.0); epsilon,
+        the velocity within which Coulomb friction tanh(velocity/epsilon) changes its sign (by default 0, the sign
+        function); noise_time (correlation time in s) for noise="correlated"; noise_dof (degrees of freedom, by default
+        1) for "student_t". rest_angle and spring_angle are 0 by default.
 
     Returns
     -------

@@ -209,7 +209,8 @@ def grade_of(findings: Findings) -> Grade:
 
     It is `DEVIATES` if the median of the deviation from the damping law is above `thresholds.DEVIATES`, the 2.5 %
     quantile of that from the restoring law above `RESTORING_DEVIATES`, or the unexplained residual above `UNEXPLAINED`;
-    else `EXACT` if the 97.5 % quantile of the deviation from the damping law is at most `EXACT`; else `APPROXIMATE`.
+    else `EXACT` if the 97.5 % quantile of the deviation from the damping law is at most `thresholds.EXACT`; else
+    `APPROXIMATE`. All these numbers are fractions.
     """
     if (
         findings.deviation.value > thresholds.DEVIATES
@@ -238,8 +239,8 @@ def interval_of(q: Quantity, unit: str = "") -> Interval:
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
     """Return the ratio of the damping to its law at the amplitude where it surely deviates most; None if nowhere.
 
-    It surely deviates where the 95 % interval (low, high) of the ratio is above 1 + `DEVIATES` or below 1/(1 +
-    `DEVIATES`), and most where max(low, 1/high) is largest.
+    It surely deviates where the 95 % interval (low, high) of the ratio is above 1 + D or below 1/(1 + D), with D =
+    `thresholds.DEVIATES`, and most where max(low, 1/high) is largest. The amplitudes are those of the findings' ratios.
     """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)

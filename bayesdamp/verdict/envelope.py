@@ -82,10 +82,10 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     """Compare damping sums on a decay, and return the verdict, the decay with its fit, and likelihoods of the rates.
 
     The grade is `EXACT` if the probability that a law holds exactly is at least `thresholds.LIKELY_EXACT`; else
-    `APPROXIMATE` if the 97.5 % quantile of the deviation is at most `DEVIATES`; else `DEVIATES`. It is `DEVIATES` too,
-    and the rates are then drawn from a single power of the amplitude as well, if this describes the decay much better
-    (`POWER_LAW`). A damping is named without reservation under the conditions of `decide`, where twins are sums whose
-    decays the record cannot distinguish (`indistinguishable`).
+    `APPROXIMATE` if the 97.5 % quantile of the deviation (a fraction) is at most `thresholds.DEVIATES`; else
+    `DEVIATES`. It is `DEVIATES` too, and the rates are then drawn from a single power of the amplitude as well, if this
+    describes the decay much better (`thresholds.POWER_LAW`). A damping is named without reservation under the
+    conditions of `decide`, where twins are sums whose decays the record cannot distinguish (`indistinguishable`).
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Draw decay rates twice: with deviations from the laws and the sensor's error, and with neither."""
+        """Draw decay rates twice: first with deviations from the laws and the sensor's error, then with neither."""
         whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 
@@ -235,7 +235,7 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
                 factors[k] = float(np.exp(log_factor))
 
         def each(d: RateDraws, values: Mapping[int, float]) -> np.ndarray:
-            """Return the value of the candidate of each draw, for the candidates in `values`."""
+            """Return the value of the candidate of each draw; leave out candidates that are not in `values`."""
             return np.array([values[k] for k in d.candidate.tolist() if k in values])
 
         kind = best.each[place]

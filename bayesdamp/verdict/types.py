@@ -198,7 +198,7 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probability of every damping that was compared, that of the named one first."""
+        """Return the probability of every damping, by name, that of the named one first; forms outside the sums too."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:
@@ -232,7 +232,7 @@ class Verdict(CheckedMethods):
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """Return JSON values with the version of the schema; nan and infinities are None."""
+        """Return the fields as JSON values by name, and the version of the schema; nan and infinities are None."""
         return _plain({"schema": VERDICT_SCHEMA, **split(self)})  # type: ignore[return-value]
 
     @classmethod

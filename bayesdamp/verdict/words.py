@@ -169,7 +169,10 @@ def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
 
 
 def describe_motion(v: Verdict, motion: MotionKind) -> str:
-    """Return in words which kind of motion the record is, if not a free decay of one oscillator, and its sizes."""
+    """Return in words which kind of motion the record is, if not a free decay of one oscillator.
+
+    The text contains the frequencies, amplitudes and damping ratios in `v.modes` with their units, without a full stop.
+    """
     first = v.modes[0]
     if motion is MotionKind.STEADY:
         # Upper limit of the damping ratio, if nothing drives the oscillation.
@@ -233,7 +236,10 @@ def is_specified(i: Interval) -> bool:
 
 
 def plus_minus(i: Interval) -> str:
-    """Return text such as `3.4643 ± 0.0006 Hz`; an asymmetric interval is in brackets, a specified value has none."""
+    """Return text such as `3.4643 ± 0.0006 Hz`, where ± is half the 95 % interval.
+
+    An asymmetric interval is in brackets; a specified value is followed by "(specified)" instead.
+    """
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
     if is_specified(i):

@@ -338,7 +338,7 @@ class RecordChecks:
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
-        They report evidence that is missing or unreliable, each method's probability of the answer's damping, methods
+        They report evidence that failed or is unreliable, each method's probability of the answer's damping, methods
         that rank another damping first, and how the result depends on the width of the priors and on the repeat.
         `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
         """

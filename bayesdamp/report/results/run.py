@@ -164,7 +164,7 @@ class RunFolder:
 
     @cached_property
     def models(self) -> list[str]:
-        """Names of the damping models, in the study's order."""
+        """Names of the damping models in run.json and in the tables, in the study's order."""
         return list(dict.fromkeys([*(self.info.get("models") or []), *(row["model"] for row in self._rows)]))
 
     @property
@@ -370,7 +370,10 @@ def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent
 
 
 def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
-    """Return all models of a signal: the ranked models by their probability, then the others in the study's order."""
+    """Return the names of all models of a signal: first the ranked ones, the most probable first, then the others.
+
+    The others are in the study's order. A name is as in the column `model` of the tables (see `RunFolder`).
+    """
     ranked = rank_models(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
     models = {r["model"] for r in rows if r["signal"] == signal}
@@ -504,8 +507,8 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
     """Return the geometric mean of the ends of the range of amplitudes that all damping curves have in common.
 
-    Records without a curve are ignored. It is in the unit of the records. None if there is no such range, if no record
-    has a curve, or if the records have different units.
+    Records without a curve are ignored. The result is in the unit of the records. None if there is no such range, if no
+    record has a curve, or if the records have different units.
     """
     curves = [curve for answer in records if (curve := curve_of(answer)) is not None]
     units = {a.verdict.damping_ratio[0].unit for a in records if a.verdict.damping_ratio}

@@ -141,7 +141,10 @@ def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
 
 
 def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str]], model: str) -> Markup:
-    """Return the ranks and the coverage of a model, from its rows of ranks.csv and calibration.csv."""
+    """Return a figure of the ranks and a table of the coverage for a model, under its name.
+
+    `ranks` and `rows` are its rows of ranks.csv and calibration.csv.
+    """
     result = run.info["result"]
     counts: dict[str, dict[str, np.ndarray]] = {}
     for row in ranks:

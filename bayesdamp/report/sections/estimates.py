@@ -130,7 +130,10 @@ class EstimatesSection(SignalSection):
 
 
 def _drawn(run: RunFolder, signal: str, repeat: int, model: str, tables: list[object]) -> list[object]:
-    """Return the figure of the estimates, the tables, and the figure of the iterations, for one model."""
+    """Return the figure of the estimates, the given `tables`, and the figure of the iterations, for one model.
+
+    The figure of the estimates is left out without two values to compare, the other without an iterative method.
+    """
     content = [*tables]
     compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
     if compared:

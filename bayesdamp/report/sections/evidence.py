@@ -100,7 +100,7 @@ class EvidenceSection(SignalSection):
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the study computed evidence besides the answer."""
+        """Return whether the study computed evidence of its own models, and not only the answer."""
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
@@ -156,7 +156,7 @@ class SensitivitySection(SignalSection):
     title = "What the evidence depends on"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the evidence was also computed under other assumptions."""
+        """Return whether the evidence was also computed under other assumptions, such as wider priors."""
         return any(task_result.outcome == OK for task_result in run.task_results("sensitivity", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:

@@ -128,7 +128,10 @@ def _interval(quantiles: Mapping[str, float]) -> Interval:
 
 
 def _candidates(joint: JointContent) -> Table:
-    """Return a table of the damping models of a joint fit, the most probable first."""
+    """Return a table of the damping models of a joint fit, the most probable first.
+
+    It has their probability, log Bayes factor in nats, and coefficients as mean ± standard deviation.
+    """
     rows = joint.candidates
     logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in rows.items()}
     ranked = sorted(rows, key=lambda model: -logs[model])
