@@ -189,7 +189,7 @@ class Comparison(Result):
             three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
             draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
             return three
-        recorded = unit.of(answer.verdict.quantity)
+        recorded = unit.displacement.of(answer.verdict.quantity)
         show_in_notebook()
         with rc_context(RC):
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
@@ -198,9 +198,9 @@ class Comparison(Result):
         return four
 
     def report(self, path: str | Path) -> Path:
-        """Write the answers on the records as one self-contained HTML file, and return its path.
+        """Write the answers on the records, and on their specimen, as one self-contained HTML file; return its path.
 
-        The page does not contain the verdict on a specimen. Raises InputError if the file cannot be written.
+        Raises InputError if the file cannot be written.
         """
         from bayesdamp.report.render import page_of
         from bayesdamp.report.results.run import RunFolder
@@ -214,7 +214,7 @@ class Comparison(Result):
             for a, unit in zip(self.answers, self.units, strict=True)
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
-        page, _ = page_of(RunFolder.of_results(info, cells))
+        page, _ = page_of(RunFolder.of_results(info, cells, [self.verdict]))
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:

@@ -103,7 +103,7 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
             assert 215 < at < 221
 
 
-def test_records_of_one_specimen_share_a_damping() -> None:
+def test_records_of_one_specimen_share_a_damping(tmp_path: Path) -> None:
     """At the amplitudes that the user names, in the unit of the files; the truth is ζ/√k."""
     signals = [bd.signal(TIMES, np.degrees(record(seed).y), unit="deg", cleaned=False) for seed in (3, 4)]
     how: dict[str, Any] = {"damping": ["viscous", "coulomb"], "restoring": ["linear"]}
@@ -113,6 +113,9 @@ def test_records_of_one_specimen_share_a_damping() -> None:
     assert all(r.low < TRUTH["zeta"] / TRUTH["stiffness"] ** 0.5 < r.high for r in both.verdict.damping_ratio)
     assert both.verdict.record == "rig"
     assert len(both.records) == 2
+    text = re.sub("<[^>]+>", "", both.report(tmp_path / "rig.html").read_text(encoding="utf-8"))
+    assert both.verdict.sentence in text
+    assert "The damping differs between records by" in text
 
 
 WRONG: list[tuple[dict, str]] = [

@@ -126,13 +126,15 @@ class RunFolder:
             raise InputError(f"{path}: this file is damaged; run the study again") from None
 
     @classmethod
-    def of_results(cls, info: Row, task_results: Sequence[TaskResult]) -> Self:
-        """Return a run without a folder, from the contents of run.json (`info`) and task results in memory.
+    def of_results(
+        cls, info: Row, task_results: Sequence[TaskResult], verdicts: Sequence[Verdict] = ()
+    ) -> Self:
+        """Return a run without a folder, from the contents of run.json (`info`), task results and verdicts in memory.
 
-        Its tables and `verdicts` are empty, and its figures are not saved as files.
+        Its tables are empty, and its figures are not saved as files.
         """
         run = cls.__new__(cls)
-        run.info, run.answered, run.verdicts, run._figures = info, {}, [], None
+        run.info, run.answered, run.verdicts, run._figures = info, {}, list(verdicts), None
         run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
         run._read = {task_result.name: task_result for task_result in task_results}
         run._places = {name: TaskName.of(name) for name in run._read}
@@ -523,7 +525,7 @@ def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | No
 
     Its damping curve is interpolated linearly in the logarithm of the amplitude; beyond its ends, it has the value of
     the nearer end. Without an amplitude or a curve, return the ratio at the middle one of the verdict's amplitudes.
-    An interpolated ratio has the `sd_noise` and `sd_law` of the first of the verdict's ratios.
+    An interpolated ratio has no `sd_noise` and `sd_law` (nan).
     """
     ratios = answer.verdict.damping_ratio
     if not ratios:
@@ -535,7 +537,8 @@ def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | No
     value, low, high = (
         float(np.interp(np.log(amplitude), np.log(curve[0][order]), column[order])) for column in curve[1:]
     )
-    return replace(ratios[0], amplitude=amplitude, value=value, low=low, high=high)
+    parts = {"sd_noise": math.nan, "sd_law": math.nan}
+    return replace(ratios[0], amplitude=amplitude, value=value, low=low, high=high, **parts)
 
 
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
