@@ -25,11 +25,12 @@ OUTLIER = 6.0
 
 
 class OscillationSpline:
-    """The spline x that minimises Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², with λ by generalised cross-validation.
+    """The spline x that minimises Σ(y − x)² + λ (n/T) ∫(Lx)² dt, with λ chosen by generalised cross-validation.
 
-    Outliers (see `OUTLIER`) are left out of the sum, and the spline is fitted again. Lx is zero for a constant and for
-    oscillations at ω whose amplitude and phase are linear in time (Heckman and Ramsay, Canadian Journal of Statistics
-    28, 2000, 241). The record may have gaps and uneven times; all pieces have the same λ.
+    L = D(D² + ω²)²/ω⁵ with D = d/dt, so that λ has no unit; T is the summed duration of the pieces. Lx is zero for a
+    constant and for oscillations at ω whose amplitude and phase are linear in time (Heckman and Ramsay, Canadian
+    Journal of Statistics 28, 2000, 241). Outliers (see `OUTLIER`) are left out of the sum, and the spline is fitted
+    again. The record may have gaps and uneven times; all pieces have the same λ.
 
     Arguments: the times of each piece between gaps (s); y (n,), the recorded quantity at all of them; the period (s).
     Attributes: coefficients, those of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the

@@ -199,7 +199,10 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
 
 
 def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
-    """Return a mask, (m,), of the solver's terms that have an inferred coefficient; only these exert a force."""
+    """Return a mask, (m,), of the solver's terms that have an inferred coefficient; only these exert a force.
+
+    A candidate infers the coefficients of all its own terms, also of those with a known value (see `parameters_of`).
+    """
     return np.array([TERMS.get(t).parameter in parameters.priors for t in solver.terms])
 
 

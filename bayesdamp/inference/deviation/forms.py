@@ -62,8 +62,11 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
     A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the restoring law
-    of the best candidate. Those whose evidence is expected to be more than `REACH` nats below that of the best
-    candidate are left out. Without results the comparison itself is returned.
+    of the best candidate. If `comparison.results` is empty, the comparison itself is returned.
+
+    Rivals whose fit fails are left out. A form with inferred parameters of its own replaces its term only in sums whose
+    log evidence is at most `BEHIND` nats below the best. With another form, the sum of all terms is always fitted;
+    a smaller sum is left out if its log evidence is expected to be more than `REACH` nats below the best.
     """
     if not comparison.results:
         return comparison

@@ -102,9 +102,9 @@ class Repeats:
     draws : ndarray, shape (n, k)
         Draws of the specimen's parameters (not their scores), in the order of `names`.
     spreads : ndarray, shape (n,)
-        Spread s of each draw.
+        Spread s of each draw: the sd of the log coefficients between records.
     combos : ndarray of int, shape (n,)
-        Index of each draw's grid point of the hyperparameters.
+        Index of each draw's grid point of the deviations' hyperparameters, in `log_sizes` of `join_runs`.
     """
 
     log_evidence: float

@@ -224,10 +224,10 @@ class ErrorSeries:
     model, factor
         The damping of the signals, and the factor in which they differ: a key of `FACTORS`.
     values
-        Values of the factor, ascending.
+        Values of the factor, ascending, in the unit that `FACTORS` gives.
     errors
-        By (method, stage): the root mean square error over repeats at each value, in per cent of the true coefficient;
-        nan at a value without estimates.
+        By (method, stage), where the stage is one of `STAGES`: the root mean square error over repeats at each value,
+        in per cent of the true coefficient; nan at a value without estimates.
     answers
         By (method, stage): at each value, the number of repeats with an estimate and the number of all repeats.
     bounds

@@ -94,7 +94,7 @@ def joint_sentence(run: RunFolder, task_result: TaskResult) -> str:
         return f"No joint fit: {task_result.outcome}."
     agree = "are compatible with one damping"
     if joint.differ:
-        agree = "differ in the size of their damping, so each has its own"
+        agree = "differ in the size of their damping, so the common factor is not the same in each record"
     elif joint.agree:
         agree = "agree with one damping"
     sentences = [

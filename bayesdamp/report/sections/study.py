@@ -188,7 +188,10 @@ class ProvenanceSection(Section):
                 "total time": lambda kind: fmt.duration(sum(kinds[kind])),
                 "longest task": lambda kind: fmt.duration(max(kinds[kind])),
             }
-            caption = "Computing time of each kind of task, summed over all worker processes."
+            caption = (
+                "Elapsed time of the tasks of each kind: the sum over all tasks, and the time of the longest one. "
+                "The sum may exceed the duration of the run, because tasks can run in parallel."
+            )
             parts.append(Table.of(kinds, of_kind, caption=caption))
         budget = (info.get("error_budget") or {}).items()
         rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
