@@ -178,8 +178,8 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             study = resolve_study(tables, folder / path.name, plugins)
             missing = modules.keys() - {m.digest for m in study.plugins}
             if missing:
-                what = f"the run had the plug-in {modules[min(missing)]}, which is missing or has changed"
-                raise InputError(f"{what}; give it with --plugin")
+                what = f"the run had the plug-in {modules[min(missing)]}, whose file is missing or has changed"
+                raise InputError(f"{what}; give the file as it was in the run with --plugin")
             return study
         try:
             tables = tomllib.loads(read_plain(path, "the path of a study file (TOML)"))
