@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def row_of(record: Case, name: str) -> dict[str, Any]:
             raise Refusal(" ".join(f"{type(fault).__name__}: {fault}".split())[:200]) from None
         if not all(map(math.isfinite, reply.values)):
             raise Refusal("its ratio is not finite")
-        return reply
+        return replace(reply, amplitudes=())  # all peers are judged at the amplitudes that were requested
 
     return scoring.row_of(record, answer, name)
 
