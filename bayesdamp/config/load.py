@@ -178,7 +178,9 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             study = resolve_study(tables, folder / path.name, plugins)
             missing = modules.keys() - {m.digest for m in study.plugins}
             if missing:
-                what = f"the run had the plug-in {modules[min(missing)]}, whose file is missing or has changed"
+                what = (
+                    f"the run had the plug-in {modules[min(missing)]}, whose file is missing or has changed"
+                )
                 raise InputError(f"{what}; give the file as it was in the run with --plugin")
             return study
         try:
