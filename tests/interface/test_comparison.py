@@ -178,6 +178,11 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
     page = deg.report(tmp_path / "deg.html").read_text(encoding="utf-8")
     assert " deg" in page
     assert f"{rad.verdict.damping_ratio[0].amplitude:.3g} rad" not in page
+    # An accelerometer's values in g are drawn in the base unit of its displacement.
+    y = 0.02 * np.exp(-0.05 * TIMES) * np.cos(4.5 * TIMES)
+    in_g = bd.signal(TIMES, y, quantity="acceleration", unit="g", cleaned=False)
+    assert [ax.get_ylabel() for ax in quick(in_g, restoring=["linear"]).plot()][::2] == ["m/s²", "m/s²"]
+    plt.close("all")
 
 
 def test_an_amplitude_is_asked_for_in_the_records_own_unit() -> None:

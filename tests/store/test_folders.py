@@ -56,11 +56,18 @@ def linked(name: str) -> Callable[[Path], None]:
     return write
 
 
+def hard_linked_lock(folder: Path) -> None:
+    """Make the lock of a run a hard link to somebody else's file."""
+    linked(".lock")(folder)
+    (folder / ".lock").unlink()
+    os.link(folder / "other" / "a.npz", folder / ".lock")
+
+
 OTHERS: dict[str, Callable[[Path], None]] = {
     "cells": of_another("cells/photo.npz"), "report": of_another("report.html"), "lock": of_another(".lock"),
     "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK_FILE),
     "half a mark": of_another(MARK_FILE, MARK_TEXT[:9]),
-    "linked lock": linked(".lock"), "linked cells": linked("cells"),
+    "linked lock": linked(".lock"), "linked cells": linked("cells"), "hard-linked lock": hard_linked_lock,
 }  # fmt: skip
 
 

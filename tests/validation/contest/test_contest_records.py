@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from tests.validation.answering import closed_form
+from validation.contest.__main__ import row_of
 from validation.contest.measured import half_cycles
+from validation.contest.peers import ROSTER
 from validation.contest.records import GROUPS, LOST, simulate_record
+from validation.scoring import Reply
 
 
 def test_a_group_is_what_it_says():
@@ -29,6 +32,16 @@ def test_a_record_is_the_same_again_and_another_with_another_seed():
     first, again, other = (simulate_record(seed, 2).signal.y for seed in (4, 4, 5))
     np.testing.assert_array_equal(first, again)
     assert first.size != other.size or not np.array_equal(first, other)
+
+
+def test_all_peers_are_judged_at_the_requested_amplitudes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also one that answers at an amplitude outside the record, where there is no truth."""
+    record = simulate_record(4, 0)
+    reply = Reply([0.01, 0.01, 0.01], amplitudes=[9.0, 8.0, 7.0])
+    monkeypatch.setitem(ROSTER, "bayesdamp", lambda *_: reply)
+    row = row_of(record, "bayesdamp")
+    assert [row[f"amplitude_{i}"] for i in (1, 2, 3)] == list(record.amplitudes)
+    assert row["true_1"] == record.ratio(record.amplitudes[0])
 
 
 def test_half_cycles_of_a_closed_form():
