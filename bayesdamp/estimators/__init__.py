@@ -24,13 +24,17 @@ from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 ESTIMATORS: Registry[Estimator[Any]] = Registry(
     "bayesdamp.estimators.methods", "estimator", home="bayesdamp.estimators"
 )
+"""All estimators by name: those that ship with bayesdamp and those that a user adds."""
 STAGES = ("initial", "refined")
 """Stages of an estimator: the method's own estimate, and the trajectory fit that starts at this estimate."""
 __all__ = ["ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
 def names_for_all() -> list[str]:
-    """Return the names of the estimators that `use = "all"` in a study file selects: the eleven of the paper."""
+    """Return the names of the estimators that `use = "all"` in a study file selects.
+
+    They are the eleven methods that the paper compares (its title is in the docstring of `bayesdamp.estimators`).
+    """
     return [
         "topological", "least_squares", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
         "symbolic_regression", "envelope", "genetic",

@@ -124,8 +124,9 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
 
 
 def table(estimators: Sequence[Estimator[Any]], terms: Sequence[str]) -> list[tuple[str, list[str | None]]]:
-    """Return a row for each estimator: its name, and for each term alone the result of `reason_not_applicable`.
+    """Return a row for each estimator: its name, and for each damping term the reason why it cannot estimate this term.
 
-    terms: names of damping terms. A result is None if the estimator can estimate the term.
+    terms: names of damping terms, each of which is considered alone, not in a sum. A reason is a text as returned by
+    `reason_not_applicable`, or None if the estimator can estimate the term.
     """
     return [(e.name, [reason_not_applicable(e, (term,)) for term in terms]) for e in estimators]

@@ -50,7 +50,7 @@ def cramer_rao(
     Raises
     ------
     ValueError
-        If the noise is not positive or the trajectory escapes.
+        If the noise is not positive or the trajectory diverges.
     """
     osc = oscillator(problem)
     if not noise_sd > 0:

@@ -61,7 +61,8 @@ class Expression:
     def apply(self, kind: str, largest: float = np.inf) -> Expression:
         """Return |expression| (kind "abs") or tanh(expression) (kind "tanh").
 
-        largest: the largest absolute value of the expression, if known; if it is at most `SMALL`, tanh is left out.
+        largest: the largest absolute value of the expression, if known. If this is at most `SMALL`, tanh(x) is nearly
+        x, and the expression itself is returned for "tanh".
         """
         if not self.terms:
             return self
@@ -185,6 +186,7 @@ def _collect(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
 
 
 FUNCTIONS = ("Add", "Sub", "Mul", "Tanh", "Abs", "Constant", "Variable")
+"""Names of the kinds of nodes, in Operon's terms, of which the search may build an expression's tree."""
 DEPTH = 8
 """Largest depth of an expression's tree that the search builds (conventional)."""
 
@@ -206,10 +208,10 @@ def front(
 ) -> tuple[list[ScoredExpression], int]:
     """Search the Pareto front of error and length for y (n,) as a function of x (n,).
 
-    It uses NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each offspring take `polish` steps
-    of Levenberg–Marquardt, in single precision. One thread: the same seed gives the same front. x and y should be of
-    order one. population: number of expressions in a generation. generations: largest number of generations. length:
-    largest number of nodes of an expression.
+    The search is the genetic algorithm NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each new
+    expression are fitted by `polish` Levenberg–Marquardt steps, in single precision. It runs on one thread, so that the
+    same seed gives the same front. x and y should be of order one. population: number of expressions in a generation.
+    generations: largest number of generations. length: largest number of nodes of an expression.
 
     Returns
     -------

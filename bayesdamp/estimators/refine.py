@@ -29,11 +29,11 @@ from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 from bayesdamp.units import quantity_unit
 
 MOST_RESIDUAL = 1.1
-"""A misfit is reported if the rms of the residual, divided by the record's noise, exceeds this number plus five of its
-standard errors."""
+"""A misfit is reported if the rms of the residual, divided by the standard deviation of the record's noise, exceeds
+this number plus 5/√(2n), which is five standard errors of this ratio for n samples."""
 MOST_CORRELATION = 0.1
-"""A misfit is reported if the autocorrelation of the residual over a twelfth of a period exceeds both this and five
-standard errors."""
+"""A misfit is reported if the autocorrelation of the residual at a lag of a twelfth of a period exceeds both this
+number and 5/√n, which is five standard errors for n samples."""
 LEAST_RESIDUAL = 1e-5
 """No misfit is reported if the residual is below this fraction of the amplitude (numerical errors are much smaller)."""
 TOLERANCE = 1e-11
@@ -82,7 +82,7 @@ class _TrajectoryFit:
         return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
 
     def until(self, time: float) -> _TrajectoryFit:
-        """Return the same problem with the samples up to a time (s) only."""
+        """Return the same fit for only those samples that are not later than `time` (s)."""
         early = self.signal.t <= time
         return replace(self, signal=replace(self.signal, t=self.signal.t[early], y=self.signal.y[early]))
 
@@ -127,8 +127,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     -------
     Estimate
         The values with the least sum of squares. Their standard errors assume white residuals; a parameter at its lower
-        bound has none. The outcome says if the search did not converge, a coefficient is at its bound 0, or there is a
-        `misfit`.
+        bound has none. The outcome is a sentence if the search did not converge, a coefficient is at its lower bound 0,
+        or the residual is larger or more correlated than noise (`misfit`).
 
     Raises
     ------
@@ -179,7 +179,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     problems = [] if best.converged else ["the trajectory fit did not converge"]
     zero = [name for name, value, unit in zip(osc.coefficients, best.x, units) if value < 1e-3 * unit]
     if zero:
-        problems.append(f"the best {' and '.join(zero)} is at its bound 0")
+        problems.append(f"the best fit has {' and '.join(f'{name} = 0' for name in zero)}, its lower bound")
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
     values = dict(zip(names, map(float, best.x)))
@@ -260,8 +260,8 @@ def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | No
     rougher = rms > (MOST_RESIDUAL + 5 / np.sqrt(2 * n)) * noise
     if not rougher and correlation <= max(MOST_CORRELATION, 5 / np.sqrt(n)):
         return None
-    times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
+    times = f", {rms / noise:.3g} times the noise of the record" if noise > 1e-6 * size else ""
     return (
-        f"the best fit leaves {rms:.2g} {quantity_unit(signal.unit, signal.quantity)}{times}: "
+        f"the rms residual of the best fit is {rms:.2g} {quantity_unit(signal.unit, signal.quantity)}{times}: "
         "the model is incomplete, or the noise is correlated"
     )

@@ -1,4 +1,4 @@
-"""Provide what several estimators use: smoothed motion with derivatives, starting values, and small searches."""
+"""Provide what several estimators use: smoothed motion with derivatives, starting values, and searches for minima."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 DEGREE = 7
 """Degree of the splines. The derivatives of an interpolating spline of this degree have relative errors near 1e-8."""
 LEAST_SAMPLES = 4
-"""Least number of samples before the first gap, because the start of the motion is determined from these."""
+"""Least number of samples before the first gap. A record with fewer is refused, because the start of the motion is
+determined from these."""
 NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
 """Greatest number of samples from which the noise is measured. If the record has more, they are taken from this many
 evenly spread parts of it (second number)."""
@@ -36,15 +37,15 @@ EDGE = 1.5
 """Length at each end of a smoothing spline, in knot spacings, that is not used, because derivatives are inaccurate
 there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
-"""Least number of samples in a period that a record must have (conventional)."""
+"""Least number of samples in a period (conventional). A record with fewer is refused."""
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""By quantity: the order of the time derivative of the displacement."""
+"""For each quantity that can be recorded, the order of the time derivative of the displacement that it is."""
 SCORE = 3.5
-"""A parameter of a damping term other than its coefficient is searched between ± this standard normal score under its
-prior (see `bayesdamp.priors`)."""
+"""A parameter of a damping term other than its coefficient is searched between two quantiles of its prior, which have ±
+this standard normal score (0.02 % and 99.98 %)."""
 MEANS_PER_CYCLE = 40.0
-"""Least number of block means in a cycle when a record is thinned; the mean over a block then reduces a sinusoid by at
-most 0.1 %."""
+"""Least number of blocks in a cycle when a record is thinned by averaging blocks of samples. The averaging then reduces
+the amplitude of a sinusoid by at most 0.1 %."""
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
@@ -52,15 +53,16 @@ Curve = Callable[[np.ndarray], np.ndarray]
 class SmoothedMotion:
     """Displacement, velocity and acceleration from one spline.
 
-    t (m,): selected times in s. theta, omega, alpha (m,): the motion there in rad, rad/s, rad/s² (or m).
-    clean: whether the spline interpolates the record; otherwise it smooths.
-    project: smooths a function of the motion like the record, mapping values at all samples (n,) to values at t (m,).
-    An equation of motion still holds when both its sides are projected.
+    t (m,): selected times in s. theta, omega, alpha (m,): displacement, velocity and acceleration at t, in rad, rad/s
+    and rad/s² (or m for rad).
+    clean: whether the spline interpolates the record; otherwise the spline smooths it.
+    project: applies the smoothing of the record to any function of the motion; maps its values at all samples (n,) to
+    smoothed values at t (m,). An equation of motion still holds when both its sides are projected.
     everywhere: theta, omega, alpha at all samples that are used, each (n,).
     bandwidth: the highest angular frequency that the spline follows, in rad/s.
     noise: standard deviation of the record's noise, in the record's unit.
     theta0, omega0: displacement and velocity at the start of the record.
-    integrated: number of constants of integration that had to be guessed for the displacement.
+    integrated: number of constants of integration that had to be guessed for the displacement; 0 for a recorded angle.
     response: maps noise (n, r) in the samples to the errors of displacement, velocity and acceleration at all samples,
     each (n, r), to first order. None if the record was integrated.
     """
@@ -111,7 +113,10 @@ def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, floa
 
 
 def epsilon_of(problem: Problem, features: Features) -> float:
-    """Return the width ε of friction (rad/s or m/s): the known value, or 2 % of the record's peak velocity."""
+    """Return the width ε (rad/s or m/s) within which dry friction changes its sign with the velocity.
+
+    It is the known value, or else 2 % of the record's peak velocity.
+    """
     known = problem.system.known.get("epsilon")
     if known is not None:
         return float(known)
@@ -292,7 +297,8 @@ def motion(
 
     If the noise in the acceleration of an interpolating spline (about 6σ/Δt² for an angle) is below a thousandth of the
     acceleration, a spline of degree 7 interpolates the record. Otherwise a spline of degree 7 with `knots_per_period`
-    is fitted by least squares, without samples that deviate by more than six robust standard deviations. In both cases
+    knots in a period is fitted by least squares, without samples that deviate from it by more than six robust standard
+    deviations. In both cases
     the ends are left out. A recorded velocity or acceleration is integrated; the constants follow from a known theta0
     and omega0, or from the midline of the turning points. Each of the record's `pieces` is fitted separately; clean,
     bandwidth, theta0 and omega0 of the result are those of the first.
@@ -491,14 +497,15 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
 def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
     """Minimise `cost` over x ≥ 0 by Brent's bounded method (section 3.3 of the paper that `estimators` cites).
 
-    The bracket is [guess/3, 3·guess]; it is shifted, at most 12 times, while the minimum is at one of its ends.
+    The first bracket is [guess/3, 3·guess]. While the minimum is at an end of the bracket, the bracket is shifted and
+    searched again; at most 12 brackets are searched.
 
     Parameters
     ----------
     cost
         The function to minimise.
     guess
-        Start of the search; a smaller value than `unit` is replaced by it.
+        Centre of the first bracket; a value below `unit` is replaced by `unit`.
     unit
         A small value of x that still matters, which scales the tolerance.
 
@@ -540,9 +547,9 @@ def search_further(
 ) -> dict[str, float]:
     """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty if `priors` is empty.
 
-    cost: maps values by name to the number to minimise. The search of Nelder and Mead varies the standard normal scores
-    of the parameters between ±`SCORE`, from the best point of a grid. If the cost is the residual with the best
-    coefficients, this is variable projection (Golub and Pereyra 1973).
+    cost: maps values by name to the number to minimise. The method of Nelder and Mead varies the standard normal scores
+    of the parameters under their priors between ±`SCORE`; it starts from the best point of a grid. If the cost is the
+    sum of squares with the best damping coefficients, this is variable projection (Golub and Pereyra 1973).
     """
     if not priors:
         return {}

@@ -55,4 +55,4 @@ def test_a_coefficient_is_never_negative_and_its_bound_is_told():
     first, refined = run("least_squares", *record, seed=1)
     assert first.values["mu_q"] < 0.0  # the regression says so as it is
     assert refined.values["mu_q"] == 0.0
-    assert "mu_q is at its bound 0" in refined.outcome
+    assert "the best fit has mu_q = 0, its lower bound" in refined.outcome

@@ -40,7 +40,8 @@ def test_a_term_that_is_not_there_is_told():
     signal, problem = pendulum({"mu_c": 0.06}, model=("viscous",))
     first, refined = run("sindy", signal, problem, seed=1)
     assert first.outcome == (
-        "the sparse regression selects tanh(θ̇/ε): it leaves out the model's 2θ̇; the model has no tanh(θ̇/ε)"
+        "the sparse regression selects tanh(θ̇/ε): without 2θ̇, which the model has; "
+        "with tanh(θ̇/ε), which the model does not have"
     )
     assert first.values["zeta"] > 0.0
     assert refined.outcome != "ok"

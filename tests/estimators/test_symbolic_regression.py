@@ -34,7 +34,7 @@ def test_it_discovers_the_law(damping):
     ((parameter, truth),) = damping.items()
     found = initial("symbolic_regression", *pendulum(damping))
     assert LAW[parameter] in found.details["chosen"]
-    assert found.details["read"] == "the expression is the law: its own constants"
+    assert found.details["read"] == "constants of the expression, which has the form of the damping law"
     assert error(found.values[parameter], truth) < PUBLISHED[parameter]
     lengths, errors = found.details["pareto_length"], found.details["pareto_error"]
     assert 0 <= found.details["pareto_chosen"] < len(lengths) == len(errors)
@@ -46,7 +46,9 @@ def test_another_damping_is_seen_and_is_no_good_fit():
     signal, problem = pendulum({"mu_c": 0.06}, model=("viscous",))
     found, refined = run("symbolic_regression", signal, problem, seed=1)
     assert "tanh" in found.details["chosen"]  # it says friction although it was asked for viscous damping
-    assert found.details["read"] == "the law that does the same work"
+    assert (
+        found.details["read"] == "coefficient with which the term dissipates as much energy as the expression"
+    )
     assert "the model is incomplete" in refined.outcome
 
 

@@ -28,7 +28,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 LEAST_CYCLES = 3.0
-"""Least number of cycles that a record must have (conventional)."""
+"""Least number of cycles of a record (conventional). A record with fewer is refused."""
 TOLERANCE = 1e-7
 """Largest error of a trajectory, as a fraction of the amplitude."""
 
@@ -49,7 +49,7 @@ class Envelope(Estimator[EnvelopeOptions]):
 
     Further parameters of damping terms are fitted too. Unknown restoring parameters follow from the record's frequency
     and midline, and an unknown start from the smoothed record; the amplitude of the start is then fitted together with
-    the damping. Record and trajectories with uneven times are interpolated to an even clock.
+    the damping. Record and trajectories with uneven times are interpolated linearly to uniform times.
     """
 
     options = EnvelopeOptions
@@ -134,7 +134,7 @@ class _EnvelopeMatch:
         self.trajectories = Trajectories(self.osc, self.record_times, signal.quantity, self.base, tolerance)
 
     def _envelope(self, y: np.ndarray) -> np.ndarray:
-        """Return the smoothed envelope of y (n,) about the record's midline, at the even times, (n,)."""
+        """Return the smoothed Hilbert envelope of y (n,) about the record's midline, at the uniform times, (n,)."""
         y = y if self.times is self.record_times else np.interp(self.times, self.record_times, y)
         raw = np.abs(np.asarray(hilbert(y - self.midline)))
         width = min(self.filter_width, 2 * ((y.size - 1) // 2) - 1)

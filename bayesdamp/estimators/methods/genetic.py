@@ -34,7 +34,8 @@ ALONE = 4.0
 """A damping coefficient is searched up to this many times the value with which it alone would cause the record's
 decay."""
 LEAST_READINGS = 200
-"""Fewest samples of a trajectory that are compared with the record."""
+"""Least number of samples of the record with which a trajectory is compared, if the record has that many. It takes
+precedence over the option `readings`."""
 LEAST_DECAY = 0.05
 """A record whose amplitude falls by less than this fraction is treated as if it fell by this fraction, so that the
 search range of its damping is not too narrow."""
@@ -48,7 +49,7 @@ PHASES, NEWTON = 24, 3
 
 
 class GeneticOptions(Options):
-    """Options of the genetic search: the paper's components, and what the paper leaves open.
+    """Options of the genetic search: those of the paper that `bayesdamp.estimators` cites, and what it leaves open.
 
     population: number of trajectories in a generation for one unknown parameter, as in the paper; each further unknown
     adds half as many (forty trajectories for six unknowns become similar long before they are near the solution).
@@ -82,7 +83,7 @@ class Genetic(Estimator[GeneticOptions]):
     ) -> Estimate:
         """Return the unknown parameters with the least misfit in the last generation, without standard errors.
 
-        Raises Refusal if all trajectories escape.
+        Raises Refusal if all trajectories diverge.
         """
         features = checked_features(signal)
         genes = Genes(signal, problem, features)
@@ -131,10 +132,11 @@ class Genetic(Estimator[GeneticOptions]):
 class Genes:
     """The unknown parameters of m trajectories as variables u, shape (m, d), where 0 ≤ u ≤ 1 is the search range.
 
-    The stiffness and the angle of a restoring law are not searched themselves, but the frequency and the midline of a
-    motion at the record's middle amplitude, from which they follow by harmonic balance. (If stiffness and gravity were
-    searched themselves, most pairs would miss the record's frequency and so lose its phase, even if both values are
-    nearly right.) For all other parameters the variable is the parameter, scaled to the search range. names: names of
+    The stiffness and the angle (of rest, or of the relaxed spring) of a restoring law are not searched themselves.
+    Instead, the frequency and the midline of a motion at the record's middle amplitude are searched, from which these
+    parameters follow by harmonic balance. (If stiffness and gravity were searched themselves, most pairs would miss the
+    record's frequency and so lose its phase, even if both values are nearly right.) For all other parameters the
+    variable is the parameter, scaled to the search range. names: names of
     the unknown parameters; labels: names of what is varied for each; low, high (d,): its range, in its unit (rad/s for
     the frequency); positive (d,): whether it must not be negative.
     """

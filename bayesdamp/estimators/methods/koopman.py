@@ -113,7 +113,7 @@ def observe(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Compute pairs of the dictionary's values, one lag apart.
 
-    The state comes from the smoothed motion, interpolated to an even clock if necessary. For a noisy record all
+    The state comes from the smoothed motion, interpolated to uniform times if necessary. For a noisy record all
     observables pass the same compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the
     record itself. library: the functions of the dictionary. lag: in periods, 0 to choose it by the noise. Raises
     Refusal if the record is too short.
@@ -157,7 +157,9 @@ def observe(
         after.append(g[step:, :p])
         forms.append(g[:-step, p:])
     if not before:
-        raise Refusal("the record is too short for pairs of states one lag apart")
+        raise Refusal(
+            f"the record is too short: it has too few pairs of states that are {step * h:.3g} s (one lag) apart"
+        )
     laws = np.vstack(forms)
     return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], step * h
 

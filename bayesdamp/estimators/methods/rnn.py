@@ -40,21 +40,24 @@ NARROWEST = float(np.log(1.1))
 MOST_ROUNDS = 6
 """Largest number of rounds, each with a new range of the coefficient (conventional)."""
 LEAST_SAMPLES = 5
-"""Least number of samples in a stretch (see `Stretches`); stretches with fewer are not used (conventional)."""
+"""Least number of samples in a stretch, which is a part of the record between equidistant phases, usually of half a
+cycle. Stretches with fewer are not used (conventional)."""
 LEAST_STRETCHES = 3
-"""Least number of stretches with enough samples that a record must have (conventional)."""
+"""Least number of stretches (parts of usually half a cycle) with enough samples; a record with fewer is refused
+(conventional)."""
 FEW = 6.0
-"""If the record has fewer half cycles than this, its stretches are quarter cycles."""
+"""If the record has fewer half cycles than this, it is divided into stretches of a quarter cycle instead of half."""
 MOST_SAMPLES = 2000
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 MOST_STRETCHES = 48
-"""Largest number of stretches of a record (conventional)."""
+"""Largest number of stretches of a record (conventional). A longer record has stretches of several half cycles."""
 TOLERANCE = 1e-6
 """Largest numerical error of a simulated record, as a fraction of the amplitude."""
 LEAST_DECAY = 0.01
 """Smallest fall of the logarithm of the amplitude over the record; it is assumed if the record itself shows less."""
 FLOOR = 1e-3
-"""Number added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude."""
+"""Number added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude. It makes
+the logarithm of a vanishing amplitude finite."""
 COPIES = 2
 """Number of times that each simulated record is presented, each time with other noise."""
 
@@ -161,7 +164,8 @@ class Stretches:
         self.count = len(self.rows)
         if self.count < LEAST_STRETCHES:
             raise Refusal(
-                f"{self.count} stretches of the record have enough samples, and at least {LEAST_STRETCHES} are needed"
+                f"{self.count} parts of the record (of {self.half_cycles:g} half cycles each) have at least "
+                f"{LEAST_SAMPLES} samples over most of their length; at least {LEAST_STRETCHES} such parts are needed"
             )
 
     def quadratures(self, y: np.ndarray) -> np.ndarray:

@@ -39,8 +39,8 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 RIDGES = (1e-8, 1e-3)
-"""Weights of the ridge penalty, for columns and target of unit norm. For each of them the thresholds are raised step by
-step, as `sparse_models` describes."""
+"""Weights of the ridge penalty, for columns and target of unit norm. For each of them the threshold is raised step by
+step, so that functions of θ are removed one by one."""
 TESTED = 2
 """Number of sparse solutions with functions of θ, for each set of damping terms, whose integrated predictions are
 compared with the record."""
@@ -96,7 +96,8 @@ class SparseModel:
     support (p,): whether each term of the library is used. x (p,): the coefficients in natural units, 0 for unused
     terms. threshold, ridge: settings of the regression that selected the terms, for columns and target of unit norm
     (∞ and 0 for a solution without functions of θ). sound: whether its damping coefficients are not negative and its
-    terms do not cancel each other. score: see `score_models`; the smallest is best.
+    terms do not cancel each other. score: extended Bayesian information criterion of the predicted record; the smallest
+    is best. It is ∞ if the solution is not sound.
     """
 
     support: np.ndarray

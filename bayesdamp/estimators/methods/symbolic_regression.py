@@ -278,13 +278,21 @@ def _read(
         columns = shapes(width)
         c = solve(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= MOST_DIFFERENCE * np.sqrt(np.mean(f**2)):
-            return values(c), switch, "the expression is the law: its own constants"
+            return values(c), switch, "constants of the expression, which has the form of the damping law"
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
     projected, omega = force.motion.project(f), force.motion.omega
     if len(osc.terms) == 1:
         c = np.atleast_1d(projected @ omega / (smooth[:, 0] @ omega))
-        return values(c), switch, "the law that does the same work"
-    return values(solve(smooth, projected)), switch, "the law nearest to the expression"
+        return (
+            values(c),
+            switch,
+            "coefficient with which the term dissipates as much energy as the expression",
+        )
+    return (
+        values(solve(smooth, projected)),
+        switch,
+        "coefficients with which the sum of terms fits the expression best",
+    )
 
 
 PLUGIN = SymbolicRegression()

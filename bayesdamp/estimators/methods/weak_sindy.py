@@ -50,7 +50,7 @@ WIDTHS = (0.75, 1.0, 1.5, 2.0)
 ROUNDS = 3
 """Number of fits; each one uses weights from the coefficients of the one before."""
 SUBDIVIDED = 15
-"""Number of points in the interval around each sample over which a discontinuous function is averaged."""
+"""Number of points, in the sampling interval around each sample, over which a discontinuous function is averaged."""
 
 
 class WeakSindyOptions(Options):
@@ -65,7 +65,8 @@ class WeakSindyOptions(Options):
 class WeakSindy(Estimator[WeakSindyOptions]):
     """Sparse regression of ∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0, without numerical derivatives of the record.
 
-    The inertia is integrated by parts twice and viscous damping once. For terms that are not linear in θ̇, the velocity
+    φ is a test function, f a candidate term, and ξ its coefficient. The inertia ∫φθ̈ is integrated by parts twice, and
+    viscous damping once. For terms that are not linear in θ̇, the velocity
     is the convolution of the record with −ψ′, where the width of the compact kernel ψ balances noise against bias. The
     record's noise enters through φ″ + φ F′ and through the columns, so the rows have correlated errors: we use
     generalised least squares, whose weights follow from the coefficients. Noise in the columns biases the normal
@@ -108,7 +109,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             errors = [ratio[c.damping] * spread for c, spread in zip(few, guess.stderr) if c.damping]
             tried.append((float(np.linalg.norm(errors)), width, guess.x))
         if not tried:
-            raise Refusal("the record is too short for test functions")
+            raise Refusal("the record is too short: too few test functions fit into it")
         _, width, near = min(tried, key=lambda trial: trial[0])
         rows = _assemble(stretches, library, problem, features, width * features.period)
         assert rows is not None
@@ -158,10 +159,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
-    """Return the record's pieces between gaps, interpolated to even clocks, with displacement and velocity.
+    """Return the record's pieces between gaps, interpolated to uniform times, with displacement and velocity.
 
-    Of a recorded velocity or acceleration it is only the first piece. sigma: standard deviation of the noise, in the
-    unit of the record.
+    For a recorded velocity or acceleration, only the first piece is returned, because the motion cannot be integrated
+    across a gap. sigma: standard deviation of the noise, in the unit of the record.
     """
     parts, order = pieces(signal, features.period), ORDER[signal.quantity]
     if order:

@@ -32,7 +32,7 @@ UNIT = 3.0
 """Factor that enlarges the units in which the physical parameters are trained: the larger it is, the less Levenberg's
 method damps their steps in comparison with those of the weights."""
 UNINFORMED = 0.05
-"""Equivalent damping ratio of each term at an uninformed start."""
+"""Equivalent damping ratio of each term from which the training starts with the option start = "uninformed"."""
 COLLINEAR = 1e-3
 """Singular values below this fraction of the largest are left out when the first output layer is fitted."""
 with warnings.catch_warnings():
@@ -95,24 +95,27 @@ class Collocation(ScaledRecord):
         self.first = np.concatenate([weights[: -output.size].numpy(), output, physical])
 
     def data(self, x: Tensor) -> Tensor:
-        """Return the misfits of the record, (n,), scaled: their sum of squares is the mean square misfit.
+        """Return the misfits of the n samples, (n,), scaled such that their sum of squares is the mean square misfit.
 
-        The misfit is in units of Aωᵏ, with the order k of the recorded derivative. x: as in the class.
+        The unit is Aωᵏ, with the record's amplitude A, its angular frequency ω, and the order k of the recorded
+        derivative. x: the unknowns, (k,), or one row for each misfit.
         """
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
-        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where they are not known.
+        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where the value is not known.
 
-        They are in units of A and Aω, times the square root of the option `start_weight`. x: as in the class.
+        They are in units of the record's amplitude A, and of Aω with its angular frequency ω, times the square root of
+        the option `start_weight`. x: the unknowns, (k,), or one row for each misfit.
         """
         motion = self.motion(x, self.begin_inputs).diagonal()
         return self.start_weight**0.5 * self.is_given * (motion - self.known_begin)
 
     def physics(self, x: Tensor) -> Tensor:
-        """Return the weighted residuals of the equation of motion at the n collocation instants, (n,), in Aω².
+        """Return the weighted residuals of the equation of motion at the n collocation instants, (n,).
 
-        Their sum of squares is the option `physics_weight` times the mean square residual. x: as in the class.
+        The unit is Aω², with the record's amplitude A and angular frequency ω. Their sum of squares is the option
+        `physics_weight` times the mean square residual. x: the unknowns, (k,), or one row for each residual.
         """
         angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
         physical = x[..., self.network.count :] * torch.from_numpy(self.units)
@@ -123,8 +126,9 @@ class Collocation(ScaledRecord):
         return (self.physics_weight / angle.numel()) ** 0.5 * residuals
 
     def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
-        """Return the angle about the rest and its derivatives, (n, j), in units of Aωᵏ for order k.
+        """Return the angle from the equilibrium and its time derivatives up to order j − 1, (n, j).
 
+        The derivative of order k is in units of Aωᵏ, with the record's amplitude A and angular frequency ω.
         x: the unknowns, of which only the weights are used. inputs: the network's inputs and their derivatives by ωt,
         (n, j, inputs).
         """

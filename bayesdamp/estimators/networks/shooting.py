@@ -24,7 +24,8 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SEGMENTS = 160
-"""Largest number of segments of a record; without this limit a segment is half a cycle (conventional)."""
+"""Largest number of segments into which a record is cut (conventional). A segment is half a cycle, or longer if there
+would be more segments than this."""
 GRID = 41
 """Number of velocities at which the learnt force is reported (conventional)."""
 STEADY = 1e-3
@@ -34,7 +35,8 @@ STEADY = 1e-3
 class Shooting(ScaledRecord):
     """The loss of a learnt damping force as a sum of squares.
 
-    Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². The unknowns x (k,) are the weights of the
+    Angles are measured from the equilibrium in units of the record's amplitude A, times in 1/ω with its angular
+    frequency ω, forces in Aω². The unknowns x (k,) are the weights of the
     network, the unknown restoring parameters (divided by `free_units`), and each segment's first angle and velocity.
     first: start values of the unknowns, (k,). units: units in which `project` returns the damping coefficients. width:
     number of units in each of the two hidden layers. count: number of weights. physical: number of weights and
@@ -85,9 +87,10 @@ class Shooting(ScaledRecord):
         self.first = np.concatenate([weights, free / self.free_units.numpy(), np.ravel(states)])
 
     def force(self, x: Tensor, velocity: Tensor) -> Tensor:
-        """Return the learnt force (n,), in Aω², at velocities (n,), in Aω, for unknowns x (k,), or (n, k).
+        """Return the force of the network (n,), in Aω², at velocities (n,), in Aω, for unknowns x (k,), or (n, k).
 
-        It is a network with tanh in two hidden layers; without biases, it is an odd function.
+        A and ω are the record's amplitude and angular frequency. The network has tanh in two hidden layers and no
+        biases, so that the force is an odd function of the velocity.
         """
         first, second, last = x[..., : self.count].split([self.width, self.width**2, self.width], dim=-1)
         hidden = torch.tanh(velocity[:, None] * first)
@@ -98,7 +101,8 @@ class Shooting(ScaledRecord):
     def paths(self, x: Tensor) -> Tensor:
         """Return angle and velocity at the nodes of each segment, (nodes, segments, 2), for unknowns x (k,).
 
-        They are in A about the rest and in Aω; the nodes are the ends of the solver's steps.
+        The angle is measured from the equilibrium in units of the record's amplitude A, the velocity in Aω with its
+        angular frequency ω. The nodes are the ends of the solver's steps.
         """
         starts = x[self.physical :].reshape(self.segments, 2)
         return _runge_kutta(lambda state: self._rate(x, state), starts, self.nodes)
@@ -106,7 +110,7 @@ class Shooting(ScaledRecord):
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
         """Return the derivatives (n, 2) of `state` (n, 2), angle in A and velocity in Aω, by time in units of 1/ω.
 
-        x: the unknowns, (k,), or one row for each state, (n, k).
+        A, ω: the record's amplitude and angular frequency. x: the unknowns, (k,), or one row for each state, (n, k).
         """
         angle, velocity = state.unbind(-1)
         values = x[..., self.count : self.physical] * self.free_units
@@ -116,16 +120,17 @@ class Shooting(ScaledRecord):
     def _step(self, x: Tensor, state: Tensor, duration: Tensor) -> Tensor:
         """Return angle and velocity (n, 2) one step after each state (n, 2), in A and Aω.
 
-        x: the unknowns, (k,), or one row for each state, (n, k). duration (n,): of each step, in 1/ω.
+        A, ω: the record's amplitude and angular frequency. x: the unknowns, (k,), or one row for each state, (n, k).
+        duration (n,): duration of each step, in 1/ω.
         """
         ends = torch.tensor([0.0, 1.0], dtype=REAL)
         return _runge_kutta(lambda state: duration[:, None] * self._rate(x, state), state, ends)[1]
 
     def _sampled(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return the recorded quantity (n,) at each sample, in Aωᵏ (k: order of the derivative).
+        """Return the recorded quantity (n,) at each sample, in Aωʲ, where j is the order of the recorded derivative.
 
-        x: the unknowns, (k,), or one row for each sample, (n, k). state: angle and velocity at the node before each
-        sample, (n, 2), in A and Aω.
+        A, ω: the record's amplitude and angular frequency. x: the unknowns, (k,), or one row for each sample, (n, k).
+        state: angle and velocity at the node before each sample, (n, 2), in A and Aω.
         """
         state = self._step(x, state, self.since)
         return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
@@ -189,8 +194,8 @@ class Shooting(ScaledRecord):
     def project(self, x: np.ndarray) -> np.ndarray:
         """Return the damping coefficients, (terms,), in `units`, of the projection of the learnt force on the terms.
 
-        With them the terms take the same mean power as the learnt force in each segment, by least squares. All are NaN
-        if a path is not finite. x: the unknowns, (k,).
+        With these coefficients the terms dissipate, as nearly as possible (least squares), the same mean power as the
+        learnt force in each segment. All are NaN if a path is not finite. x: the unknowns, (k,).
         """
         unknowns = torch.from_numpy(x)
         velocity = self.paths(unknowns)[..., 1]

@@ -193,8 +193,8 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
 
     It uses Levenberg's method with geodesic acceleration (Transtrum & Sethna 2012, arXiv:1201.5885): a step is bent by
     the residuals' second derivative along it, and refused if it bends too much. All unknowns have the same damping:
-    scaled by their curvature, as Marquardt proposed, it would let weights without effect grow without bounds. It ends
-    when no step lowers the loss.
+    scaled by their curvature, as Marquardt proposed, it would let weights without effect grow without bounds. The
+    descent ends when none of `TRIALS` steps from a point lowers the loss.
 
     Parameters
     ----------
@@ -309,10 +309,10 @@ class ScaledRecord:
     """A record and its oscillator in the record's scales: the amplitude a (rad or m) and angular frequency w (rad/s).
 
     t, recorded: times in s and samples, (n,) each, at most `MOST_SAMPLES`. order: order of the recorded derivative of
-    the displacement. y: the samples (a displacement minus the rest) in units of a wᵒʳᵈᵉʳ. base: values of all
+    the displacement. y: the samples (a displacement minus the equilibrium) in units of a wᵒʳᵈᵉʳ. base: values of all
     parameters but the coefficients. ratios: equivalent damping ratio per unit of each coefficient. coefficients,
     restoring: names of the unknown parameters. is_given (2,): 1 where the angle or the velocity at the start is known,
-    else 0. known_begin (2,): their values, the angle about the rest, in a and a w.
+    else 0. known_begin (2,): the values of these two, the angle relative to the equilibrium, in units of a and a w.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:

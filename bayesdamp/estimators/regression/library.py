@@ -23,8 +23,8 @@ STEPS = 100
 TABLE = 4001
 """Number of entries in the tables of functions of θ, which cover twice the record's range."""
 STEP = 1e-3
-"""Step of finite differences: a coefficient changes by this fraction of its scale, and displacement and velocity at the
-start by a tenth of this fraction of their amplitudes."""
+"""Step of finite differences: a coefficient changes by this fraction of its typical size, and displacement and velocity
+at the start by a tenth of this fraction of their amplitudes."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model:
     of_damping = np.array([candidate.damping is not None for candidate in library])
     missing = [names[i] for i in np.flatnonzero(of_damping & model & ~selected)]
     extra = [names[i] for i in np.flatnonzero(selected & ~model)]
-    faults = [f"it leaves out the model's {' and '.join(missing)}"] if missing else []
-    faults += [f"the model has no {' or '.join(extra)}"] if extra else []
+    faults = [f"without {' and '.join(missing)}, which the model has"] if missing else []
+    faults += [f"with {' and '.join(extra)}, which the model does not have"] if extra else []
     terms = ", ".join(names[i] for i in np.flatnonzero(selected)) or "nothing"
     return f"the sparse regression selects {terms}: {'; '.join(faults)}" if faults else OK
 
@@ -156,8 +156,8 @@ def residual_squares(
 
     Row i of x has the coefficients of model i, in the order of the library; 0 for terms that it does not have.
     The start and the nonzero coefficients of each model are first improved by one Gauss–Newton step, so that errors of
-    the regression do not count. unit (p,): scales of the coefficients. floor: smallest root mean square residual;
-    smaller ones count as this.
+    the regression do not count. unit (p,): typical sizes of the coefficients, from which the steps of difference
+    quotients follow. floor: smallest root mean square residual; smaller ones are replaced by this value.
     """
     size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
     start = np.array([record.theta[0], record.omega[0]])

@@ -1,7 +1,8 @@
 """Provide the weak form of the equation of motion: test functions, and sparse regression with correlated errors.
 
-Each row is the equation integrated against one compact test function. The rows have correlated errors, and their
-columns have noise.
+Each row of the regression is the equation of motion times one test function φ (zero outside a short interval),
+integrated over time. The inertia of a row is ∫φ θ̈ dt plus the integral of the known force, and its columns are the
+integrals of the candidate terms. The rows have correlated errors, and their columns have noise.
 """
 
 from __future__ import annotations
@@ -17,18 +18,19 @@ from scipy.interpolate import make_interp_spline
 POWER = 6
 """Power of the test function φ(s) = (1 − s²)^POWER on [−1, 1]; the trapezoidal rule is then exact to rounding."""
 OVERLAP = 8
-"""Number of test functions that begin within one width."""
+"""Number of test functions that begin within the width of one of them."""
 LEAST_EIGENVALUE = 1e-7
 """Eigenvectors of the rows' covariance with an eigenvalue below this fraction of the largest are left out."""
 FLOOR = 1e-6
-"""Smallest rms residual that is distinguished from zero, as a fraction of the rms of the inertia rows."""
+"""Smallest rms residual that is distinguished from zero, as a fraction of the rms inertia (∫φ θ̈ dt) of all rows."""
 NOISELESS = 1e-7
-"""If the noise of a whitened row is below this fraction of its inertia, the bias that noise causes is not computed."""
+"""If the noise of a row with whitened errors is below this fraction of its inertia (∫φ θ̈ dt), the bias that noise
+causes is not computed."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A piece of the record on an even clock.
+    """A piece of the record with uniformly spaced samples.
 
     h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): the state, at which functions of the
     library are evaluated. velocity (n, n): the matrix from samples to omega; zero for a recorded velocity or
@@ -44,10 +46,10 @@ class Stretch:
 
 
 def to_even_clock(t: np.ndarray, h: float, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return times and curves on an even clock of interval h (s), from values at the times t (n,).
+    """Return uniform times with the interval h (s), and curves at these times, from their values at the times t (n,).
 
-    They are interpolated (by cubic splines) if an interval of t differs from h by more than a thousandth; their number
-    may then differ from n. Otherwise they are returned unchanged.
+    The curves are interpolated by cubic splines if an interval of t differs from h by more than a thousandth of h; the
+    number of values may then differ from n. Otherwise t and the curves are returned unchanged.
     """
     if np.all(np.abs(np.diff(t) - h) <= 1e-3 * h):
         return (t, *curves)
@@ -143,10 +145,11 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
 
 @dataclass(frozen=True)
 class Rows:
-    """The weak form, inertia + columns · x = 0 apart from noise, for m test functions and p terms.
+    """The weak form, inertia + columns · x = 0 apart from noise, for m test functions φ and p terms f, coefficients x.
 
-    inertia (m,), columns (m, p). noise: for each piece of the record the derivatives by its samples of the inertia, and
-    of each column, (m_i, n_i) each.
+    inertia (m,): ∫φ θ̈ dt plus the integral of the known force. columns (m, p): ∫φ f dt for each term f. noise: for
+    each piece i of the record, the derivatives of the inertia by its n_i samples, and those of each column, (m_i, n_i)
+    each.
     """
 
     inertia: np.ndarray
@@ -156,11 +159,12 @@ class Rows:
 
 @dataclass(frozen=True)
 class WhiteRows:
-    """Rows with independent errors that have the variance of a sample's noise.
+    """The weak form (`Rows`), transformed so that its errors are independent and have the variance of a sample's noise.
 
-    inertia (p + 1,), columns (p + 1, p): after an orthogonal transformation to p + 1 rows. count: number of rows before
-    it. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the covariance C of the rows for unit noise of the samples,
-    and the derivatives B_k by the samples of each column and, last, of the inertia.
+    inertia (p + 1,), columns (p + 1, p): after a further orthogonal transformation that reduces the rows to p + 1.
+    count: number of rows before this reduction. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the covariance C
+    of the rows for unit noise of the samples, and the derivatives B_k by the samples of each column and, last, of the
+    inertia.
     """
 
     inertia: np.ndarray
@@ -201,8 +205,8 @@ class Solution:
 
     support (p,): whether each term is used. left: residual sum of squares. expected: its expectation from the noise of
     inertia and columns. sound: whether the terms can be distinguished despite the noise; otherwise the coefficients are
-    not corrected for bias. score: see `sparse_path`; the smallest is best. threshold: the smallest |x|/stderr of its
-    terms.
+    not corrected for bias. score: Bayesian information criterion for errors of known size; the smallest is best.
+    threshold: the smallest |x|/stderr of its terms.
     """
 
     support: np.ndarray
