@@ -16,9 +16,9 @@
 
 F′_rest is the derivative of the restoring force by the position, F′_damp that of the damping force by the velocity,
 both per unit of inertia. E is the energy of the undamped motion at an amplitude, and ΔE the work of the damping force
-in a cycle of this motion, both by quadrature with the restoring law of the model. By first-order averaging, the
-amplitude changes by −ΔE/(dE/dA) in a cycle. For a linear oscillator with viscous damping the half-life is exact, and
-the relative error of the decrement is half the damping ratio squared.
+in a cycle of this motion, both per unit of inertia too, by quadrature with the restoring law of the model. By
+first-order averaging, the amplitude changes by −ΔE/(dE/dA) in a cycle. For a linear oscillator with viscous damping the
+half-life is exact, and the relative error of the decrement is half the damping ratio squared.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ CURVE_DRAWS = 1000
 """Thinning for a curve against amplitude keeps at least this number of draws. The ends of its intervals are then
 accurate to a tenth of the posterior standard deviation."""
 _HALVING = np.polynomial.legendre.leggauss(6)
+"""Nodes and weights of the Gauss–Legendre rule with which `Motions.half_life` integrates over ln A."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class Motions:
 
     @cached_property
     def _numbers(self) -> dict[str, np.ndarray]:
+        """All parameters of the oscillator except theta0 and omega0, by name, as arrays of one shape."""
         names = [n for n in self.osc.inputs if n not in ("theta0", "omega0")]
         return dict(
             zip(names, np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]), strict=True)
@@ -185,6 +187,7 @@ QUANTITIES = (
     DerivedQuantity("coulomb_torque", "N m", "N", lambda m: m.coefficient("mu_c")),
     DerivedQuantity("quadratic_coefficient", "N m s²", "N s²/m²", lambda m: m.coefficient("mu_q")),
 )
+"""All derived quantities, in the order of the results. The table at the start of this module defines them."""
 
 
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:

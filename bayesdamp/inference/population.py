@@ -36,18 +36,19 @@ GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
 """Grid of one specimen's coefficient: number of points, and half-width in standard deviations of its likelihood.
 `HYPER_DRAWS`: number of draws of (m, τ) over which the specimen's posterior is averaged."""
 LEAST_EFFECTIVE = 100
-"""The result is unreliable if, after reweighting for what the other specimens show, the draws of a specimen have a
-smaller effective number than this (conventional)."""
+"""Each specimen's draws are reweighted for the records of the other specimens. If the effective number of one
+specimen's draws is then below this, the result is unreliable (conventional)."""
 FEW_SPECIMENS = 5
-"""With fewer specimens than this, the upper limit of the spread mostly follows from its prior."""
+"""With fewer specimens than this, the upper limits of mean and spread mostly follow from their priors, and the outcome
+says so."""
 
 
 @dataclass(frozen=True)
 class Sample:
     """Weighted posterior draws of one specimen's coefficient.
 
-    name: of the specimen. values: the n draws, in the unit of the coefficient, (n,). log_weights: their log weights,
-    (n,), up to a constant. log_prior: log density of the specimen's prior at the draws, (n,).
+    name: of the specimen. values: n draws of the coefficient, in its unit, (n,). log_weights: log weights of the draws,
+    (n,), up to a constant. log_prior: log density, at the draws, of the prior under which they were made, (n,).
     """
 
     name: str
@@ -145,9 +146,9 @@ class Kernels:
         return log - scipy.special.log_ndtr(m / tau)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """Return the log likelihood, (p,), at coefficients x ≥ 0, (p,), with all densities reflected at zero.
+        """Return the log likelihood of one specimen's coefficient at values x ≥ 0, (p,), up to a constant: (p,).
 
-        It is up to a constant.
+        All normal densities of which the likelihood is the sum are reflected at zero.
         """
         log_weights = self.log_weights[:, None]
 
@@ -205,7 +206,7 @@ def infer_population(samples: Sequence[Sample], scale: float) -> Population:
         size[sample.name] = effective_size(sample.log_weights - sample.log_prior + log_ratio)
     worst, outcome = min(size, key=lambda name: size[name]), OK
     if size[worst] < LEAST_EFFECTIVE:
-        few = f"{worst} has only {size[worst]:.0f} effective draws given the others, below {LEAST_EFFECTIVE}"
+        few = f"given the other specimens, {worst} has only {size[worst]:.0f} effective draws (below {LEAST_EFFECTIVE})"
         outcome = f"not to be trusted: {few}"
     elif len(samples) < FEW_SPECIMENS:
         outcome = (

@@ -39,21 +39,22 @@ MOST_SAMPLES = 20_000
 """Greatest number of values in the search for the largest peak of the spectrum; a longer record is averaged in blocks.
 The frequencies that are lost are far above the tested overtones."""
 
+# Clauses on the largest peak in the spectrum of the residuals; they follow "structure remains in the residuals: ".
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
 AT_OVERTONES = (
     "at overtones of the oscillation, as if the restoring force or the recorder's scale were nonlinear"
 )
-SLOW_STRUCTURE = "it is slow, as if the record's zero drifted"
+SLOW_STRUCTURE = "at low frequencies, as if the record's zero drifted"
 OTHER_OSCILLATION = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
 
 PARTS_PER_STEP = 32
 """Number of parts into which each step of the ODE solver is divided for the integral of the response to a force."""
 NEAR_REST = 0.1
-"""Width of the velocity range in which the tested form "friction near rest" acts, as a fraction of the largest
-velocity."""
-REVERSAL_WIDTH = 0.02
-"""Width of the velocity range within which the tested form "friction near rest" changes its sign, as a fraction of the
+"""Width of the velocity range in which the tested form "friction is larger at low velocity" acts, as a fraction of the
 largest velocity."""
+REVERSAL_WIDTH = 0.02
+"""Width of the velocity range within which the tested form "friction is larger at low velocity" changes its sign, as a
+fraction of the largest velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
 """A force is not tested if at most this fraction of its direction's length remains after the fitted directions are
 projected out: fitted parameters can then replace the force."""
@@ -203,14 +204,16 @@ FORMS = (
     Form("damping grows faster than with the square of the velocity", lambda x, v, t: v**3),
     Form("damping grows more slowly than with the velocity", lambda x, v, t: np.sign(v) * np.sqrt(np.abs(v))),
     Form(
-        "friction is larger near rest",
+        "friction is larger at low velocity",
         lambda x, v, t: np.tanh(v / REVERSAL_WIDTH) * np.exp(-((v / NEAR_REST) ** 2)),
     ),
     Form("damping depends on the displacement", lambda x, v, t: x**2 * v, signed=True),
     Form("damping changes with time", lambda x, v, t: t * v, signed=True),
     Form("stiffness changes with time", lambda x, v, t: t * x, damps=False),
-    Form("the restoring force bends", lambda x, v, t: x**3, damps=False),
+    Form("the restoring force has an additional cubic part", lambda x, v, t: x**3, damps=False),
 )
+"""Forms of force that `find_missing_form` tests, with x, v and t scaled as `Form.force` says. Their descriptions follow
+"the residuals look as if "."""
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,11 @@ IN_PHASE_RESIDUAL = 0.3
 """A motion counts as in phase with the record if its root mean square residual is below this many standard deviations
 of the record, or below 1.5 times the noise."""
 LEAST_SAMPLES = 8
-"""A part of the record with fewer samples is skipped while the fitted part grows (see `_grow_windows`)."""
+"""When a search fits the first two cycles of a record, then the first four, eight and so on (`_grow_windows`), a part
+with fewer samples than this is skipped."""
 SAME_START = 1e-4
-"""Two results of `_grow_windows` are the same start if no score differs by as much as this."""
+"""Two starts of searches count as the same, and are searched from only once, if no standard normal score differs by
+this much or more. It applies to starts that were improved by fits to a growing part of the record."""
 
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
@@ -118,7 +120,8 @@ def find_mode(
         `IN_PHASE_RESIDUAL`), starts are improved by fits to a part of the record that grows from two cycles on.
     thrifty : bool
         Whether to stop at the first motion in phase with the record. Starts are then tried in this order: those whose
-        motion is in phase already, then all after fits to a growing part of the record, then the others unchanged.
+        motion is in phase already, then all starts after fits to a growing part of the record, then those whose motion
+        is not in phase, unchanged.
 
     Returns
     -------

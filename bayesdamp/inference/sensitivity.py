@@ -39,8 +39,8 @@ do not determine the density at zero (conventional)."""
 POLYNOMIAL_DEGREE = 3
 """Degree of the polynomial that approximates the log density of a coefficient between zero and the median."""
 LOWER_FRACTION = 0.5
-"""The density of a coefficient at zero is estimated from a polynomial, which is fitted to this fraction of the draws,
-the smallest ones."""
+"""The density of a coefficient at zero is estimated from a polynomial that is fitted to the smallest draws; this is the
+fraction of the draws that are used."""
 FAR_FROM_ZERO = 0.5
 """If the smallest draw is larger than this fraction of the median, the draws do not determine the density at zero."""
 QUADRATURE_NODES = 400
@@ -261,7 +261,7 @@ def savage_dickey(
     """
     prior, draws = priors.get(name), scores.get(name)
     if draws is None or not isinstance(prior, HalfNormal | SharedHalfNormal):
-        return NestedRatio(outcome="not applicable: its prior is not a half-normal")
+        return NestedRatio(outcome="not applicable: the coefficient has no draws or no half-normal prior")
     log_ratios = np.full(draws.shape, -0.5 * np.log(2.0 / np.pi))
     if isinstance(prior, SharedHalfNormal):
         others = [n for n, p in priors.items() if n != name and isinstance(p, SharedHalfNormal)]
@@ -274,7 +274,11 @@ def savage_dickey(
     log_density, error = density_at_zero(draws.ravel(), size, weights.ravel())
     ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < MOST_NATS and error < 1.0):
-        return NestedRatio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
+        return NestedRatio(
+            ratio,
+            error,
+            "not applicable: the log Bayes factor is beyond 5 nats, or too few draws are near zero",
+        )
     return NestedRatio(ratio, error)
 
 

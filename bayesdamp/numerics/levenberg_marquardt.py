@@ -14,20 +14,26 @@ from typing import NamedTuple
 import numpy as np
 
 FIRST_LAMBDA, MIN_LAMBDA, MAX_LAMBDA = 1e-3, 1e-12, 1e12
-"""Initial, smallest and largest λ (conventional)."""
+"""Initial, smallest and largest value of λ, the damping parameter of Levenberg–Marquardt steps. A search ends when λ
+would exceed the largest (conventional)."""
 MIN_BEFORE_GROWTH = 1e-9
-"""A smaller λ is set to this before it grows, so that it need not grow through many tiny values (conventional)."""
+"""After a rejected step, a damping parameter λ below this is first raised to this value and then multiplied, so that it
+need not grow through many tiny values (conventional)."""
 
 
 class Schedule(NamedTuple):
-    """Factors by which λ is multiplied: `less` after an accepted step, `more` after a rejected one (conventional)."""
+    """Factors by which λ, the damping parameter of Levenberg–Marquardt steps, is multiplied (conventional).
+
+    less: after an accepted step. more: after a rejected one.
+    """
 
     less: float = 0.2
     more: float = 6.0
 
 
 Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""A function of a point (d,) and a step (d,) that returns the end point, (d,); it may follow a curve."""
+"""A function of a point (d,) and a step (d,) that returns the point at which the step ends, (d,). It may return another
+point than their sum, so that a long step follows a curve."""
 
 
 class Expansion(NamedTuple):
@@ -43,11 +49,12 @@ Expand = Callable[[np.ndarray], Expansion]
 
 
 class Step(NamedTuple):
-    """One trial step.
+    """One trial step of a Levenberg–Marquardt search.
 
-    x: start point, (d,). move: end point minus x, (d,), after the `Retract` function and the bounds are applied. at:
-    expansion at the start point. gain: increase of the function; −inf if its value or its information is not finite at
-    the end point. expected: gradient times the step before these are applied. damping: λ of the step.
+    x: start point, (d,). move: end point minus x, (d,), where the end point is that of the `Retract` function, moved
+    into the bounds. at: expansion of the function at x. gain: increase of the function; −inf if its value or its
+    information is not finite at the end point. expected: the first-order increase, gradient times the step before
+    `Retract` and bounds. damping: λ of the step (`levenberg_marquardt`).
     """
 
     x: np.ndarray
@@ -76,7 +83,7 @@ class Maximum:
 
 
 def straight_on(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return x + step, (d,): the default `Retract`, which follows no curve."""
+    """Return x + step, (d,): the default end point of a step of `levenberg_marquardt`, without following a curve."""
     return x + step
 
 
@@ -91,10 +98,12 @@ def levenberg_marquardt(
     schedule: Schedule = Schedule(),  # noqa: B008 - frozen
     retract: Retract = straight_on,
 ) -> Maximum:
-    """Search a local maximum of a function over x ≥ floor, elementwise.
+    """Search for a local maximum of a function over x ≥ floor, elementwise, by damped Newton steps.
 
-    A step is rejected if it decreases the function, or ends where the value or the information is not finite. The
-    search ends if `has_converged` says so, after `limit` steps, or if λ exceeds `MAX_LAMBDA`.
+    A step s solves (H + λ diag H) s = g with the gradient g and the information H (minus the Hessian). It is rejected
+    if it decreases the function, or ends where the value or the information is not finite. λ, the damping parameter,
+    decreases after an accepted step and increases after a rejected one. The search ends if `has_converged` returns
+    True, after `limit` steps, or if λ exceeds `MAX_LAMBDA`.
 
     Parameters
     ----------

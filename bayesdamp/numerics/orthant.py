@@ -16,8 +16,8 @@ GAUSS_POINTS = 12
 record, which contains such integrals, is then accurate to 0.002 nats (measured; the error is largest where two
 coordinates are almost perfectly correlated)."""
 MAX_NESTED, LATTICE_POINTS = 3, 256
-"""`log_probability` uses nested Gauss rules for at most `MAX_NESTED` coordinates, and a lattice of `LATTICE_POINTS`
-points for more (conventional)."""
+"""`MAX_NESTED`: greatest number of coordinates for which `log_probability` uses nested Gauss rules. For more it
+averages over a lattice of `LATTICE_POINTS` points instead (conventional)."""
 SURE_SDS = 7.0
 """If every coordinate's mean is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
@@ -76,10 +76,11 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return `log_probability`, (c,), for many coordinates, for which nested rules would need too many nodes.
+    """Return log P(all k coordinates ≥ 0), (c,), of c normal distributions, by a lattice rule.
 
-    It is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the product of the coordinates'
-    conditional probabilities (Geweke, Hajivassiliou and Keane).
+    mean: (c, k). covariance: (c, k, k). The rule serves for many coordinates, for which nested Gauss rules would need
+    too many nodes. The probability is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the
+    product of the coordinates' conditional probabilities (Geweke, Hajivassiliou and Keane).
     """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
@@ -119,7 +120,7 @@ def draw(
 
     The constrained coordinates are drawn one after the other from truncated normals, the least likely first (Geweke,
     Hajivassiliou and Keane), and resampled by their importance weights; the others follow by conditioning. The result
-    is approximate: each draw is chosen from four proposals for each draw, and a proposal may occur several times.
+    is approximate: there are only four proposals for each requested draw, so a proposal may occur several times.
 
     Parameters
     ----------
@@ -167,9 +168,10 @@ def draw(
 def _truncated_draws(
     rng: np.random.Generator, mean: np.ndarray, lower: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """Return draws, (sum of counts, k), from c normal distributions under the condition that all coordinates are ≥ 0.
+    """Return draws, (sum of counts, k), from c normal distributions under the condition that all k coordinates are ≥ 0.
 
-    They are resampled by importance weights from four times as many proposals, and ordered by distribution.
+    Four proposals are made for each requested draw, and the draws are resampled from them by importance weights. They
+    are ordered by distribution.
 
     mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each
     distribution, (c,).

@@ -19,8 +19,8 @@ NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
 """`NEGLIGIBLE_NATS`: a log weight this far below the largest counts as a weight of zero (e^−690 is close to the
 smallest float). `MIN_WEIGHTS`: smallest number of other weights from which a Pareto shape is fitted (conventional)."""
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
-"""Mean of a weak prior of the Pareto shape k, and the number of draws to which the prior is equivalent (Vehtari et al.,
-appendix C)."""
+"""A weak prior of the Pareto shape k in `_fit_shape`: its mean, and the number of draws to which it is equivalent
+(Vehtari et al., appendix C)."""
 QUARTILE_FACTOR = 3.0
 """The factor 3 before the first quartile of the data, in the formula of Zhang and Stephens for the grid of trial
 parameters over which `_fit_shape` averages."""
@@ -66,11 +66,12 @@ def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
 
 
 def pareto_k(log_weights: np.ndarray) -> float:
-    """Return the shape k of the generalised Pareto distribution of the upper tail of importance weights.
+    """Return the Pareto shape k of importance weights; above about 0.7 a few draws dominate the weights.
 
-    log_weights: (n,). The tail has 3 √n weights, or n / 5 if n ≤ 225; k includes the prior of `_fit_shape`. It is ∞ if
-    fewer than `MIN_WEIGHTS` weights are not negligible (see `NEGLIGIBLE_NATS`); otherwise −∞ if n < 25 (the tail is too
-    short for a fit) or if the weights of the tail are all equal; and ∞ if the fit fails.
+    k is the shape of a generalised Pareto distribution that is fitted to the largest weights: 3 √n of n weights, or n /
+    5 if n ≤ 225. The fit includes a weak prior with the mean 0.5 (`_fit_shape`). log_weights: (n,), up to a constant.
+    The result is ∞ if fewer than `MIN_WEIGHTS` weights are not negligible (`NEGLIGIBLE_NATS`), or if the fit fails.
+    Otherwise it is −∞ if n < 25, because there are too few weights for a fit, or if the fitted weights are all equal.
     """
     if np.sum(log_weights > np.max(log_weights) - NEGLIGIBLE_NATS) < MIN_WEIGHTS:
         return np.inf

@@ -38,7 +38,7 @@ def test_every_method_has_its_rows_and_one_counts(run):
     logs = {(r["model"], r["method"]): r for r in rows}
     for model in ("viscous", "quadratic"):
         assert logs[model, "combined"]["log_evidence"] == logs[model, "nested"]["log_evidence"]
-        assert logs[model, "combined"]["diagnostic"].startswith("nested sampling counts")
+        assert logs[model, "combined"]["diagnostic"].startswith("by nested sampling")
         apart = logs[model, "importance"]["log_evidence"] - logs[model, "bridge"]["log_evidence"]
         assert abs(apart) < 0.05
     assert logs["viscous", "combined"]["probability"] > 0.99

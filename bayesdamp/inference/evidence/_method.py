@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
 REFEREE = "nested"
-"""Name of the evidence method that decides if the others disagree."""
+"""Name of the evidence method that decides if the others disagree or are unreliable: nested sampling."""
 SE_APART = 3.0
 """Two methods disagree if their log evidences differ by at least this many combined standard errors (conventional)."""
 ADOPTED = "combined"
-"""Value of the column `method` in tables for the log evidence that is used for a model, from one method or averaged
-over several (`choose_evidence`)."""
+"""Value of the column `method`, in tables of log evidences, for the one that is used for a model: from one method, or
+averaged over several (`choose_evidence`)."""
 
 
 @dataclass(frozen=True)
@@ -90,14 +90,14 @@ class EvidenceMethod(ABC):
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:
-    """Return why nested sampling must decide, as a clause of a sentence; "" if it need not.
+    """Return a clause that says why nested sampling must decide on the evidence of a model; "" if it need not.
 
     It must if the outcome of one of the evidences is not "ok", or if two of them differ by at least `SE_APART` combined
-    standard errors. The evidences are those of other methods for one model.
+    standard errors. evidences: results of the other methods for this model.
     """
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
-        return f"the diagnostic of {' and '.join(poor)} is poor"
+        return f"the result of {' and '.join(poor)} is unreliable"
     for first, second in combinations(evidences, 2):
         error = float(np.hypot(first.stderr, second.stderr))
         apart = abs(first.log_evidence - second.log_evidence) / error if error > 0 else np.inf
@@ -120,7 +120,7 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     why = disagreement(others)
     for e in evidences:
         if e.method == REFEREE and e.outcome == OK:
-            reason = f"nested sampling counts: {why}" if why else "nested sampling counts"
+            reason = f"by nested sampling, because {why}" if why else "by nested sampling"
             return replace(e, method=ADOPTED, diagnostic=reason)
     trusted = [e for e in others if e.outcome == OK]
     if not trusted:

@@ -17,11 +17,11 @@ from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
 PROPOSAL_DRAWS = 2000
-"""Number of draws of the fitted distribution (the proposal) for each of the two bridges."""
+"""Number of draws of the fitted distribution (the proposal) in each of the two estimates of the evidence."""
 MOST_ITERATIONS = 1000
-"""Greatest number of iterations in which a bridge is computed."""
+"""Greatest number of iterations in which the log evidence of one half of the draws is computed."""
 BRIDGE_TOLERANCE = 1e-10
-"""The iteration ends when the log evidence changes by less than this, in nats."""
+"""The iteration that computes the log evidence ends when it changes by less than this, in nats."""
 OVERLAP_LIMIT = 0.1
 """The result is unreliable if the overlap of the posterior and the fitted distribution (1 if they are equal) is at most
 this (conventional)."""

@@ -14,10 +14,12 @@ from bayesdamp.numerics.weights import effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
-"""A proposal is judged by the weights of `PILOT_DRAWS` draws from it. The evidence is computed from `FINAL_DRAWS` new
-draws; from half as many with deviations from the laws, whose likelihood takes longer."""
+"""Numbers of draws in importance sampling. The weights of `PILOT_DRAWS` draws from a proposal distribution show whether
+it is good. The evidence is computed from `FINAL_DRAWS` new draws; from half as many if the model allows for deviations
+from its laws, because the likelihood then takes longer."""
 MOST_REFITS = 4
-"""Greatest number of times that the proposal is fitted again to its own weighted pilot draws."""
+"""Greatest number of times that the proposal distribution of importance sampling is fitted again to its own weighted
+pilot draws."""
 K_GOOD, K_LIMIT = 0.5, 0.7
 """A Pareto shape of the weights of at most `K_GOOD` is good; one of at least `K_LIMIT` makes the evidence unreliable
 (Vehtari et al., JMLR 25, 2024)."""
@@ -54,7 +56,8 @@ class Importance(EvidenceMethod):
 
         The outcome is not "ok" if the Pareto shape of the weights of the final draws is ≥ `K_LIMIT`, or their effective
         number is below `LEAST_EFFECTIVE`. The arrays of the result are the n final draws as standard normal scores,
-        `y`, (n, d), and their `log_weights`, (n,), whose mean weight is the evidence. `draws` are not used.
+        `y`, (n, d), and the logs of their weights, `log_weights`, (n,); the mean weight is the evidence. `draws` are
+        not used.
         """
         rng = np.random.default_rng(seed)
         reflected = target.reflected

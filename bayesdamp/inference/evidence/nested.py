@@ -24,17 +24,17 @@ EFFECTIVE_DRAWS = 2500
 MAX_LIKELIHOODS = 400_000
 """Number of evaluations of the likelihood at which a run ends without a reliable result."""
 LIKELIHOODS_PER_CHECK = 20_000
-"""Number of evaluations of the likelihood after which it is checked again whether a run that starts from the prior can
-finish within `MAX_LIKELIHOODS`."""
+"""After each of this many evaluations of the likelihood, it is estimated whether a run that starts from the prior can
+finish within `MAX_LIKELIHOODS`; if not, the run ends."""
 WIDE_FACTOR = 5.0
-"""If a run from the prior cannot finish, a second run starts from a normal distribution about the mode. This is its
-width, as a multiple of the posterior standard deviations."""
+"""If a run of nested sampling from the prior cannot finish, a second one starts from a normal distribution about the
+mode, which is wider than the posterior by this factor."""
 LIKELIHOODS_PER_BATCH = 250
 """Number of points at which the likelihood is evaluated in one call."""
 MAX_GAP_NATS = 3.0
-"""A run has missed the mode if the largest likelihood of all its points is more than this many nats below that at the
-mode; the likelihood here is the posterior density divided by the prior of the sampler. (Otherwise some of
-`EFFECTIVE_DRAWS` draws are within a nat of the mode.)"""
+"""A run of nested sampling counts as having missed the mode if the largest likelihood of all its points is more than
+this many nats below that at the mode; the likelihood here is the posterior density divided by the prior of the sampler.
+(Otherwise some of `EFFECTIVE_DRAWS` draws would be within a nat of the mode.)"""
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_LOG_DENSITY = -1e300
 """Log density (nats) that replaces −∞ and nan, such as for an unbounded motion, because the sampler does not accept
@@ -102,7 +102,7 @@ class NestedSampling(EvidenceMethod):
             top = float(over_normal(best[None])[0])
             sampler, done = run_sampler(lambda u: best + ndtri(u) @ factor.T, over_normal, best.size, seed)
             count += sampler.n_like
-            fallback_note = ", around the mode: from the prior the run would not finish"
+            fallback_note = ", started around the mode, because a run from the prior would not finish"
         effective, highest = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
         outcome = OK
         if not done:

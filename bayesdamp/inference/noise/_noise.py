@@ -24,16 +24,18 @@ DERIVATIVE_STEP = 1e-5
 for derivatives by the parameter: near the cube root of the rounding error, where errors of rounding and of truncation
 are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
+"""Names of the noise models with independent and with correlated normal noise."""
 EVIDENCE_STEP = 0.02
 """Step of the second differences for the evidence, in units of the standard normal scores of the noise parameters."""
 INFORMATION_STEP = 0.3
-"""Largest change of a residual in the finite differences of `FittedNoise.variance`, as a multiple of the median
-absolute residual (conventional)."""
+"""`FittedNoise.variance` shifts residuals to compute a derivative. This is the largest shift of a residual, as a
+multiple of the median absolute residual (conventional)."""
 LEAST_INFORMATION = 0.3
-"""Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; by chance
-the observed one can be negative (conventional)."""
+"""Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; a smaller
+one is replaced by this, because the observed one can be negative by chance (conventional)."""
 LARGEST_SCORE = 6.0
-"""Largest absolute standard normal score at which a search for the noise parameters starts."""
+"""Largest absolute value at which `fit_noise` starts its search for a noise parameter, as the standard normal score of
+the parameter; a larger estimate is replaced by this."""
 
 
 class NoiseModel(ABC):
@@ -134,7 +136,7 @@ class NoiseModel(ABC):
 
         gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
         """
-        raise Refusal(f"noise {self.name!r} cannot be simulated")
+        raise Refusal(f"the noise model {self.name!r} cannot be simulated, because it has no method `draw`")
 
 
 class IndependentNoise(NoiseModel):
@@ -210,7 +212,7 @@ NOISES: Registry[NoiseModel] = Registry("bayesdamp.inference.noise", "noise mode
 
 @dataclass(frozen=True)
 class FittedNoise:
-    """A noise model with its most probable parameters for given residuals.
+    """A noise model with its most probable parameters for given residuals (record minus motion).
 
     Attributes
     ----------
@@ -288,8 +290,8 @@ class SampleNoise:
     fitted : FittedNoise
         The noise model that is chosen.
     weighed : tuple of FittedNoise
-        All noise models that apply to the record, each fitted to the same residual: that of the sum of all damping
-        terms, or that of amplitudes and phases fitted to blocks of the record.
+        All noise models that apply to the record, each fitted to the same residual: that of the motion with all damping
+        terms together or, for a record of very many cycles, that of amplitudes and phases fitted to its blocks.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
@@ -304,7 +306,8 @@ class SampleNoise:
     def likeliest(self) -> str:
         """Name of the noise model with the largest evidence in `weighed`; `name` if that is empty.
 
-        It may differ from `name`: it may be "correlated", while the chosen model is "gaussian".
+        It may differ from `name`, the chosen model: another model is chosen instead of Gaussian noise only if its
+        evidence is clearly larger, and correlated noise never.
         """
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 

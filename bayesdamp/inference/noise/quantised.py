@@ -26,7 +26,8 @@ class QuantisedNoise(IndependentNoise):
         """Return the recording step of the signal, in its unit, as `noise_step`. Raises Refusal if it has none."""
         if not signal.step > 0:
             raise Refusal(
-                "the record has no recording step, so quantised noise is the same as gaussian noise"
+                "the record's values are not rounded to multiples of a recording step; use noise gaussian instead of "
+                "quantised"
             )
         return {"noise_step": signal.step}
 

@@ -87,10 +87,10 @@ def approximate_posterior(
 
 
 def _large_change(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
-    """Return a text on the first parameter whose mean or sd the importance weights, (n,), change too much; "" if none.
+    """Return a clause on the first parameter whose mean or sd the importance weights change too much; "" if none.
 
-    values: n draws of each parameter, by name. The limits are `MEAN_LIMIT` and `SD_LIMIT`. The text is a clause that
-    can follow a colon.
+    values: n draws of each parameter, by name. weights: normalised importance weights of the draws, (n,). The limits
+    are `MEAN_LIMIT` and `SD_LIMIT`. The clause can follow a colon.
     """
     for name, draws in values.items():
         x = draws.reshape(-1)

@@ -19,15 +19,16 @@ if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
 LINEAR_WARMUP = 50
-"""Greatest number of warm-up draws with deviations from the laws: chains then start with draws from the posterior of
-the linearised model, which is close to the actual one (conventional)."""
+"""Greatest number of warm-up draws of a chain if the model allows damping and frequency to deviate from their laws. Few
+are enough, because chains then start with draws from the posterior of the linearised model, which is close to the
+actual one (conventional)."""
 START_SCATTER = 1.5
 """The start of a chain is a seed (a point from which the mode was searched) plus normal scatter with this standard
 deviation, in posterior standard deviations. It is above 1, because starts must be scattered more widely than the
 posterior."""
 START_NATS = 5.0
 """The log density at the start of a chain is at most this many nats per parameter below that at the centre of the
-whitened coordinates, which is near the mode (conventional)."""
+whitened coordinates, which is near the mode; other starts are moved towards the centre (conventional)."""
 SEED_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
 """Fractions of the way from the centre of the whitened coordinates to a seed (a point from which the mode was
 searched). A chain starts at the first of these places, plus scatter, whose log density is large enough."""
@@ -48,7 +49,7 @@ class Settings:
     seed : int
         Seed of all random numbers.
     grows : bool
-        Whether NUTS and emcee make more draws if these are too few; other samplers ignore it.
+        Whether NUTS and emcee make more draws if the effective number of draws is too small; other samplers ignore it.
     """
 
     chains: int = 4
@@ -58,11 +59,11 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the number of warm-up draws of each chain: `warmup`, or less if `Mode.linear` is given.
+        """Return the number of warm-up draws of each chain.
 
-        It is then at most `LINEAR_WARMUP`: the model allows for deviations of damping and frequency from its laws. Few
-        are enough then, because chains start with draws from the posterior of the linearised model, and nothing is
-        tuned.
+        It is `warmup`, but at most `LINEAR_WARMUP` if `mode.linear` is given, which is so if the model allows damping
+        and frequency to deviate from their laws. Few draws are enough then, because chains start with draws from the
+        posterior of the linearised model, and nothing is tuned.
         """
         return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
 
@@ -85,10 +86,11 @@ class Sampler(ABC):
         """
 
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return the result of `sample`, with the time that it took (in s).
+        """Return the result of `sample`, with summaries of the parameters and with the time that sampling took, in s.
 
-        If the sampler gives no summaries, they are computed for each parameter. If then the outcome is "ok" and the
-        draws have no importance weights, it is replaced by the `verdict` on the summaries.
+        If the sampler gives no summaries, they are computed for each parameter. An outcome "ok" of draws without
+        importance weights is then replaced by `verdict(summaries)`, which is "ok" or a sentence on the first parameter
+        whose chains have not converged or are too short.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)
@@ -109,9 +111,10 @@ def seeded_starts(
     """Return starting points of chains or walkers, scattered more widely than the posterior.
 
     A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
-    density of the start is too low (`START_NATS`), the seed is moved towards the centre. In each step the seed that is
-    farthest from all before it is chosen, so that few chains cover their range. If the model allows for deviations
-    from its laws (`Mode.linear`), starts are draws from the posterior of the linearised model instead.
+    density of the start is too low (`START_NATS`), the seed is moved towards the centre. Seeds are used in an order in
+    which each is the farthest from those before it, so that even a few chains cover their range. If the model allows
+    damping and frequency to deviate from their laws (`Mode.linear`), starts are draws from the posterior of the
+    linearised model instead.
 
     Parameters
     ----------
@@ -131,10 +134,10 @@ def seeded_starts(
     u : ndarray, shape (count, d)
         The starts in whitened coordinates.
     log_density : ndarray, shape (count,)
-        Log posterior density at the starts: of the whitened coordinates, or of the scores if they are draws of the
-        linearised model.
+        Log posterior density at the starts, in nats: of the whitened coordinates, or of the standard normal scores if
+        the starts are draws of the linearised model.
     starts : list of ChainStart
-        Origin and distances of each start; `shift` is nan, see `compare_chains`.
+        Origin and distances of each start. Their `shift` is nan until `compare_chains` computes it from the draws.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:

@@ -31,7 +31,7 @@ STORED_TIMES = 300
 
 @dataclass(frozen=True)
 class FilterPass:
-    """Estimates of the k parameters of the motion while a record of n samples goes on.
+    """Estimates of the k parameters of the motion after each of the n samples of a record.
 
     Parameters are represented by scores, which have a standard normal prior. means, covariances: of the scores after
     each sample, before the truncation at zero, (n, k) and (n, k, k); nan from the sample at which the filter diverged.
@@ -117,19 +117,22 @@ class Kalman(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws from the distribution of the parameters after the last sample, and the running estimates.
 
-        The latter are in `Posterior.arrays`: times `running/t` in s, and mean and sd of the parameters in
+        The running estimates are in `Posterior.arrays`: times `running/t` in s, and mean and sd of the parameters in
         `Posterior.running` after these samples, of the first pass (`running/online/...`) and of the last one
         (`running/restarted/...`), (times, parameters) each, in the units of the parameters.
 
-        Raises Refusal under exact friction (ε = 0), if the model allows for deviations from its laws, for noise that is
-        not Gaussian, and if the filter diverges or does not converge.
+        Raises Refusal for dry friction that changes its sign abruptly (ε = 0), if the model allows for deviations from
+        its laws, for noise that is not Gaussian, and if the filter diverges or does not converge.
         """
         if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
-                "kalman needs ε above 0, because sigma points cannot represent sticking; give epsilon, or leave it free"
+                "kalman does not apply to exact dry friction (epsilon 0), because sigma points cannot represent "
+                "sticking; give epsilon a value above 0, or leave it free"
             )
         if target.deviation is not None:
-            raise Refusal('not applicable: kalman assumes exact laws; use deviation "none"')
+            raise Refusal(
+                'not applicable: kalman assumes exact laws of damping and force; use deviation "none"'
+            )
         if target.noise != "gaussian":
             raise Refusal(
                 f"kalman assumes independent, normal noise, but the noise model is {target.noise}; use nuts"
@@ -163,9 +166,9 @@ class Kalman(Sampler):
 def _repeat(target: Target, mode: Mode, online: FilterPass) -> tuple[FilterPass, int]:
     """Repeat the filter over the record from the priors until its final mean converges.
 
-    Returns the last pass, and the number of passes. online: estimates of the first pass, about whose result the sigma
-    points of the next pass are. Raises Refusal if the
-    first pass diverged, if a motion is unbounded, or if the filter does not converge in `MOST_PASSES`.
+    Returns the last pass, and the number of passes. online: estimates of the first pass; the sigma points of the next
+    pass are about its final estimate. Raises Refusal if the first pass diverged, if a motion is unbounded, or if the
+    filter does not converge in `MOST_PASSES`.
     """
     index = target.moving
     k, y = len(index), target.signal.y
@@ -177,7 +180,9 @@ def _repeat(target: Target, mode: Mode, online: FilterPass) -> tuple[FilterPass,
     # The first pass may end at a negative value of a reflected score, which is equivalent.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
     if not np.all(np.diag(online.covariances[-1]) > 0):
-        raise Refusal("the Kalman filter diverged in its first pass: its covariance is no longer positive")
+        raise Refusal(
+            "the Kalman filter diverged in its first pass: its covariance is not positive definite; use nuts"
+        )
     now = TruncatedNormal(side * online.means[-1], side[:, None] * online.covariances[-1] * side, reflected)
     for passes in range(1, MOST_PASSES + 1):
         mean, factor = now.moments
@@ -206,10 +211,11 @@ def _repeat(target: Target, mode: Mode, online: FilterPass) -> tuple[FilterPass,
 
 
 def natural_moments(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and sd, (m,) each, of a parameter whose score is normal with means `mean` and sds `sd`, (m,) each.
+    """Return means and sds of a parameter, in its unit, from those of its score, which is normal; (m,) each.
 
-    The results are in the unit of the parameter. If the parameter cannot be negative (`prior.reflected`), the absolute
-    value of the mean is used, and the score is truncated at zero.
+    mean, sd: means and sds of the score, (m,) each. The score is the parameter transformed to a standard normal prior.
+    If the parameter cannot be negative (`prior.reflected`), the absolute value of the mean is used, and the score is
+    truncated at zero.
     """
     x, w = np.polynomial.legendre.leggauss(64)
     mean = np.abs(mean) if prior.reflected else mean

@@ -44,12 +44,12 @@ MOST_DIVERGENT = 0.002
 """If a larger fraction of the transitions diverges, sampling is repeated. (The outcome reports divergences only above 1
 %.)"""
 ATTEMPTS = ((False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125))
-"""If the draws are poor (`is_poor`), sampling is repeated, until they are good: with the exact gradient or not, and
-with a step of `LEAPFROG_STEP` times a factor (conventional). If the gradient is exact already, the first two are left
-out."""
+"""Repetitions of sampling that are tried in turn while the draws are poor (`is_poor`). Each is a pair: whether the
+force is the exact gradient, and the factor by which `LEAPFROG_STEP` is multiplied (conventional). If the force is the
+exact gradient already, the first two are left out."""
 MOST_DRAWS_FACTOR = 3
-"""If the draws are too few, more are made, until they suffice or each chain has this multiple of the requested
-number."""
+"""If the effective number of draws is too small, chains are continued until it suffices or each chain has this multiple
+of the requested number of draws."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class WhitenedPosterior:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a trajectory: position u, momentum p and force, (d,) each, and the log density at the position."""
+    """A point of a NUTS trajectory: position u, momentum p and force, (d,) each, and the log density (nats) at u."""
 
     u: np.ndarray
     p: np.ndarray
@@ -121,7 +121,7 @@ class Point:
 
 @dataclass
 class _Subtree:
-    """A part of a trajectory.
+    """A part of a NUTS trajectory.
 
     first, last: its first and last point in time. chosen: the point that was drawn from its points. weight: log of the
     sum of the densities of position and momentum over its points. momentum: sum of the momenta of its points. goes_on:
@@ -149,8 +149,8 @@ class Chain:
         """Make `count` draws by NUTS, starting from position u, (d,).
 
         u itself is not a draw, and there is no warm-up. log_density: log density at u (nats). Returns, for each draw:
-        position (count, d), log density, whether its trajectory
-        diverged, number of leapfrog steps, and mean acceptance probability, (count,) each.
+        position (count, d), log density, whether its trajectory diverged, number of leapfrog steps, and mean acceptance
+        probability, (count,) each.
         """
         rows = []
         at = Point(u, np.zeros(u.size), self.space.force(u), log_density)
@@ -279,10 +279,10 @@ def drift(
 
 
 def is_poor(posterior: Posterior) -> bool:
-    """Return whether too many proposals were rejected, or too many transitions diverged.
+    """Return whether NUTS rejected too many proposals, or too many of its transitions diverged.
 
-    The mean acceptance probability must be at least `LEAST_ACCEPTANCE`, and the fraction of divergent transitions at
-    most `MOST_DIVERGENT`. posterior: from NUTS.
+    This is so if the mean acceptance probability is below `LEAST_ACCEPTANCE`, or the fraction of divergent transitions
+    above `MOST_DIVERGENT`. posterior: result of NUTS.
     """
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
@@ -305,8 +305,8 @@ class ChainRun:
     chains : list of Chain
         The chains.
     results : tuple of ndarray
-        What `Chain.sample` returned, stacked over the chains, with the warm-up: positions (chain, draw, d), and log
-        densities, divergences, numbers of steps and acceptances (chain, draw).
+        The draws of all chains, warm-up included: positions (chain, draw, d), and for each draw log density, whether
+        its trajectory diverged, number of leapfrog steps and acceptance probability, (chain, draw) each.
     """
 
     at: Whitening
@@ -394,10 +394,12 @@ class MixtureChain(Chain):
         return self.given[combination]
 
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
-        """Make draws as `Chain.sample` does, but with a new combination of hyperparameters before each draw.
+        """Make `count` draws by NUTS from position u, with a new combination of hyperparameters before each draw.
 
-        Positions are in the coordinates of the whole mixture, and log densities in the result are those of the mixture.
-        The argument `log_density` has no effect.
+        The combination is drawn given the position. Positions, in the argument and in the result, are in the
+        coordinates of the whole mixture, and the log densities in the result are those of the mixture. The argument
+        `log_density` has no effect. Returns, for each draw: position (count, d), log density, whether its trajectory
+        diverged, number of leapfrog steps, and mean acceptance probability, (count,) each.
         """
         likelihood, rows = self.mode.likelihood, []
         assert likelihood.target.deviation is not None

@@ -56,15 +56,16 @@ class MappedPoints:
 
 @dataclass(frozen=True)
 class UnboundedMap:
-    """A map from unbounded coordinates v in R^d to scores, of which some are ≥ 0 (triangular; Genz, JCGS 1, 1992).
+    """A map from unbounded coordinates v in R^d to scores, of which some are ≥ 0.
 
-    If v is standard normal, the scores have a given truncated normal distribution: exactly if it is close to at most
-    one of its bounds, else nearly. A bound (wall) is at zero, for each score of a coefficient that cannot be negative.
+    Scores are parameters transformed to standard normal priors; those of coefficients that cannot be negative have a
+    bound (wall) at zero. If v is standard normal, the scores have a given truncated normal distribution: exactly if it
+    is close to at most one of its bounds, else nearly.
 
     Attributes
     ----------
     order : ndarray of int, shape (d,)
-        Indices of the scores in the order of v: those with walls first.
+        Indices of the scores in the order of v: those with walls (bounds at zero) first.
     mean, factor : ndarray, shapes (d,) and (d, d)
         Mean and Cholesky factor of the covariance of the normal distribution before its truncation, in this order.
     walls : int
@@ -91,7 +92,7 @@ class UnboundedMap:
         return UnboundedMap(order, normal.mean[order], factor, normal.walls.size)
 
     def to_scores(self, v: np.ndarray) -> MappedPoints:
-        """Map points v, (n, d), to scores, with derivatives.
+        """Map points v, (n, d), to standard normal scores, with derivatives of the map.
 
         For each score with a wall in turn, the standard normal v is replaced by the same quantile of a standard normal
         distribution that is truncated at the wall, given the scores before. Mean and Cholesky factor are then applied.
@@ -138,9 +139,10 @@ class Variational(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from the nearest normal distribution, with their importance weights.
+        """Return draws from the normal distribution with the largest evidence lower bound, and their weights.
 
-        Raises Refusal if the optimisation does not converge, or if Laplace's approximation, its start, does not exist.
+        The log importance weights are in the statistics of the result. Raises Refusal if the optimisation does not
+        converge, or if Laplace's approximation, its start, does not exist.
         """
         at = UnboundedMap.of(laplace(target, mode))
         mean, factor, steps, bound = _train(mode, at, settings.seed)

@@ -32,7 +32,7 @@ def test_three_standard_errors_call_it():
 
 def test_a_poor_diagnostic_calls_it():
     results = [of("importance", -3.0, outcome="not to be trusted"), of("bridge", -3.0)]
-    assert disagreement(results) == "the diagnostic of importance is poor"
+    assert disagreement(results) == "the result of importance is unreliable"
     assert choose_evidence(results).diagnostic == "by bridge"
     assert choose_evidence([*results, of("nested", -2.9)]).log_evidence == -2.9
 
@@ -40,7 +40,7 @@ def test_a_poor_diagnostic_calls_it():
 def test_the_referee_counts_and_says_why():
     evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
     assert (evidence.log_evidence, evidence.stderr, evidence.outcome) == (-3.4, 0.02, "ok")
-    said = "nested sampling counts: importance and bridge are 35.4 standard errors"
+    said = "by nested sampling, because importance and bridge are 35.4 standard errors"
     assert evidence.diagnostic.startswith(said)
 
 
@@ -49,4 +49,4 @@ def test_without_a_referee_a_quarrel_is_not_settled():
         evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), *more])
         assert evidence.outcome.startswith("not settled: importance and bridge are")
     poor = [of(method, -3.0, outcome="not to be trusted") for method in ("importance", "bridge")]
-    assert choose_evidence(poor).outcome == "not settled: the diagnostic of importance and bridge is poor"
+    assert choose_evidence(poor).outcome == "not settled: the result of importance and bridge is unreliable"

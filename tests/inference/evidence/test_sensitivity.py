@@ -124,6 +124,6 @@ def test_savage_dickey_says_where_it_is_not_valid():
     y = exact_draws("one far", 1).z
     scores = {"mu_c": y[..., 0]}
     far = savage_dickey(target.priors, "mu_c", scores)
-    assert far.outcome.startswith("not applicable: beyond 5 nats")
+    assert far.outcome.startswith("not applicable: the log Bayes factor is beyond 5 nats")
     other = savage_dickey({"mu_c": Normal(mean=0.1, sd=0.1)}, "mu_c", scores)
-    assert other.outcome == "not applicable: its prior is not a half-normal"
+    assert other.outcome == "not applicable: the coefficient has no draws or no half-normal prior"
