@@ -184,7 +184,8 @@ def digits(value: float, width: float) -> str:
     """Return a value rounded to the second significant digit of `width`, its uncertainty.
 
     It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
-    the value with three significant digits. See `LARGE_NUMBER` for exponents.
+    the value with three significant digits. The text has an exponent if |value| is at least `LARGE_NUMBER`, or if it is
+    below `SMALL_NUMBER` and needs more than `MOST_DECIMALS` decimals.
     """
     if not width > 0 or value == 0:
         return f"{value:.3g}"
@@ -233,11 +234,15 @@ def by_ten(text: str) -> str:
 
 T = TypeVar("T")
 LONG_CELL = 24
-"""A table cell with more characters than this may wrap."""
+"""A text cell of an HTML table with more characters than this may be broken into several lines."""
 
 
 class TableLine(tuple[str, ...]):
-    """A row of a table. Its `kind` selects the style: "", "best", "quiet" (refused, not applicable) or "alert"."""
+    """A row of a table, a tuple of its cells.
+
+    kind: the style of the row in HTML: "" (usual), "best", "quiet" (for a method that was refused or is not applicable)
+    or "alert".
+    """
 
     kind: str
 
@@ -283,7 +288,7 @@ class Table:
     def __html__(self) -> str:
         """Return the table as HTML; a table without lines is shown as its caption and notes.
 
-        Text is escaped, and indices of symbols are subscripts (see `symbols`).
+        Text is escaped, and indices of symbols such as μc become subscripts.
         """
         text = set(self.left)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))

@@ -9,7 +9,8 @@ from __future__ import annotations
 from enum import Enum
 
 P_LIMIT = 0.01
-"""A model does not fit if its posterior predictive p is below this or above 1 minus this (conventional)."""
+"""A model counts as not fitting if its posterior predictive p-value is below this or above 1 minus this
+(conventional)."""
 
 
 class _Beginning(Enum):

@@ -228,7 +228,7 @@ def _register(plugin: Any, module: PluginModule) -> None:
     name = getattr(plugin, "name", None)
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise InputError(
-            f"the name of a {registry.kind} is {name!r}; it must be letters, digits and _", where
+            f"the name of a {registry.kind} is {name!r}; it must consist of letters, digits and _", where
         )
     if registry.ships(name):
         raise InputError(f"a {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)

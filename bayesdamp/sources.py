@@ -9,7 +9,9 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = "bayesdamp"
+"""Name of the package."""
 ROOT = Path(__file__).parent
+"""Folder of the package's source files."""
 UNRELATED_MODULES = (
     "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
     "bayesdamp.sources", "bayesdamp.store",

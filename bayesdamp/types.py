@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 OK = "ok"
-"""Outcome of a task that succeeded."""
+"""Outcome of a task that succeeded; any other outcome is a sentence on what went wrong or is doubtful."""
 VERDICT_SCHEMA = 1
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 NORMAL_95 = 1.959963984540054
@@ -115,8 +115,8 @@ class Provenance:
     def to_dict(self) -> dict[str, Any]:
         """Return the provenance as a dictionary for run.json; `of` is the inverse.
 
-        Fields that are empty or None are left out, except `warnings` and `notes`; the entries of `more` are beside the
-        other fields.
+        Fields that are empty or None are left out, except `warnings` and `notes`. The entries of `more` have the same
+        level as the other fields.
         """
         values = asdict(self)
         always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
@@ -379,7 +379,8 @@ class ChainStart:
 
 
 FRICTION_WIDTH = 0.02
-"""Default of the width ε of dry friction's sign change, relative to the peak velocity (conventional)."""
+"""Default of the width ε of the velocity within which dry friction changes its sign, relative to the peak velocity
+(conventional)."""
 
 
 @dataclass(frozen=True)
@@ -407,15 +408,16 @@ class Reference:
 
     @property
     def friction_width(self) -> float:
-        """Return the default width ε of dry friction's sign change, in rad/s or m/s."""
+        """Return the default width ε of the velocity within which dry friction changes its sign, in rad/s or m/s."""
         return FRICTION_WIDTH * self.peak_velocity
 
 
 @dataclass(frozen=True)
 class Friction:
-    """A width ε (rad/s or m/s) of dry friction's sign change, with its posterior probability `weight`.
+    """A width ε of the velocity within which dry friction changes its sign, and the fit with this width.
 
-    coefficients, further: coefficients of all damping terms, and their further parameters, at this width.
+    epsilon: ε in rad/s or m/s. weight: posterior probability of this width among those that were tried. coefficients,
+    further: coefficients of all damping terms, and their further parameters, at this width.
     """
 
     epsilon: float

@@ -54,7 +54,7 @@ class DrawnRecord:
 
 @dataclass(frozen=True)
 class Generator:
-    """Draw records of one damping model from its priors.
+    """A generator of simulated records of one damping model, with parameters drawn from its priors.
 
     model: the damping sum. source: the settings of the simulation; its damping terms and true values are not used.
     system: the restoring law, the known values and the priors of the parameters. blank: the posterior density for an
@@ -119,7 +119,7 @@ def make_generator(
         The settings of the simulation (duration, number of samples and so on); by default those of the first signal.
         Its damping terms, noise model and true values are not used.
     priors
-        Priors that replace what the study states on these parameters, also a known value.
+        Priors, by parameter, that replace the prior or the known value that the study states for this parameter.
 
     Raises
     ------

@@ -64,7 +64,9 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
         drawn = generators[truth[i]].draw(rng, f"{kind}-{number}")
         loss[i] = _loss(drawn)
         if kind == "single" and loss[i] < study.recovery.least_loss:
-            outcomes[i] = "not counted: it loses too little of its amplitude"
+            outcomes[i] = (
+                f"not used: the amplitude falls by less than {100 * study.recovery.least_loss:g} % during the record"
+            )
             continue
         for m, source in enumerate(generators):
             labels = (kind, number, source.model)
@@ -136,8 +138,8 @@ def _evidence(
     """Return the log evidence (nats) of one model for a record, by importance sampling, and the outcome of this method.
 
     source: the generator of the model whose evidence is computed. drawn: the record, from this or any other model; its
-    true values are not used. labels: what seeds the random numbers besides the study's seed. Raises Refusal if no mode
-    is found, or the evidence is not finite.
+    true values are not used. labels: values that, with the study's seed, determine the random numbers. Raises Refusal
+    if no mode is found, or the evidence is not finite.
     """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)

@@ -35,7 +35,8 @@ from bayesdamp.types import OK
 DONE, SOME_FAILED = 0, 3
 """Exit statuses: everything is computed, or the program failed on some records."""
 MOST_TRIES = 20
-"""Number of records that are simulated for each requested one, at most; then the series ends with fewer records."""
+"""Largest number of simulated records, as a multiple of the requested number of usable ones. Beyond it, the series of
+records ends with fewer usable records."""
 
 
 @dataclass(frozen=True)
@@ -203,9 +204,10 @@ def compute_series(
 ) -> dict[str, list[TaskResult]]:
     """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
 
-    Tasks run in waves until each series has enough usable records. A wave simulates as many records as are still
-    missing, whatever results were already stored: an interrupted calibration ends with the same records. A series ends
-    at a failed task, which the next run repeats. workers: number of processes; None for one on each core.
+    Tasks run in waves (groups that run together) until each series has enough usable records. Each wave simulates as
+    many records as are still missing, and results that are already stored are read instead of computed. Therefore an
+    interrupted calibration ends with the same records. A series ends at a failed task, which the next run repeats.
+    workers: number of processes; None for one on each core.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
     workers = workers or cores()
@@ -226,10 +228,10 @@ def count_usable(results: Sequence[TaskResult]) -> int:
 
 
 def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
-    """Return, for each task of the next wave, the number of its first record.
+    """Return the tasks of a series that run together next (a wave), each as the number of its first record.
 
-    results: those of the series so far. The list is empty if the series is complete, has tried `MOST_TRIES` times the
-    wanted records, or has a failed task.
+    They simulate as many records as are still missing. results: results of the series' tasks so far. The list is empty
+    if the series is complete, has tried `MOST_TRIES` times the wanted records, or has a failed task.
     """
     chunk = series.module.RECORDS_PER_TASK
     tried, good = len(results) * chunk, count_usable(results)

@@ -31,7 +31,9 @@ COLUMNS = (
     "model", "method", "parameter", "check", "level", "records", "without", "value", "low", "high", "p", "p_holm",
     "verdict",
 )  # fmt: skip
+"""Columns of calibration.csv; the docstring of `calibration_rows` explains them."""
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
+"""Columns of ranks.csv. A field in `ranks` has the ranks of the truth in all records, separated by spaces."""
 RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
 """First columns of recovery.csv: the noise (fraction of the reference amplitude), the number of cycles, the fraction of
 the amplitude that is lost, the true model, and the number of models whose evidence is doubtful, among others. A column
@@ -102,9 +104,10 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
-    """Yield model, sampler, parameter, and the ranks and fractions of draws below the truth, (n,) each.
+    """Yield for each model, sampler and parameter these names, the ranks of the truth, and fractions, (n,) each.
 
-    The n records are those with draws of this sampler; both numbers are as in `ranks.compute_chunk`.
+    The n records are those with draws of this sampler. A rank is the number of thinned draws below the truth, a
+    fraction the share of all draws below the truth.
     """
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
@@ -310,8 +313,8 @@ def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
     """Yield a row for each bin of `EDGES` that contains records.
 
     It has the fraction of records whose most probable model is the true one, and the range of this fraction if the
-    probabilities are right. The ranges of all bins hold jointly with 99 % probability (Bonferroni). hit and p are as in
-    `_hits`.
+    probabilities are right. The ranges of all bins hold jointly with 99 % probability (Bonferroni). hit, p (n,):
+    whether the most probable model of each record is the true one, and its probability.
     """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)

@@ -37,6 +37,7 @@ from bayesdamp.report.results.estimators import (
 )
 
 CLAIMS: list[Claim] = []
+"""The claims of this module, to which the decorator `claim` appends."""
 HYBRID = 0.1
 """Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
 estimate is refined by a least-squares fit of the trajectory."""

@@ -36,9 +36,13 @@ TRUTH = {"viscous": 0.05, "coulomb": 0.03, "quadratic": 0.05}
 """True damping coefficient of each of the paper's three records (its section 2.3): viscous in 1/s, Coulomb in rad/s²,
 quadratic in 1/rad."""
 PENDULUM = {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0}
+"""Parameters of the paper's horizontal pendulum: stiffness in 1/s², gravity in rad/s², spring angle in rad."""
 SPRING = {"stiffness": 20.0, "rest_angle": 0.0}
+"""Parameters of the linear spring with which the pendulum is compared: stiffness in 1/s², rest angle in rad."""
 START = {"theta0": 0.3, "omega0": 0.0}
+"""Angle (rad) and velocity (rad/s) at the start of the paper's records."""
 SEED = 20260101
+"""Seed of the random numbers of the simulation and of the estimators."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class Claim:
 def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge]:
     """Return a decorator that appends a `Claim` to `claims`; the decorated function becomes its `judge`.
 
-    The function itself is not changed. For `text` and `where` see `Claim`.
+    The function itself is not changed. text: the claim, in our words. where: section, table or figure of the paper.
     """
 
     def add(judge: Judge) -> Judge:
@@ -114,6 +118,7 @@ def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge
 
 
 NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing.")
+"""Judgement on a claim if the results of the run with which it is measured are missing."""
 
 
 def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:

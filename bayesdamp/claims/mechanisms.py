@@ -21,7 +21,9 @@ from bayesdamp.claims.judge import (
 from bayesdamp.physics.oscillator import Oscillator
 
 CLAIMS: list[Claim] = []
+"""The claims of this module, to which the decorator `claim` appends."""
 AS_PRINTED = {"variant": "as_printed"}
+"""Options of the topological estimator for the formulas as the paper prints them."""
 
 
 def _listing(errors: dict[str, float], digits: int = 2) -> str:

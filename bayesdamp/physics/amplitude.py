@@ -221,7 +221,8 @@ class ClosedForm(DecayLaw):
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
         """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
 
-        rates: the decay rate at A_ref of each term in 1/s, (terms,). See the function `decay` of this module.
+        rates: the decay rate at A_ref of each term in 1/s, (terms,). After the oscillation has come to rest, x is
+        `LOG_AT_REST`.
         """
         return decay(t, x0, self.terms, rates)
 
@@ -242,7 +243,8 @@ class PowerLaw(DecayLaw):
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
         """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
 
-        rates: ln of the decay rate (1/s) at A_ref, and the exponent p. See the function `power_decay`.
+        rates: ln of the decay rate (1/s) at A_ref, and the exponent p. After the oscillation has come to rest, x is
+        `LOG_AT_REST`.
         """
         return power_decay(t, x0, float(rates[0]), float(rates[1]))
 
@@ -502,7 +504,8 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
     """Return a term's parameters other than its coefficient, by name, at their standard normal scores.
 
-    scores: one for each of `term.inferred`, in this order. scale: as in `parameter`.
+    scores: one for each of `term.inferred`, in this order; a score of 0 gives the median of the prior. scale: amplitude
+    and frequency on which the priors depend.
     """
     return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
@@ -521,8 +524,8 @@ def log_loss(
     term
         The damping term.
     scores
-        Standard normal scores of the term's parameters other than its coefficient, in the order of `term.inferred`
-        (see `parameter`).
+        Standard normal scores of the term's parameters other than its coefficient, in the order of `term.inferred`; a
+        score of 0 gives the median of the parameter's prior.
     scale
         Amplitude A_start at the start (rad or m) and angular frequency (rad/s).
 

@@ -131,7 +131,7 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike)
     amplitude
         Half the distance between the turning points, rad or m, as in a record.
     rest
-        The equilibrium, rad or m (`rest_position`).
+        The equilibrium, rad or m, such as `rest_position` returns it.
     """
     given = {n: np.asarray(p[n], float) for n in osc.inputs if n in p}
     shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(rest))

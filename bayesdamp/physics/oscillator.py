@@ -67,9 +67,10 @@ class Oscillator:
 
     @property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' inferred parameters other than their coefficients.
+        """Return the names of the damping terms' inferred parameters other than their coefficients.
 
-        Unlike `DampingTerm.further`, they do not include the given numbers (equilibrium and reference scales).
+        Unlike `DampingTerm.further`, they do not include the equilibrium and the reference scales, which are not
+        inferred.
         """
         return tuple(p.name for term in self.terms for p in term.inferred)
 
@@ -90,7 +91,7 @@ class Oscillator:
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """Return which of the given numbers in `damping.GIVEN` the terms need: equilibrium, reference scales."""
+        """Return the names of those numbers in `damping.GIVEN` (equilibrium, reference scales) that the terms need."""
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
     @property

@@ -30,7 +30,10 @@ def parameter_symbol(name: str) -> Symbol | None:
 
 
 def own_words(term: str) -> str:
-    """Return the words for a damping term that a user added, for a sentence; "" for shipped or unknown terms."""
+    """Return the name of a damping term that a user added, as it is written in a sentence.
+
+    term: name of the term in the registry. Return "" for a term that ships with bayesdamp, or an unknown one.
+    """
     return words_of(term) if term in TERMS.added() else ""
 
 

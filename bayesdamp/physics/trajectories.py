@@ -96,7 +96,7 @@ class Trajectories:
             )
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
-        """Return the samples of the quantity, (n,), for parameters p by name; all NaN if the trajectory escapes.
+        """Return the samples of the quantity, (n,), for parameters p by name; all NaN if the trajectory diverges.
 
         All are also NaN if a damping term needs the equilibrium and there is none. If epsilon is missing in p, it is 0;
         all other parameters of the oscillator are necessary.
@@ -109,7 +109,7 @@ class Trajectories:
 
         Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
         central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
-        the trajectory escapes, or if a damping term needs the equilibrium and there is none.
+        the trajectory diverges, or if a damping term needs the equilibrium and there is none.
         """
         motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
         if motion is None:
@@ -133,14 +133,14 @@ class Trajectories:
     def motion(self, p: Mapping[str, float]) -> Motion | None:
         """Return the solver's `Motion` for parameters p by name, with derivatives by all parameters in `kernel_names`.
 
-        Return None if the trajectory escapes, or if a damping term needs the equilibrium and there is none.
+        Return None if the trajectory diverges, or if a damping term needs the equilibrium and there is none.
         """
         return self._solve(p, PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
         """Return angle, velocity and acceleration, (3,), `gap` s after the start, for parameters p by name.
 
-        The units are rad, rad/s and rad/s² (or m for rad). The values are NaN if the trajectory escapes, or if a
+        The units are rad, rad/s and rad/s² (or m for rad). The values are NaN if the trajectory diverges, or if a
         damping term needs the equilibrium and there is none.
         """
         if gap not in self._short:
@@ -157,7 +157,7 @@ class Trajectories:
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
 
-        A row is NaN if the trajectory escapes, as in `record`.
+        A row is NaN if the trajectory diverges, as in `record`.
         """
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
@@ -266,7 +266,7 @@ def simulate(
     Returns
     -------
     ndarray
-        The quantity at these times, shape (n,); all NaN if the trajectory escapes.
+        The quantity at these times, shape (n,); all NaN if the trajectory diverges.
 
     Raises
     ------

@@ -55,7 +55,7 @@ class Content:
             known = {f.name for f in fields(cls)}
             return join(cls, {name: value for name, value in meta.items() if name in known})
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            what = "was stored by another version of bayesdamp; compute it again with this one"
+            what = "a stored result was written by another version of bayesdamp; compute it again with this version"
             raise OtherVersionError(f"{what} ({error})") from None
 
     def meta(self) -> dict[str, Any]:

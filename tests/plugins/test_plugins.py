@@ -109,7 +109,10 @@ WRONG = {
         DRAG.replace('"cubic_drag"', '"viscous"'),
         "'viscous' ships with bayesdamp; give yours another",
     ),
-    "name.py": (DRAG.replace('"cubic_drag"', '"a+b"'), r"is 'a\+b'; it must be letters, digits and _"),
+    "name.py": (
+        DRAG.replace('"cubic_drag"', '"a+b"'),
+        r"is 'a\+b'; it must consist of letters, digits and _",
+    ),
 }
 
 

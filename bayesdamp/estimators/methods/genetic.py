@@ -102,7 +102,7 @@ class Genetic(Estimator[GeneticOptions]):
             left = trajectories.many(genes.decode(new)) - y
             evaluations += len(new)
             rms = np.sqrt(np.mean(left**2, axis=1))
-            rms = np.where(np.isfinite(rms), rms, np.inf)  # a trajectory that escapes
+            rms = np.where(np.isfinite(rms), rms, np.inf)  # a trajectory that diverges
             misfit = np.concatenate([misfit, rms])
             order = np.argsort(misfit, kind="stable")
             people, misfit = people[order], misfit[order]

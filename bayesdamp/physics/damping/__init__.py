@@ -211,15 +211,15 @@ def parse_model(name: str) -> tuple[str, ...]:
 
 
 def others() -> list[str]:
-    """Return the names of the shipped damping terms, except viscous, Coulomb and quadratic damping."""
+    """Return the names of all damping terms that ship with bayesdamp, except viscous, Coulomb and quadratic damping."""
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
 def words_of(term: str) -> str:
-    """Return the words for a term in a sentence, such as "Coulomb (dry friction)", without an article.
+    """Return the name of a damping term as it is written in a sentence, such as "Coulomb (dry friction)".
 
-    The word "damping" can follow. They are `DampingTerm.words`, or the name if the term has no `words` or is not
-    registered.
+    It has no article, and the word "damping" can follow it. term: name of the term in the registry. The result is
+    `DampingTerm.words`, or `term` itself if the term has no `words` or is not registered.
     """
     words = (TERMS.get(term).words if term in TERMS.names() else "") or term
     first, _, rest = words.partition(" ")
@@ -227,7 +227,10 @@ def words_of(term: str) -> str:
 
 
 def twins_of(term: str) -> list[str]:
-    """Return the names of the term's twin (see `DampingTerm.twin`) and of all terms whose twin it is."""
+    """Return the names of all terms whose energy loss depends on the amplitude in the same way as that of a term.
+
+    They are its `DampingTerm.twin` and all terms whose `twin` it is; [] for an unknown term without any.
+    """
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
     return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]

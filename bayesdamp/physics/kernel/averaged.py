@@ -139,10 +139,11 @@ class AveragedSolver(Solver):
         tolerance: float | None = None,
         epsilon: float | None = None,
     ) -> Motion | None:
-        """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory escapes.
+        """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory diverges.
 
         The values are amplitude, phase and midline of each block in turn, multiplied by the track's factors.
-        The arguments are those of `Solver.solve`, but `stop` is a number of values (three for each block). The times
+        The arguments are those of `Solver.solve`, but `stop` is the number of values to return (three for each block;
+        None for all). The times
         and states of the result are those of the compressed oscillation. None is also returned if an amplitude is zero.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
@@ -192,7 +193,7 @@ class AveragedSolver(Solver):
         """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
 
         p: parameters at which both are computed, in the order of `names`, (k,). active, g, h: as in `Solver.solve`.
-        Return None if a trajectory escapes, or if an amplitude of the compressed oscillation is zero.
+        Return None if a trajectory diverges, or if an amplitude of the compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
@@ -208,7 +209,7 @@ class AveragedSolver(Solver):
         """Integrate the actual equation over all cycles; return complex amplitudes and midlines of blocks, (b,) each.
 
         The phase of each complex amplitude is relative to `real_phases` of the track. p, active, g, h: as in
-        `Solver.solve`. Return None if the trajectory escapes. The duration is integrated in segments, each of which
+        `Solver.solve`. Return None if the trajectory diverges. The duration is integrated in segments, each of which
         starts from the end of the one before.
         """
         t, order = _sort_times(self.track.real_times)

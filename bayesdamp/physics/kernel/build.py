@@ -223,7 +223,7 @@ def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
 
 
 def _arguments(source: str) -> list[str]:
-    """Return the names of the arguments of a function, from its source."""
+    """Return the names of the positional arguments of a function, from its source text."""
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
     return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]

@@ -23,7 +23,8 @@ SLOPES = {
     "abs": "1.0 if {a} >= 0.0 else -1.0",
     "fabs": "1.0 if {a} >= 0.0 else -1.0",
 }
-"""Derivative of each function f(a), as source text with the argument {a} and the value {f}."""
+"""For each elementary function f(a), the source text of its derivative, in which {a} stands for the argument and {f}
+for the value."""
 
 
 class NoSlopeError(Exception):
