@@ -43,6 +43,11 @@ class VerdictPrinter:
     units
         Unit in which to print each record's displacement, by the record's name. Other records are printed in the unit
         of their verdict.
+
+    Attributes
+    ----------
+    first
+        The first verdict on each record, in its own unit, by the record's name.
     """
 
     def __init__(self, console: Console, units: Mapping[str, str] | None = None) -> None:

@@ -1,4 +1,7 @@
-"""Compare the first verdict on a record with a second one, or with damping ratios of another computation."""
+"""Compare the first verdict on a record with a second one, or with damping ratios of another computation.
+
+The first verdict is from linear approximations of each model, the second one from sampling the most probable models.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,9 @@ from bayesdamp.verdict.types import Verdict
 class Agreement:
     """Agreement of a second verdict with the first.
 
-    same: whether both verdicts name the same damping terms without reservation, or neither names any. moved: largest
-    change of a damping ratio at one amplitude, in total standard deviations of the first verdict; 0 if either verdict
-    has no damping ratios.
+    same: whether both verdicts name the same damping terms without reservation, or neither verdict names a damping
+    without reservation. moved: largest change of a damping ratio at one amplitude, in total standard deviations of the
+    first verdict; 0 if either verdict has no damping ratios.
     """
 
     same: bool

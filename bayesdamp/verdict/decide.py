@@ -56,6 +56,9 @@ def decide(
     one. The natural frequency is left out if law-free values replace or contradict it, or if it is not determined
     (`thresholds.UNDETERMINED`).
 
+    A law-free value is one that is measured without assuming a damping law or a restoring law. It contradicts the value
+    of a law if they differ by more than a threshold and their 95 % intervals do not overlap.
+
     Parameters
     ----------
     findings
@@ -109,7 +112,9 @@ def decide(
             narrower = own.high - own.low < by_law.high - by_law.low
     grade = grade_of(findings) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
-    instead = law_free if grade is Grade.DEVIATES else None  # of a law
+    instead = (
+        law_free if grade is Grade.DEVIATES else None
+    )  # what the verdict gives instead of the law's values
     natural = None if instead is not None or off else interval_of(findings.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None

@@ -309,7 +309,8 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
         off = (own.value - quality) / max(math.hypot(own.sd_noise, own.sd_law), 1e-300)
         side = "below" if off > 0 else "above"
         texts.append(
-            f"The file's header states Q = {by_ten(f'{quality:.4g}')}, {abs(off):.1f} standard deviations {side} this."
+            f"The file's header states Q = {by_ten(f'{quality:.4g}')}, which is {abs(off):.1f} standard deviations "
+            f"{side} the Q of this result."
         )
     return tuple(texts)
 

@@ -18,9 +18,10 @@ those with different ones do not."""
 class Grade(StrEnum):
     """How well a law of damping describes the record, the best first; or why no law was compared.
 
-    `EXACT`, `APPROXIMATE` and `DEVIATES` are as `decide.grade_of` returns them, for an envelope as `envelope.answer`
-    describes; `NO_FREE_DECAY`: the record is not the free decay of one oscillator; `NOT_WEIGHED`: no model could be
-    fitted.
+    EXACT: no deviation from the law is larger than a small limit. APPROXIMATE: the damping deviates from its law by
+    more than that, but the law is still the answer. DEVIATES: the deviation, or what the law leaves unexplained, is so
+    large that no law is named as the answer. NO_FREE_DECAY: the record is not the free decay of one oscillator.
+    NOT_WEIGHED: no model could be fitted. `decide.grade_of`, and for an envelope `envelope.answer`, state the limits.
     """
 
     EXACT = "exact"
@@ -112,9 +113,10 @@ class LawFreeAt:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of the damping sum or of the restoring law that are named first, with its total 95 % interval.
+    """A parameter of the most probable damping sum or restoring law, with its total 95 % interval, from low to high.
 
-    sd_noise, sd_law: as in `MeasuredNumber`. unit: of the parameter and of its interval.
+    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law. unit: unit of all
+    these numbers.
     """
 
     name: str
@@ -194,7 +196,8 @@ class Averages:
 class Oscillation:
     """One of the damped sinusoids in a record that is not a free decay of one oscillator.
 
-    frequency: in Hz. damping_ratio: with its 95 % interval low to high, negative where the sinusoid grows. first, last:
+    frequency: in Hz. damping_ratio: a fraction, with its 95 % interval low to high; negative where the sinusoid grows,
+    NaN if the motion is `EXCITED`. first, last:
     displacement amplitudes at the ends of the record, in `unit`; the least and the largest one if the motion is
     `EXCITED`.
     """

@@ -32,8 +32,9 @@ intervals do not overlap even if the law-free interval is widened by `WIDER`."""
 LIKELY_EXACT = 0.5
 """The grade of an envelope is exact if the probability of an exact law is at least this."""
 POWER_LAW = log(20.0)
-"""If the log Bayes factor of a single power of the amplitude against all sums is larger, an envelope's rates are those
-of the power law, unless a sum is decided or there are fewer than `FEW_READINGS` readings."""
+"""If the log Bayes factor (nats) of a single power of the amplitude against all sums is larger, an envelope has the
+grade `DEVIATES`, and its decay rates are drawn from the power law too, unless a sum is decided or there are fewer than
+`FEW_READINGS` readings."""
 UNEXPLAINED = 0.05
 """The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the amplitude."""
 UNDESCRIBED = 0.5
@@ -81,12 +82,11 @@ AGREEMENT_SDS = 0.5
 """Two computations agree if a damping ratio or coefficient changes by less than this many of the answer's standard
 deviations."""
 WIDTHS_AGREE = 1.25
-"""Factor by which intervals of two computations may differ: with a few hundred draws, ends vary by a tenth of the
-width.
-"""
+"""Factor by which the widths of the 95 % intervals of two computations may differ if they agree: with a few hundred
+draws, each end of an interval varies by a tenth of the width."""
 WIDTH_HOLDS = 0.8
-"""If the widths of given priors are varied, the probability of the named damping should stay at least this
-(conventional)."""
+"""If the widths of the specified priors are varied, the report has a failed check if the probability of the most
+probable damping falls below this (conventional)."""
 AVERAGED = 0.1
-"""The averaging over cycles causes no reservation if it shifts no parameter by more than this many posterior standard
-deviations."""
+"""If averaging a long record over cycles shifts a parameter by more than this many posterior standard deviations, the
+remark on it is a reservation; otherwise it only informs."""

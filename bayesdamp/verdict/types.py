@@ -44,7 +44,7 @@ VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
 _PARTS = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
 """Suffixes of the columns in verdicts.csv of a number with an interval, and the attributes with their values."""
 _RATIOS = 3
-"""Number of damping ratios in verdicts.csv."""
+"""Number of damping ratios of a verdict in verdicts.csv; further ones are left out."""
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
@@ -143,8 +143,8 @@ class Verdict(CheckedMethods):
         For several records: the damping ratios that one more record would have, with 95 % intervals; for envelopes its
         quality factor, or else its rate.
     standardised
-        For several envelopes: the mean square of the standardised differences of their own values, 1 where their
-        intervals are honest.
+        For several envelopes: the mean square of the differences of their own values from the common one, each divided
+        by its standard deviation; 1 is expected if they agree.
     remarks, sentence
         Reservations, the largest first; and the answer in one sentence.
     """

@@ -110,10 +110,10 @@ def at_middle(v: Verdict) -> str:
 
 
 def _size(v: Verdict) -> str:
-    """Return the size of the damping in words: Q or the decay rate of an envelope.
+    """Return the size of the damping in words: for an envelope Q or else the decay rate, with 95 % intervals.
 
-    Otherwise the damping ratios at the first and at the last amplitude at which they are finite; if they are finite at
-    none, the text says that the size is not determined.
+    For another record, the text has the damping ratios at the first and at the last amplitude at which they are finite;
+    if they are finite at no amplitude, it says that the size is not determined.
     """
     if v.quality_factor is not None:
         size = with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high)
@@ -136,7 +136,7 @@ def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
     """Return the remark that the frequency by the restoring law, `by_law`, contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
-        f"The best restoring law, {_in_words(v.restoring)}, has {value} at {compact(by_law.amplitude, 2)} "
+        f"The best restoring law, {_in_words(v.restoring)}, gives {value} at {compact(by_law.amplitude, 2)} "
         f"{by_law.unit}, which contradicts the measured frequency. The frequency given is the measured one, and it "
         "is not extrapolated to small oscillations."
     )
@@ -422,13 +422,12 @@ def remarks(
         small = error <= thresholds.AVERAGED
         if small:
             effect = (
-                f"; that moves no parameter by more than {error:.1g} of its standard deviation from the full "
-                "motion"
+                f"; this approximation moves no parameter by more than {error:.1g} of its standard deviation"
             )
         elif isfinite(error):
             effect = (
-                f", too many for the equation of motion; that moves parameters by up to {error:.2g} of their standard "
-                "deviations"
+                ", because the equation of motion over so many would need too much memory; this approximation moves "
+                f"parameters by up to {error:.2g} of their standard deviations"
             )
         else:
             effect = "; the equation of motion could not be solved to check this approximation"

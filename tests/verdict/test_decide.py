@@ -301,7 +301,7 @@ def test_the_largest_reservation_comes_first() -> None:
 def test_averages_are_a_reservation_where_they_move_a_parameter() -> None:
     for error, text in [
         (thresholds.AVERAGED, "moves no parameter by more than 0.1 of its standard deviation"),
-        (0.5, "for the equation of motion; that moves parameters by up to 0.5 of their standard deviations"),
+        (0.5, "this approximation moves parameters by up to 0.5 of their standard deviations"),
         (math.inf, "the equation of motion could not be solved to check this approximation"),
     ]:
         (remark,) = decided(averages=Averages(2000.0, error)).remarks

@@ -210,7 +210,10 @@ def test_the_head_states_another_quality():
     result = verdict(record)
     own = result.quality_factor
     off = (2e7 - own.value) / np.hypot(own.sd_noise, own.sd_law)
-    assert f"states Q = 2 × 10⁷, {off:.1f} standard deviations above this." in " ".join(result.remarks)
+    assert (
+        f"states Q = 2 × 10⁷, which is {off:.1f} standard deviations above the Q of this result."
+        in " ".join(result.remarks)
+    )
 
 
 @pytest.mark.parametrize("frequency", [1e6, None])

@@ -94,8 +94,19 @@ def draw_answer(
 ) -> None:
     """Draw the panels of `answer` on the given axes: record, damping ratio, residual, energy lost in a cycle.
 
-    `axes` contains these four axes; those of the residual may be None. If `arrays` contains no fit, the axes of the
-    residual are switched off. For the other arguments see `answer`.
+    Parameters
+    ----------
+    axes
+        The four axes in this order; those of the residual may be None. They are switched off if `arrays` contains no
+        fit.
+    arrays
+        The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
+    unit
+        Unit of the displacement.
+    damping
+        The damping sum of the fit in `arrays`.
+    recorded
+        Unit of the recorded quantity; "" means `unit`.
     """
     whole, ratio, rest, energy = axes
     assert whole is not None
@@ -234,10 +245,11 @@ def draw_exponent(
     title: str = "",
     marked: Sequence[tuple[float, str, str]] = MARKED_EXPONENTS,
 ) -> None:
-    """Draw the posterior of the exponent on the given axes, as `exponent` does; without draws only its interval.
+    """Draw the posterior of the exponent p of a damping force ∝ |velocity|^p on the given axes.
 
-    `marked` lists the exponents that are marked on the axis, each with its label and the damping term that determines
-    its colour. The density is drawn from 0 to 3 only.
+    The density of `draws` (any number of values of p) is drawn from 0 to 3 and left out if they are None. Below it is
+    `interval`: the median as a dot, and the 95 % interval from the low to the high end as a bar. `marked` lists the
+    exponents that are marked on the axis, each with its label and the damping term that determines its colour.
     """
     value, low, high = interval
     for place, name, term in marked:

@@ -47,7 +47,7 @@ _AMPLITUDE_POINTS = 200
 
 @dataclass(frozen=True)
 class ModelFit:
-    """The fit of one model at its mode.
+    """The fit of one model at its posterior mode.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ def record(
             right.set(xlim=(-0.5, lags - 0.5), ylim=(-1.05 if values.min() < -0.35 else -0.4, 1.08))
         else:
             right.set_axis_off()
-        _finish(right, "", "" if i else "Autocorrelation, whitened")
+        _finish(right, "", "" if i else "Autocorrelation of the whitened residual")
         for ax, label in ((left, "time / s"), (right, "lag / samples")):
             ax.tick_params(labelbottom=is_last)
             ax.set_xlabel(label if is_last else "")

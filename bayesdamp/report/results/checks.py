@@ -288,10 +288,10 @@ class RecordChecks:
     def _coefficients(self) -> Iterator[Check]:
         """Yield a failed check for each contradiction to a coefficient of the answer.
 
-        A chain contradicts it if its median differs from the answer's value by at least `AGREEMENT_SDS` of the answer's
-        standard deviations; the trajectory fits, counted in one check, and the true value if they are outside the
-        answer's 95 % interval. Chains and fits are not
-        compared if `exact_only`. Without an answer, only the true value is compared, with the first chain's interval.
+        A chain contradicts the answer if its median differs from the answer's value by at least `AGREEMENT_SDS` of the
+        answer's standard deviations. A trajectory fit or the true value contradicts it outside the answer's 95 %
+        interval; all such fits are counted in one check. Chains and fits are not compared if `exact_only`. Without an
+        answer, only the true value is compared, with the first chain's interval.
         """
         chains = self._samplers()
         limits = {name: (c.low, c.high) for name, c in self.answer_coefficients.items()}

@@ -62,7 +62,7 @@ class RecordAnswer:
     content
         The stored answer: compared models, noise models, widths of friction, and values of an envelope; in base units.
     arrays
-        Arrays of the answer, such as those of its figure, by name; see `interface.answer.Answer`.
+        Arrays of the answer, such as those of its figure, by name.
     """
 
     signal: str
@@ -393,10 +393,9 @@ def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[Row]:
-    """Return the rows of posteriors.csv with a finite mean, by the sampler to quote.
+    """Return the rows of posteriors.csv with a finite mean of one model on a record, by one sampler.
 
-    It is a sampler whose outcomes are all `ok`, or without such a sampler any other; among several, NUTS, or else the
-    first one.
+    Samplers whose outcomes are all `ok` are preferred; among these, or else among all, NUTS, otherwise the first one.
     """
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]

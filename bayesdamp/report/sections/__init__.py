@@ -63,7 +63,7 @@ def fill(template: str, **values: object) -> Markup:
 
 
 def stack(*parts: object) -> Markup:
-    """Return the parts below each other, escaped if they are plain text, without the empty ones."""
+    """Return the parts as HTML, one on each line. Plain text is escaped, and empty parts are left out."""
     return Markup("\n").join(escape(part) for part in parts if part)
 
 
@@ -80,7 +80,8 @@ def paragraph(text: object, look: str = "") -> Markup:
 def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
     """Return the column of a table with the number of the repeat, from 1; no column for a single repeat.
 
-    The result maps the column's header to the function that writes the cell of a row, as `Table.of` takes it.
+    Repeats are simulations of one signal that differ only in their random noise. The result maps the column's header
+    "repeat" to the function that writes the cell of a row.
     """
     return {"repeat": lambda r: str(r["repeat"] + 1)} if len(repeats) > 1 else {}
 
@@ -170,8 +171,8 @@ def by_signal(
 ) -> Markup:
     """Return the content of each signal, under its name if there are several.
 
-    From the fifth signal on, the content is folded. If the run has more than four signals, a note says that only the
-    best model of each is drawn.
+    From the fifth signal on, the content is folded. If the run has more than four signals, a note says that figures
+    show only the most probable model of each.
 
     Parameters
     ----------
@@ -192,7 +193,10 @@ def by_signal(
         elif len(signals) > 1:
             body = heading(signal) + body
         parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
-    note = "There are many signals, so only the best model of each is drawn; the tables contain all models."
+    note = (
+        "There are many signals, so the figures show only the most probable model of each; the tables contain all "
+        "models."
+    )
     return stack(paragraph(note, "small") if len(run.signals) > _MOST else "", *parts)
 
 

@@ -67,12 +67,13 @@ MEASURED = (
     "the moment of inertia, as computed from this ratio."
 )
 LEVELS = (
-    "Left: the recorded level (grey), the start and the end of the part that is used (vertical lines), the level of "
-    "the noise floor (dotted line, if there is one), and the fit of the most probable damping model, including its "
-    "deviation from the law (blue line; band: ± 2 standard deviations). Upper right: averaged readings minus the fit, "
-    "in dB (orange band: ± 2 standard deviations of the noise). Lower right: the power of the velocity with which the "
-    "damping force grows (dot: median; bar: 95 % interval). Dashed lines mark the powers of pure Coulomb, viscous and "
-    "quadratic damping."
+    "Left: the recorded level of the oscillation (grey), the start and the end of the part that is used (vertical "
+    "lines), the level of the noise floor (dotted line, if there is one), and the fit of the most probable damping "
+    "model, including its deviation from the law (blue line; band: ± 2 standard deviations). Upper right: readings "
+    "averaged over short intervals, minus the fit, in dB (orange band: ± 2 standard deviations of the noise). Lower "
+    "right: the power of the velocity with which the damping force grows (dot: median; bar: 95 % interval). Dashed "
+    "lines mark the powers of pure Coulomb (0), viscous (1) and quadratic (2) damping, and of cubic damping (3) if the "
+    "damping has such a term."
 )
 MOTIONS = (
     "Left: the record (grey) and the amplitude of each oscillation that was found in it (coloured lines). Right: these "
@@ -93,22 +94,23 @@ EXPONENT = (
     "two lines means a sum, or none of the three."
 )
 PARTS_OF_SD = (
-    "Columns with sd: the parts of the standard deviation that are due to the noise and to deviations from the law. "
-    "The interval includes both."
+    "The standard deviation (sd) has two parts: one is due to the noise of the record, the other to deviations of the "
+    "damping from its law. The interval includes both."
 )
 RATIOS = (
     "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) at amplitudes of this record, with 95 % intervals "
     f"in brackets. {PARTS_OF_SD}"
 )
-"""Captions of the tables of damping ratios and of coefficients."""
+"""`RATIOS` is the caption of the table of damping ratios; `PARTS_OF_SD` is also part of that of the coefficients."""
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
 FEWEST_RECORDS = 3
 """Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
 always has one."""
 TABLE_CAPTION = (
-    "One row for each record, grey if its damping is not decided; click on a header to sort. The damping is the most "
-    "probable model, and the next column is its probability. Damping ratios are equivalent viscous damping ratios. "
+    "One row for each record; click on a header to sort. The row is grey if the record does not decide which damping "
+    "it has. The damping is the most probable model, and the next column is its probability. Damping ratios are "
+    "equivalent viscous damping ratios. "
     "Deviation from the law: upper limit (95 %) of the relative deviation of the damping from its law, averaged over "
     "the record. "
     "Unexplained: the root mean square of the residual that neither the law nor the noise accounts for, in % of the "
@@ -286,10 +288,10 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
     caption = (
-        "Every compared model, that with the largest evidence first: its log Bayes factors relative to the best "
-        "model, in nats (differences of natural-log evidence), and the root mean square residual of its fit. The "
-        "first factor allows for deviations from the laws wherever they were computed; the second and the fit assume "
-        "exact laws."
+        "Every compared model, sorted by its evidence, the largest first: its log Bayes factors relative to the best "
+        "model, in nats (differences of natural-log evidence), and the root mean square (rms) residual of its fit. The "
+        "first log Bayes factor allows for deviations from the laws wherever they were computed; the second one and "
+        "the fit assume exact laws."
     )
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, collapsible("All damping models that were compared", table)]

@@ -37,7 +37,8 @@ TRIED = (
 )
 CHECKS = (
     "Percentage of the records in which the 50 %, 80 % or 95 % interval of each method contains the true value, and "
-    "the p value of the ranks, corrected for the number of checks in its group (Holm). *: the check failed. "
+    "the p value of a test that the ranks of the true values are uniform, corrected for the number of checks in its "
+    "group (Holm). *: the check failed. "
     '"2 without": for 2 records the method gives no interval. calibration.csv has the limits and the p value of each '
     "check."
 )
@@ -300,8 +301,8 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     caption = (
         "How often the most probable model is the true one, for records grouped by the probability of that model. "
         "Mean: the mean of this probability in the group. If the probabilities are correct, all fractions are between "
-        "low and high with 99 % probability. p: the p value of the difference between the fraction correct and the "
-        "probabilities; p (Holm): this p value, corrected for the number of groups."
+        "low and high with 99 % probability; rows outside are coloured. p: the p value of the difference between the "
+        "fraction correct and the probabilities; p (Holm): this p value, corrected for the number of groups."
     )
 
     def kind(b: Mapping[str, Any]) -> str:

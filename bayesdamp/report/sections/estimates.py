@@ -70,8 +70,8 @@ TRACES = (
 PANELS = (
     "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle), "
     "in repeat 1. An arrow with a number stands for an estimate that is off the axis. Dashed line: the true value, if "
-    "it is known. Shaded: the 95 % interval of the posterior, if there is one. An estimate inside it is as good as the "
-    "record allows; outside it, the error is due to the method."
+    "it is known. Shaded: the 95 % interval of the posterior, if there is one. An estimate inside this interval is as "
+    "good as the record allows; outside it, the error is due to the method."
 )
 TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "
@@ -79,14 +79,14 @@ TABLE = (
     "evaluations of the method's objective are the largest."
 )
 ERRORS = (
-    "Error of the damping coefficients on each signal, and the mean over the signals, in % of the true values "
-    "(absolute; over several coefficients or repeats, the root mean square), and the published error if the study "
-    "states it. *: the method reports that this value is unreliable; the tables of the section on the estimators give "
-    "the reason."
+    "Absolute error of the damping coefficients that each method estimates on each signal, in % of the true values "
+    "(the root mean square over several coefficients or repeats); the mean of these errors over the signals; and the "
+    "published error if the study states it. *: the method reports that this value is unreliable; the tables of the "
+    "section on the estimators give the reason."
 )
 TIMES = (
-    "Computing time of each method for all these signals together, including compilation if it was necessary, and the "
-    "published time if the study states it."
+    "Computing time of each method for all signals of the table of errors together, including the compilation of its "
+    "code if that was necessary, and the published time if the study states it."
 )
 """Captions, or parts of them, that do not depend on the run."""
 

@@ -39,12 +39,13 @@ from bayesdamp.types import OK
 
 EVIDENCE = (
     "Natural-log evidence of each model by each method, with its standard error (±); log Bayes factor (nats) relative "
-    "to the best model by the same method; posterior probability among the models of this table; and how reliable the "
-    "computation is. Bold: the best model."
+    "to the best model by the same method; posterior probability among the models of this table; and a diagnostic of "
+    "how reliable the computation is. Bold: the best model. Grey: a value that is unreliable or was not computed."
 )
 PRUNED = (
-    "Models that were left out of further computations. The outcome of the methods that were not run gives the reason; "
-    "Laplace's approximation is shown if the posterior mode had been found."
+    "Models that were left out of further computations, because they are much less probable than the best one. The "
+    "last column gives the reason for each method that was not run. The evidence by Laplace's approximation is shown "
+    "if the posterior mode had been found before."
 )
 ADOPTED = (
     'The "adopted evidence" is that of nested sampling if it was computed as a check, otherwise the mean of the other '
@@ -186,7 +187,8 @@ class SensitivitySection(SignalSection):
 def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
     """Return the results of one kind of sensitivity task for the first repeat, by model, if their outcome is `ok`.
 
-    The kinds are "widths", "noises", "half" and "savage_dickey".
+    The kinds are "widths" (wider and narrower priors), "noises" (each noise model), "half" (the first half of the
+    record) and "savage_dickey" (density ratios of nested models).
     """
     task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
     return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
@@ -299,7 +301,7 @@ def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRank
         "Log Bayes factors (nats) from the whole record and from its first half alone, and how well each model, "
         "fitted to the first half, predicts the second: the root mean square error divided by the expected one, the "
         "percentage of samples inside their 95 % prediction interval, and the log density of the second half given "
-        "the first, relative to the best model (nats)."
+        "the first, relative to the best model (nats). Coloured: the evidence from the first half is unreliable."
     )
 
     def kind(model: str) -> str:

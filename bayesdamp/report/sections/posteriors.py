@@ -36,17 +36,22 @@ PASSES = ("restarted/mean", "restarted/sd", "online/mean")
 """Arrays of a Kalman filter's running estimates: mean and sd in the last pass, and mean in the first pass."""
 TABLE = (
     "Parameters, and quantities derived from them: mean, standard deviation (sd) and 95 % interval of the posterior, "
-    "with the diagnostics of the sampler. They are reliable if R̂ ≤ 1.01 and the effective sample sizes (ESS) are at "
-    "least 400. The equivalent damping ratio, the decrement, the damping capacity and the energy lost in a cycle are "
-    "at the reference amplitude, from which the half-life starts; it is that of the record unless the study states "
-    "another one. The logarithmic decrement is the decrease of ln A in a cycle, where A is the amplitude; if it is "
+    "with the diagnostics of the sampler. The draws are reliable if R̂ ≤ 1.01, the effective sample sizes (ESS) are at "
+    "least 400, and no transition diverged; rows for which one of these fails are coloured. The equivalent damping "
+    "ratio, the decrement, the damping capacity and the energy lost in a cycle are at the reference amplitude, from "
+    "which the half-life starts. The reference amplitude is that of the record unless the study states another one. "
+    "The logarithmic decrement is the decrease of ln A in a cycle, where A is the amplitude; if it is "
     "small, it is 2π times the damping ratio. Rows without R̂ are not from chains: they are from the answer's "
     "sequential Monte Carlo, or from an approximation, whose ESS is that of importance weights."
 )
 CHAINS = (
     "the starting point of each chain, its distance from the mode before and after it was moved, and the largest "
     "difference between the mean of a parameter in this chain and in all chains; all in posterior standard deviations "
-    "(sd)."
+    f"(sd). Rows with a difference of means above {MAX_CHAIN_SHIFT:g} are coloured."
+)
+REPEATS = (
+    "Damping coefficients in each repeat: mean, standard deviation (sd) and 95 % interval of the posterior, whether "
+    "this interval contains the true value, and whether the sampler's draws are reliable."
 )
 SEARCHES = (
     "Searches for the mode: how far the log posterior at the starting point and at the end of the search is below its "
@@ -98,7 +103,8 @@ class PosteriorsSection(SignalSection):
             content += _tables(run, signal, repeats[0], model)
             if content and len(repeats) > 1:
                 rows, names = rows_of(run.posteriors, signal=signal, model=model), coefficients(run, model)
-                table = Table.of([r for r in rows if r["parameter"] in names], columns, (1, 2, 3, 6, 7))
+                rows = [r for r in rows if r["parameter"] in names]
+                table = Table.of(rows, columns, (1, 2, 3, 6, 7), REPEATS)
                 content.append(collapsible(f"All {len(repeats)} repeats", table))
             models[model] = content
         return by_model(models)
@@ -281,7 +287,7 @@ def _listing(seeds: Iterable[Seed]) -> str:
     """Return a list of starting points in words, such as "least squares (trajectory fit) and draw from the prior".
 
     Each is described by its source (for example an estimator), the stage of the estimator if it has one, and whether
-    the fit went over growing windows of the record.
+    it was refined on a window that grew from the first cycles to the whole record.
     """
     names = []
     for seed in seeds:

@@ -39,16 +39,20 @@ from bayesdamp.types import OK, AddedForm, Friction, PartialFit
 
 USED = "used for the answer"
 NOISES = (
-    "Noise models: by how many nats the log evidence of each is below that of the best one, and its fitted parameters, "
-    "in the units of the equation of motion."
+    "Noise models that were compared: by how many nats the log evidence of each is below that of the best one, and its "
+    "fitted parameters, in the units of the equation of motion (rad or m, and s). Bold: the model that is used."
 )
 WIDTHS = (
-    "Widths ε that were compared: the posterior probability of each, and the coefficients of all damping terms in the "
-    "fit with this width."
+    "Widths ε that were compared (dry friction changes its sign gradually, at velocities between about −ε and ε): the "
+    "posterior probability of each width, and the coefficients of all damping terms in the fit with this width. Bold: "
+    "the width with which the damping models are compared."
 )
 CHECKS = (
-    "Checks of the fit of each model at its posterior mode: root mean square residual, autocorrelation of the residual "
-    "at lag one, stability over sub-records (in standard deviations), predictive p, and the conclusion."
+    "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
+    "residual at lag one; stability over sub-records (the largest change of a damping coefficient between a half of "
+    "the record and the whole record, in standard deviations that are expected by chance); predictive p (the fraction "
+    "of simulated white noise that is as strongly autocorrelated as the residual); and the verdict: whether the model "
+    "fits."
 )
 WHOLE = (
     "the whole record as it was read. Shaded, if only a part is used: that part and, in a lighter shade, other free "
@@ -64,12 +68,12 @@ WITHOUT_FITS = "the used part of the record. Time counts from its start."
 """Captions of the figures of a record, after its name."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 PARTS = (
-    "Coefficients from parts of the record, with their standard deviations (±). If they differ by much more than "
-    "these, the model is incomplete and the posterior is too narrow."
+    "Coefficients from parts of the record, with their standard deviations (±). If the coefficients differ by much "
+    "more than their standard deviations, the model is incomplete and its posterior is too narrow."
 )
 ADDED = (
     "Log Bayes factor (nats) of this model with each additional form of damping against the model alone, and the "
-    "probability that this gives if both are equally probable in advance."
+    "posterior probability of the additional form if the models with and without it have equal prior probability."
 )
 FORMS: dict[str, Callable[[AddedForm], str]] = {
     "additional form": lambda form: form.words,
@@ -168,8 +172,9 @@ class NoiseSection(SignalSection):
         "near the oscillation frequency. The sign of dry friction changes gradually, within a range of velocities of "
         "width ε. This affects a precise record at small amplitudes and at each turning point. If ε was not given, "
         "several values are compared once for each record, with all damping terms. The damping models are compared and "
-        "sampled with 2 % of the peak velocity, or with the most probable value if it is clearly more probable. The "
-        "damping ratios of the answer are averaged over all these values. Estimators use 2 %."
+        "sampled with ε = 2 % of the peak velocity, or with the most probable value if it is clearly more probable. "
+        "The damping ratios of the answer are averaged over all compared values. Estimators use ε = 2 % of the peak "
+        "velocity."
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
