@@ -100,7 +100,7 @@ def kurtosis(x: np.ndarray) -> np.ndarray:
 
 
 def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return two statistics of series of whitened residuals `scores`, (..., n), for the predictive check: (2, ...).
+    """Return two statistics of series of whitened residuals, `scores` (..., n), for the predictive check: (2, ...).
 
     The first is the Box–Pierce statistic n Σ ρ_l², where ρ_l is the autocorrelation at a lag of l samples and the sum
     is over the lags 1 to `lags`. The second is the excess kurtosis.
@@ -123,7 +123,7 @@ def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
 def tangents(target: Target, mode: Mode) -> np.ndarray:
     """Return the derivatives of the whitened residuals by the parameters of the motion, one row for each, (k, n).
 
-    They are finite differences, multiplied by the posterior standard deviation of the parameter's score. Two kinds of
+    They are finite differences, per posterior standard deviation of the parameter's standard normal score. Two kinds of
     parameters have no row: coefficients that are zero at the mode, because they are at their bound and do not adapt to
     the residuals, and parameters whose derivative is not finite. The rows are in the order of `target.names`. Under
     heavy-tailed noise the residuals are not whitened, but in the unit of the record.
@@ -397,7 +397,7 @@ def forecast(
         Likelihood of the first half, with the common prior scale of the damping coefficients (the standard deviation of
         their scores) fixed at 1.
     z : ndarray, shape (d,)
-        Mode of the posterior given the first half, as scores.
+        Mode of the posterior given the first half, as standard normal scores.
     factor : ndarray, shape (d, d)
         Cholesky factor of the covariance of the scores at this mode.
     log_predictive : float

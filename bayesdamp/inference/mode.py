@@ -28,7 +28,8 @@ LAST_STEP = 1e-3
 """A search ends if a step is shorter than this, in posterior sds, and increases the log density by less than the cube
 of this, in nats; the second limit is multiplied by |log density| / 1000 where this is above 1 (conventional)."""
 ROUGH_LAST_STEP = 0.1
-"""Used in place of `LAST_STEP` for a mode that only serves as a start of a search or for a comparison."""
+"""Length of the last step, in posterior sds, of a search for a mode that only serves as a start of another search or
+for a comparison; it replaces `LAST_STEP`."""
 SMALLEST_SCORE = 1e-9
 """Lower bound, in a search, of the score of a parameter with a half-normal prior (a reflected score), instead of 0,
 where the derivative vanishes."""
@@ -40,12 +41,14 @@ trying a shorter step."""
 MOST_STEPS = 60
 """Largest number of trial steps of a search, rejected ones included."""
 MOST_CHANGE = 0.01
-"""Largest allowed error of the log likelihood, in nats, that the solver's error in the motion causes, within `NEAR_SDS`
-posterior sds of the mode; farther away the limit is proportional to the decrease of the log posterior."""
+"""Largest allowed change of the log likelihood, in nats, by the numerical error of the ODE solver; the mode is searched
+again with a smaller tolerance if the change is larger. It applies within `NEAR_SDS` posterior sds of the mode; farther
+away the limit grows in proportion to the decrease of the log posterior."""
 NEAR_SDS = 3.0
 """Distance from the mode within which motions must be accurate (`MOST_CHANGE`), in posterior sds."""
 FINER_FACTOR = 0.01
-"""The error of a motion is its difference from a motion that is solved with its tolerance times this factor."""
+"""The numerical error of a motion is measured as its difference from the motion that the ODE solver computes with its
+tolerance multiplied by this factor."""
 
 
 def maximise_posterior(
@@ -90,7 +93,7 @@ def maximise(
     retract: Retract = straight_on,
     close: float = LAST_STEP,
 ) -> Maximum:
-    """Search for the maximum of a log density of scores by Levenberg–Marquardt.
+    """Search for the maximum of a log density of standard normal scores by the Levenberg–Marquardt method.
 
     Parameters
     ----------
@@ -167,9 +170,9 @@ class LocalSearch:
 class StoredMode:
     """The values from which `restore_mode` rebuilds a mode.
 
-    z: scores at the mode, (d,). log_posterior: log posterior density there, in nats. information: negative Gauss–Newton
-    Hessian there, (d, d). tolerance: largest allowed error of a motion, in the record's unit. searches: all local
-    searches for the mode.
+    z: standard normal scores at the mode, (d,). log_posterior: log posterior density there, in nats. information:
+    negative Gauss–Newton Hessian there, (d, d). tolerance: largest allowed error of a motion, in the record's unit.
+    searches: all local searches for the mode.
     """
 
     z: np.ndarray
@@ -181,7 +184,9 @@ class StoredMode:
 
 @dataclass(frozen=True)
 class LinearDraws:
-    """The posterior of the linear model: the record is linear in the scores and in the deviations from the laws.
+    """The posterior of a linear model, in which the record is linear in the scores and in the deviations from the laws.
+
+    Scores are the inferred parameters, transformed to standard normal priors.
 
     Attributes
     ----------
@@ -197,10 +202,11 @@ class LinearDraws:
 
 @dataclass(frozen=True)
 class Mode:
-    """A posterior mode in scores, or the point about which a model with deviations from the laws is linearised.
+    """The mode of a posterior, as scores: the inferred parameters, transformed to standard normal priors.
 
-    Under exact laws it is the maximum with the common prior scale of damping coefficients fixed at 1. With deviations
-    it is the joint mode of scores and deviations, and `linear` is given.
+    Under exact laws it is the maximum with the common prior scale of damping coefficients fixed at 1. If the model
+    allows for deviations from its laws, it is the joint mode of scores and deviations, about which the model is
+    linearised, and `linear` is given.
 
     Attributes
     ----------
@@ -215,8 +221,9 @@ class Mode:
     searches : tuple of LocalSearch
         The searches that led to this and to other modes; empty with `linear`.
     step_error, likelihood_error : float
-        Largest error of the motion within three sds of the mode, measured by a more accurate motion: change of a
-        sample, in the unit of the record, and of the log likelihood, in nats. nan in a restored mode and with `linear`.
+        Largest effects of the solver's error within three sds of the mode, measured by a more accurate motion: change
+        of a sample, in the unit of the record, and change of the log likelihood, in nats. nan in a restored mode and
+        with `linear`.
     linear : LinearDraws or None
         Posterior of the linear model, with deviations from the laws; None under exact laws.
     """
@@ -279,7 +286,7 @@ class Mode:
         )
 
     def sd(self) -> np.ndarray:
-        """Return the sds of the scores in the normal approximation with the covariance of `factor`, (d,)."""
+        """Return the posterior sds of the standard normal scores, (d,), from the covariance of `factor`."""
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 
@@ -323,17 +330,21 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
 
 
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
-    """Return the mode of another likelihood, such as that of a part of the record; the search starts at scores z, (d,).
+    """Return the mode of another likelihood, such as that of a part of the record, by a search from given scores.
 
-    Errors, searches and `linear` are copied from `mode` unchanged, so the errors are not those of the result. Raises
-    Refusal if the posterior is not finite at the end of the search.
+    z: standard normal scores at which the search starts, (d,). Errors, searches and `linear` are copied from `mode`
+    unchanged, so the errors are not those of the result. Raises Refusal if the posterior is not finite at the end of
+    the search.
     """
     top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
 
 
 def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
-    """Search for the mode from scores z, (d,). Raises Refusal if the posterior is not finite where the search ends."""
+    """Search for the mode from standard normal scores z, (d,).
+
+    Raises Refusal if the posterior is not finite where the search ends.
+    """
     top = maximise_posterior(likelihood, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
@@ -416,7 +427,8 @@ def log_integral(
 ) -> np.ndarray:
     """Return logs of 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over values ≥ 0 of r reflected scores.
 
-    The other scores have no bounds. The factor is there because a half-normal density is twice the normal one.
+    g is the gradient and H the information, minus the Hessian; the other scores have no bounds. The factor is there
+    because a half-normal density is twice the normal one.
 
     Parameters
     ----------

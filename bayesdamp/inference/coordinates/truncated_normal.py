@@ -20,19 +20,22 @@ from bayesdamp.types import Refusal
 GRADIENT_STEP = 0.01
 """Step of the finite differences of gradients that give the Hessian in `laplace`, in posterior sds."""
 LEAST_INSIDE = 0.02
-"""`TruncatedNormal.draw` uses rejection sampling, unless a smaller fraction of normal draws than this has no negative
-reflected score; then it uses the sampler of `numerics.orthant`."""
+"""`TruncatedNormal.draw` draws from a normal distribution and rejects draws with negative values where these are not
+allowed. If less than this fraction of the draws is accepted, it uses the approximate sampler of `numerics.orthant`
+instead."""
 MOMENT_DRAWS = 20_000
 """Number of draws from which moments of a truncated distribution are computed."""
 FAR_WALL_SDS = 8.0
-"""A restriction to scores ≥ 0 is ignored if the mean of the score is at least this many sds above zero."""
+"""The restriction of a standard normal score to values ≥ 0 is ignored if its mean is at least this many sds above
+zero."""
 
 
 class TruncatedNormal:
     """The distribution N(mean, covariance) of d scores, in which the reflected scores are restricted to values ≥ 0.
 
-    mean: (d,). covariance: (d, d). reflected: boolean mask of the restricted scores, (d,). walls: indices of those
-    reflected scores whose mean is less than `FAR_WALL_SDS` sds above zero; the restriction of the others is ignored.
+    Scores are parameters transformed to standard normal priors; reflected ones are those of half-normal priors. mean:
+    (d,). covariance: (d, d). reflected: boolean mask of the restricted scores, (d,). walls: indices of those reflected
+    scores whose mean is less than `FAR_WALL_SDS` sds above zero; the restriction of the others is ignored.
     """
 
     def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
@@ -43,10 +46,11 @@ class TruncatedNormal:
     def about(
         cls, at: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, reflected: np.ndarray
     ) -> TruncatedNormal:
-        """Return the distribution whose log density has this gradient, (d,), at the scores `at`, (d,).
+        """Return the truncated normal distribution whose log density has a given gradient at a point.
 
-        covariance: before the truncation, (d, d). reflected: mask of the scores that are restricted to values ≥ 0,
-        (d,). The mean before the truncation is at + covariance @ gradient.
+        at: the point, (d,). gradient: (d,). covariance: before the truncation, (d, d). reflected: mask of the
+        coordinates that are restricted to values ≥ 0, (d,). The mean before the truncation is at + covariance @
+        gradient.
         """
         return cls(at + covariance @ gradient, covariance, reflected)
 
@@ -86,7 +90,10 @@ class TruncatedNormal:
         return draws[:n]
 
     def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density (nats) up to a constant at scores z, (n, d): (n,); −∞ if a score of `walls` is < 0."""
+        """Return the log density (nats), up to a constant, at points z, (n, d): (n,).
+
+        It is −∞ if a coordinate in `walls` is negative. The restriction of other coordinates is ignored.
+        """
         white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         inside = np.all(z[:, self.walls] >= 0, axis=1)
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
@@ -106,10 +113,10 @@ def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) ->
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     """Return Laplace's approximation at a mode: a truncated normal with the log posterior's gradient and full Hessian.
 
-    The Hessian is computed by finite differences of gradients about the mode; reflected scores nearer to zero than two
-    steps are first moved to two steps from zero. For a mode with a reflected score at zero, the gradient is not zero
-    and the mean of the normal distribution is negative. The unknown scale of the priors of coefficients is fixed at the
-    value in `Mode.near`.
+    The Hessian is computed by finite differences of gradients about the mode; reflected scores (of parameters with
+    half-normal priors) that are nearer to zero than two steps are first moved to two steps from zero. For a mode with a
+    reflected score at zero, the gradient is not zero and the mean of the normal distribution is negative. The unknown
+    scale of the priors of coefficients is fixed at the value in `Mode.near`.
 
     Raises
     ------

@@ -40,15 +40,16 @@ PARTS_PER_STEP = 8
 """Number of parts into which each step along the ridge is divided when the log density between the points is
 interpolated and integrated."""
 LARGEST_LEVEL = 4.5
-"""`NoiseMap.table` has points up to this absolute level score (a standard normal quantile); beyond, it is continued
-linearly."""
+"""`NoiseMap.table` has points up to this absolute value of its argument, the level score of a noise parameter (the
+standard normal quantile of its marginal posterior); beyond, it is continued linearly."""
 LINEAR_END = 1000.0
-"""`NoiseMap.table` is continued by straight lines up to this absolute level score (conventional)."""
+"""`NoiseMap.table` is continued by straight lines up to this absolute value of its argument, the level score of a noise
+parameter (conventional)."""
 NEWTON_STEPS = 6
 """Number of Newton steps by which `NoiseMap.level` inverts the map (four are enough)."""
 RIDGE_DIMENSIONS = 2
-"""Number of wide scores: the scores of the motion's parameters with the largest posterior sds, along which a curved
-ridge of the posterior may extend."""
+"""Number of wide scores: those standard normal scores of the motion's parameters that have the largest posterior sds. A
+curved ridge of the posterior may extend along them."""
 CURVATURE_SDS = 1.5
 """Distance from the mode, in posterior sds, at which `shear_of` measures the curvature of the ridge of the motion's
 parameters."""
@@ -164,9 +165,10 @@ class NoiseMap:
         return level
 
     def slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores by the level scores, (..., d, d), at points `level`, (..., d).
+        """Return the derivatives of standard normal scores by level scores, (..., d, d).
 
-        Element [..., i, j] is the derivative of score i by level score j.
+        level: the level scores, (..., d). Element [..., i, j] is the derivative of score i by level score j. Level
+        scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
         """
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
         if self.table is not None:
@@ -176,13 +178,16 @@ class NoiseMap:
         return slope
 
     def log_volume(self, level: np.ndarray) -> np.ndarray:
-        """Return the log determinant of the derivatives `NoiseMap.slope`, (...), at level scores (..., d)."""
+        """Return the log determinant of the derivatives of scores by level scores, (...), at level scores (..., d).
+
+        It is the change of a log density by the map (see `NoiseMap`), and 0 for the identity.
+        """
         if self.table is None:
             return np.zeros(level.shape[:-1])
         return np.log(self._rate(level[..., self.second])[..., 0])
 
     def volume_slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `NoiseMap.log_volume` by the level scores, (d,), at one point (d,)."""
+        """Return the derivatives of `log_volume` by the d level scores, (d,), at one point `level`, (d,)."""
         slope = np.zeros(level.size)
         if self.table is not None:
             x = level[self.second]
@@ -197,18 +202,18 @@ class NoiseMap:
 
     @cached_property
     def _rate(self) -> PPoly:
-        """First derivatives of `table` by the level score of the second noise parameter."""
+        """First derivatives of `table` by its argument, the level score of the second noise parameter."""
         assert self.table is not None
         return self.table.derivative()
 
     @cached_property
     def _second_derivative(self) -> PPoly:
-        """Second derivatives of `table` by the level score of the second noise parameter."""
+        """Second derivatives of `table` by its argument, the level score of the second noise parameter."""
         return self._rate.derivative()
 
 
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
-    """Maximise the log posterior over the scores `others`, with the remaining scores fixed at their values in z.
+    """Maximise the log posterior over some of the standard normal scores, with the others fixed.
 
     The common prior scale of damping coefficients is fixed as in `Mode.near`. Whether the search has converged is not
     checked.
@@ -252,10 +257,10 @@ def _profile(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute the marginal posterior of the second noise parameter at points in steps to both sides of the mode.
 
-    At each of m values the log posterior is maximised over all other scores. Returns the scores of the second
-    parameter, increasing, their marginal log density by Laplace's approximation, up to a constant, and the most
-    probable score of the first noise parameter given each, (m,) each; all empty if the posterior at the mode is not
-    finite. A side ends at `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite.
+    At each of m values the log posterior is maximised over all other parameters. Returns the standard normal scores of
+    the second parameter, increasing, their marginal log density by Laplace's approximation, up to a constant, and the
+    most probable score of the first noise parameter given each, (m,) each; all empty if the posterior at the mode is
+    not finite. A side ends at `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
@@ -282,11 +287,12 @@ def _profile(
 
 @dataclass(frozen=True)
 class Shear:
-    """A map from straight scores to scores: a shear with unit determinant, followed by the map of the noise.
+    """A map to standard normal scores from straight scores, in which a curved ridge of the posterior is straight.
 
-    Level scores, the scores before the map of the noise, are straight scores plus a quadratic form, ½ aᵀ C a. Here a,
-    (k,), are the wide scores minus their values at `centre`; `shear_of` chooses the wide scores, which have large
-    posterior sds. Each level score has its own matrix C, which is zero for the wide and for the reflected scores.
+    It is a shear with unit determinant, followed by the map of the noise parameters. Level scores, the result of the
+    shear, are straight scores plus a quadratic form, ½ aᵀ C a. Here a, (k,), are the wide scores minus their values at
+    `centre`; `shear_of` chooses the wide scores, which have large posterior sds. Each level score has its own matrix C,
+    which is zero for the wide scores and for those that must not be negative.
 
     Attributes
     ----------
@@ -311,7 +317,7 @@ class Shear:
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return only the map of the noise parameters: a shear without wide scores, whose quadratic form is zero."""
+        """Return a `Shear` that only maps the noise parameters: it has no wide scores and straightens no ridge."""
         d, none = mode.z.size, np.arange(0)
         return cls(np.zeros(d), none, np.zeros((d, 0, 0)), NoiseMap.of(target, mode))
 
@@ -323,7 +329,11 @@ class Shear:
         return self.noise.scores(self.level(straight))
 
     def level(self, straight: np.ndarray) -> np.ndarray:
-        """Convert straight scores to level scores, the scores before the map of the noise parameters, (..., d) each."""
+        """Convert straight scores to level scores, (..., d) each.
+
+        Straight scores are coordinates in which a curved ridge of the posterior is straight. Level scores are standard
+        normal scores, except for two noise parameters (see `NoiseMap`).
+        """
         return straight + self._shift(straight) if self.wide.size else straight
 
     def straight(self, scores: np.ndarray) -> np.ndarray:
@@ -335,28 +345,36 @@ class Shear:
         return level - self._shift(level) if self.wide.size else level
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the scores (rows) by the straight scores (columns), (d, d), at one point (d,)."""
+        """Return the derivatives of standard normal scores (rows) by straight scores (columns), (d, d).
+
+        straight: the straight scores at one point, (d,): coordinates in which a curved ridge of the posterior is
+        straight.
+        """
         return self.noise.slope(self.level(straight)) @ (np.eye(straight.size) + self._bending(straight))
 
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
-        """Return the log determinant of the derivatives `Shear.slope`, (...), at straight scores (..., d)."""
+        """Return the log determinant of the derivatives of standard normal scores by straight scores, (...).
+
+        It is the change of a log density by the map (see `Shear`). straight: the straight scores, (..., d).
+        """
         return self.noise.log_volume(self.level(straight))
 
     def volume_slope(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `Shear.log_volume` by straight scores, (d,), at one point (d,)."""
+        """Return the derivatives of `log_volume` by the d straight scores, (d,), at one point `straight`, (d,)."""
         slope = self.noise.volume_slope(self.level(straight))
         return slope + slope @ self._bending(straight)
 
     def _bending(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `_shift` (rows) by the straight scores (columns), (d, d), at one point (d,)."""
+        """Return the derivatives of `_shift` (rows) by straight scores (columns), (d, d), at one point, (d,)."""
         bending = np.zeros((straight.size, straight.size))
         bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
         return bending
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
-        """Return the quadratic form, (..., d), that is added to straight scores, at straight or level scores z.
+        """Return the quadratic form, (..., d), that turns straight scores into level scores (see `Shear`).
 
-        It depends only on the wide scores, which are the same in both.
+        z: straight or level scores, (..., d); both give the same result, which depends only on the wide scores, the
+        same in both.
         """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
@@ -367,12 +385,13 @@ class Shear:
 def shear_of(target: Target, mode: Mode) -> Shear | None:
     """Return the shear that straightens the ridge of a posterior; None if its bend is below `VISIBLE_BEND`.
 
-    Wide scores are those of the motion's parameters (not reflected) with the largest posterior sds: first the largest,
-    then the one with the largest conditional sd given the first. The ridge is the set of maxima of the posterior over
-    all other scores, for all values of the wide ones. Its curvature is measured by second differences at
-    `CURVATURE_SDS` posterior sds from the mode. A ridge occurs if the record determines only one combination of
-    parameters, such as gravity and stiffness of the horizontal pendulum. None is also returned if there are fewer than
-    `RIDGE_DIMENSIONS` wide scores, if all other scores are reflected, or if the posterior on the ridge is not finite.
+    Wide scores are the standard normal scores of the motion's parameters (without half-normal priors) with the largest
+    posterior sds: first the largest, then the one with the largest conditional sd given the first. The ridge is the set
+    of maxima of the posterior over all other scores, for all values of the wide ones. Its curvature is measured by
+    second differences at `CURVATURE_SDS` posterior sds from the mode. A ridge occurs if the record determines only one
+    combination of parameters, such as gravity and stiffness of the horizontal pendulum. None is also returned if there
+    are fewer than `RIDGE_DIMENSIONS` wide scores, if all other scores have half-normal priors, or if the posterior on
+    the ridge is not finite.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -418,11 +437,11 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
 def _ridge(
     target: Target, mode: Mode, noise: NoiseMap, wide: np.ndarray, others: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Maximise the posterior over the scores `others`, with the wide scores changed by `step`, (k,), from the mode.
+    """Maximise the posterior over standard normal scores, with the wide ones fixed at the mode plus `step`.
 
-    wide, others: indices of the k wide scores (see `Shear`) and of the d − k others. step: in scores. Return the
-    maximum as level scores (see `NoiseMap`), only those of `others`, (d − k,). Raises Refusal if the posterior is not
-    finite there.
+    The maximum is over the scores `others`. wide, others: indices of the k wide scores (see `Shear`) and of the d − k
+    others. step: change of the wide scores, (k,). Return the maximum as level scores (see `NoiseMap`), only those of
+    `others`, (d − k,). Raises Refusal if the posterior is not finite there.
     """
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
@@ -435,9 +454,10 @@ def _ridge(
 
 @dataclass(frozen=True)
 class Whitening:
-    """The map from coordinates u to straight scores, centre + factor @ u.
+    """The map from coordinates u, in which the posterior is nearly N(0, I), to straight scores, centre + factor @ u.
 
-    The posterior of u has nearly zero mean and unit covariance.
+    Straight scores are coordinates in which a curved ridge of the posterior is straight; `shear` maps them to standard
+    normal scores.
 
     Attributes
     ----------
@@ -461,7 +481,11 @@ class Whitening:
     shear: Shear
 
     def straight(self, u: np.ndarray) -> np.ndarray:
-        """Convert coordinates u to straight scores, centre + factor @ u, (..., d) each."""
+        """Convert coordinates u to straight scores, centre + factor @ u, (..., d) each.
+
+        The posterior is nearly N(0, I) in u. Straight scores are coordinates in which a curved ridge of the posterior
+        is straight.
+        """
         return self.centre + u @ self.factor.T
 
     def scores(self, u: np.ndarray) -> np.ndarray:
@@ -469,9 +493,10 @@ class Whitening:
         return self.shear.scores(self.straight(u))
 
     def log_volume(self, u: np.ndarray) -> np.ndarray:
-        """Return the log determinant, (...), of the derivatives of scores by straight scores, at points u, (..., d).
+        """Return the log determinant of the derivatives of standard normal scores by straight scores, (...).
 
-        The constant log determinant of `factor` is not included.
+        u: coordinates, (..., d). Straight scores are centre + factor @ u. The constant log determinant of `factor` is
+        not included.
         """
         return self.shear.log_volume(self.straight(u))
 
@@ -527,9 +552,10 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
     """Return the centre, (d,), and the Cholesky factor of the covariance, (d, d), of a normal distribution at the mode.
 
-    Both are in straight scores. The centre is the mode, with the absolute values of reflected scores (at least 1e-12),
-    and the covariance is that of `Mode.factor`. If there is a map of the noise, the score of the second noise parameter
-    has instead mean 0 and variance 1 and is independent of the others, because the map makes it standard normal.
+    Both are in straight scores, in which a curved ridge of the posterior is straight. The centre is the mode, with the
+    absolute values of reflected scores (at least 1e-12), and the covariance is that of `Mode.factor`. If there is a map
+    of the noise, the score of the second noise parameter has instead mean 0 and variance 1 and is independent of the
+    others, because the map makes it standard normal.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -545,26 +571,29 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 def slope_at(likelihood: Likelihood, shear: Shear, at: np.ndarray) -> np.ndarray:
     """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,).
 
-    The density is per unit of straight scores: the log determinant of the map to the scores (`shear`) is part of it.
+    Straight scores are coordinates in which a curved ridge of the posterior is straight. The density is per unit of
+    these: the log determinant of the map to standard normal scores (`shear`) is part of it.
     """
     return likelihood.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
 
 def slope_along(likelihood: Likelihood, line: Line, noise: NoiseMap, level: np.ndarray) -> np.ndarray:
-    """Return the gradient, (d,), of the log posterior density of level scores at one point, (d,), of these.
+    """Return the gradient, (d,), of the log posterior density of level scores at one point `level`, (d,).
 
-    line: the linearised motion that is used instead of the exact one, extrapolated to the point. It needs no
-    straightening of a ridge, so only the map of the noise applies.
+    Level scores are standard normal scores except for two noise parameters (see `NoiseMap`). line: the linearised
+    motion that is used instead of the exact one, extrapolated to the point. It needs no straightening of a ridge, so
+    only the map of the noise applies.
     """
     along = likelihood.gradient_along(line, noise.scores(level))
     return along @ noise.slope(level) + noise.volume_slope(level)
 
 
 def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal:
-    """Return the truncated normal of straight scores that has, before the truncation, the covariance of `expansion`.
+    """Return a truncated normal distribution of straight scores near the mode.
 
-    Its log density has the same gradient as the log posterior at the centre of `expansion`. Reflected scores are
-    restricted to values ≥ 0.
+    Straight scores are coordinates in which a curved ridge of the posterior is straight. Before the truncation the
+    distribution has the covariance of `expansion`; its log density has the same gradient as the log posterior at the
+    centre of `expansion`. Scores with half-normal priors are restricted to values ≥ 0.
     """
     at, factor = expansion(target, mode, shear)
     return TruncatedNormal.about(at, slope_at(mode.near, shear, at), factor @ factor.T, target.reflected)

@@ -39,7 +39,7 @@ class Draws:
 
     @staticmethod
     def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
-        """Convert draws of parameters, (chain, draw, d), to scores. The order is that of `target.priors`."""
+        """Convert draws of parameters, (chain, draw, d), in the order of `target.priors`, to standard normal scores."""
         scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
         return Draws(np.stack(scores, axis=-1), outcome)
 

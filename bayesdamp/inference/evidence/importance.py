@@ -107,17 +107,17 @@ class Importance(EvidenceMethod):
     def _weights(
         target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw n points from a proposal; return them in straightened scores, (n, d), and their log weights, (n,).
+        """Draw n points from a proposal distribution; return them, (n, d), and their log importance weights, (n,).
 
-        shear: map from straightened to original scores. A weight is the unnormalised posterior density over the
-        proposal's.
+        The points are straightened scores: coordinates in which a curved ridge of the posterior is straight. shear: map
+        from these to standard normal scores. A weight is the unnormalised posterior density over the proposal's.
         """
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
     def _proposal(target: Target, mode: Mode, shear: Shear) -> ReflectedT:
-        """Return the first proposal, in straightened scores.
+        """Return the first proposal distribution, in coordinates in which a curved ridge of the posterior is straight.
 
         It is a Student t with the mean of the distribution of `truncated_about` and with its covariance as scale matrix
         (a reflected Student t about the mode would have wrong correlations near a bound); or about the mode if this
@@ -135,7 +135,7 @@ class Importance(EvidenceMethod):
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
         """Return a Student t fitted to weighted draws y, (n, d), with 1.2 times their covariance.
 
-        log_weights: (n,); no weight counts more than 50 times their mean. reflected: which scores are reflected at
+        log_weights: (n,); no weight counts more than 50 times their mean. reflected: which coordinates are reflected at
         zero, (d,). Return None if too few draws have weight, or if the covariance is singular.
         """
         # The weights are truncated so that a single draw cannot dominate the fit.

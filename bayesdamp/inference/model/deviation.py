@@ -72,9 +72,9 @@ class Deviation(NoiseModel):
     def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
         """The inverse Cholesky factors of the residuals' covariances along `basis`, and the log normalisations.
 
-        There is one of each for each of c combinations of hyperparameters. The factors are stacked, (c k, k). A
-        normalisation is the prior probability of the combination divided by the square root of the determinant of its
-        covariance, (c,).
+        There is one of each for each of the c combinations of hyperparameters (prior sds and correlation lengths of the
+        deviations). The factors are stacked, (c k, k). A normalisation is the prior probability of the combination
+        divided by the square root of the determinant of its covariance, (c,).
         """
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
@@ -85,8 +85,8 @@ class Deviation(NoiseModel):
         """Split r + `shift`, (m,), into parts along `basis` and orthogonal to it, in standard deviations of the noise.
 
         r: residuals. Return the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each
-        of c combinations of hyperparameters, (c, k), and the log of each combination's prior probability times density,
-        up to a constant, (c,).
+        of the c combinations of prior sds and correlation lengths of the deviations, (c, k), and the log of each
+        combination's prior probability times density, up to a constant, (c,).
         """
         scaled = (r + self.shift) / np.sqrt(self.variance)
         along = scaled @ self.basis
@@ -114,8 +114,8 @@ class Deviation(NoiseModel):
         """Return R v, (..., m + c k), for shifts v of the record, (..., m).
 
         RᵀR is the Fisher information about a shift, averaged over the c combinations of hyperparameters (sizes and
-        correlation lengths) with `probabilities`; k is the number of deviations at the knots. gaps and p have no
-        effect.
+        correlation lengths) with `probabilities`; k is the number of values of the deviations at their knots in time.
+        gaps and p have no effect.
         """
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
@@ -181,7 +181,9 @@ class Deviation(NoiseModel):
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Raise Refusal: residuals are independent only given the deviations, so none has a density of its own."""
-        raise Refusal("samples are independent only given the deviations")
+        raise Refusal(
+            "with deviations from the laws, samples have no separate densities: their errors are correlated"
+        )
 
 
 def _draw_index(log_weights: np.ndarray, rng: np.random.Generator) -> int:

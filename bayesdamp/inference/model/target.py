@@ -32,11 +32,11 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import InputError, Reference, Signal, System
 
 NEAR_ZERO_SCORE = 1e-12
-"""Score that replaces 0 where derivatives of parameters with half-normal priors are computed, because these do not
-exist at 0."""
+"""Standard normal score that replaces 0 where the derivative of a parameter with a half-normal prior is computed,
+because this derivative does not exist at 0."""
 DIRECTION_STEP = 1e-6
-"""`Scores.retract` measures the direction of a step in the restoring law's natural coordinates by a finite difference
-over this fraction of the step."""
+"""`Scores.retract` measures the direction of a step, in quantities that a record determines well (the restoring law's
+natural coordinates, such as the frequency), by a finite difference over this fraction of the step."""
 EPSILON_RANGE = (0.0005, 0.05)
 """Ends of the default prior of ε, the width of the velocity in which dry friction changes its sign, as fractions of the
 peak velocity."""
@@ -185,7 +185,7 @@ class Target(Scores):
         needed = {*self.oscillator.inputs, *noise.parameters, *noise.constants}
         missing = needed - set(self.priors) - set(self.known)
         if missing:
-            raise ValueError(f"neither known nor inferred: {', '.join(sorted(missing))}")
+            raise ValueError(f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}")
 
     @cached_property
     def noise_model(self) -> NoiseModel:
