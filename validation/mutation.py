@@ -24,16 +24,18 @@ import numpy as np
 from validation.scoring import hits_of
 
 ROOT = Path(__file__).resolve().parents[1]
+"""Folder of the project."""
 TREE = ROOT / ".mutation"
+"""Folder of the copy of the project that is changed; it is removed at the end."""
 PATIENCE = 10
 """A change also counts as noticed if the tests take more than this many times as long as without it."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the package.
+    """A part of the package that is changed, and the tests that must fail then.
 
-    modules: globs, relative to bayesdamp/, of the modules to change. tests: paths of the tests that must notice.
+    modules: glob patterns, relative to bayesdamp/, of the modules to change. tests: paths of the tests.
     """
 
     modules: tuple[str, ...]

@@ -18,7 +18,8 @@ from bayesdamp.machine import processes
 from bayesdamp.types import InputError
 
 Work = Callable[..., Mapping[str, object]]
-"""A function that returns a row. It must be importable, because other processes call it."""
+"""A function that computes one row of a table, as a mapping from columns to values. It must be importable by its name,
+because other processes call it."""
 
 
 def read_rows(table: Path, columns: Sequence[str] = ()) -> pd.DataFrame:

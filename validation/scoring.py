@@ -27,13 +27,16 @@ Z = float(norm.ppf(0.975))
 AMPLITUDES = 3
 """Largest number of amplitudes of a record at which an answer is judged."""
 KEY = ("record", "peer")
+"""Columns that together identify a row."""
 COLUMNS = (
     *KEY, "group", "damping", "outcome", "seconds", "grade", "named", "probability", "true_probability", "decided",
     "right",
     *(f"{what}_{i + 1}" for i in range(AMPLITUDES) for what in ("amplitude", "true", "value", "low", "high")),
 )  # fmt: skip
-"""The columns of a row. `true`, `value`, `low` and `high` are the true damping ratio at an amplitude, the answered one,
-and its 95 % interval; `decided`: whether the damping `named` is named outright; `right`: whether it is the true one."""
+"""The columns of a row. `true_i`, `value_i`, `low_i` and `high_i` are the true damping ratio at the amplitude
+`amplitude_i`, the ratio in the answer, and its 95 % interval. `named`: the damping that the answer gives as the most
+probable. `decided`: whether the answer states this damping without reservation (named outright). `right`: whether it is
+the true one."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +52,13 @@ class Reply:
     named : str
         The most probable damping sum; empty if the peer does not determine it.
     decided : bool
-        Whether this sum is named outright.
+        Whether the answer states this sum without reservation (named outright).
     probability : float
         Its probability.
     rivals : mapping
         Probabilities of other sums.
     grade : str
-        How well the laws hold.
+        How well the damping and restoring laws hold, as `Verdict.grade` states it; empty for other programs.
     amplitudes : sequence of float
         The amplitudes of the values, if they may differ from those that were requested.
     """
@@ -72,7 +75,8 @@ class Reply:
 
 
 Peer = Callable[[Signal, tuple[float, ...]], Reply]
-"""A function of a record and of amplitudes in its unit. Raises Refusal without an answer."""
+"""A function that answers a record: it maps the record, and amplitudes in its unit, to a reply. Raises Refusal if the
+method has no answer."""
 
 
 def reply_of(verdict: Verdict) -> Reply:
@@ -115,7 +119,11 @@ def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
 
 
 def truth_of(case: Case, amplitudes: Sequence[float] = ()) -> dict[str, float]:
-    """Return the cells with these amplitudes, or else those of the record, and the true damping ratios there."""
+    """Return the cells of a row with amplitudes and the true damping ratios there, by column.
+
+    amplitudes: in the unit of the record; by default those at which the record is to be judged. Return {} if the true
+    ratio of the record is unknown.
+    """
     if case.ratio is None:
         return {}
     at = amplitudes or case.amplitudes
@@ -123,7 +131,10 @@ def truth_of(case: Case, amplitudes: Sequence[float] = ()) -> dict[str, float]:
 
 
 def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
-    """Return the cells of a row with quantities at several amplitudes: true=(a, b, c) gives true_1 to true_3."""
+    """Return the cells of a row, by column, with quantities at several amplitudes.
+
+    For example, true=(a, b, c) gives the columns true_1, true_2 and true_3 with the values a, b and c.
+    """
     return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
 
 
@@ -149,7 +160,7 @@ def probability_of(reply: Reply, damping: str) -> float:
 
 @dataclass(frozen=True)
 class Share:
-    """A share with its 95 % interval, which is NaN without trials."""
+    """A fraction of hits among trials, with its 95 % interval; all three numbers are NaN if there were no trials."""
 
     value: float
     low: float
@@ -186,9 +197,10 @@ def three(rows: pd.DataFrame, what: str) -> np.ndarray:
 
 
 def coverage(rows: pd.DataFrame) -> Share:
-    """Return the mean share of a record's true damping ratios that are inside their intervals, over those with any.
+    """Return the coverage of the 95 % intervals of damping ratios: the fraction that contains the truth, by records.
 
-    Its own interval counts each record once, because the ratios of a record are not independent.
+    It is the mean over all records with intervals of the fraction of a record's intervals that contain the truth. The
+    interval of this mean counts each record once, because the ratios of a record are not independent.
     """
     low, true, high = (three(rows, what) for what in ("low", "true", "high"))
     stated = np.isfinite(low) & np.isfinite(high)
@@ -203,7 +215,10 @@ def errors(rows: pd.DataFrame) -> np.ndarray:
 
 
 def named(rows: pd.DataFrame, right: int | None = None) -> int:
-    """Return how many dampings are named outright; if `right` is given, only the right (1) or the wrong ones (0)."""
+    """Return how many answers state one damping without reservation (named outright).
+
+    right: 1 to count only those that state the true damping, 0 only those that state a wrong one; by default all.
+    """
     decided = where(rows, decided=1)
     return len(decided if right is None else where(decided, right=right))
 
@@ -250,7 +265,9 @@ SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "mean P(truth)": _true_probability,
     "CPU seconds": _median_seconds,
 }  # fmt: skip
-"""The columns of a table of scores: the text of each, as a function of the rows of a group."""
+"""The columns of a table of scores, by header: each is a function that maps the rows of a group to the content of the
+cell. "Named outright" means that an answer states one damping without reservation; "deviates" is the number of answers
+which warn that the laws do not hold; "P(truth)" is the probability that the answer gives to the true damping."""
 
 
 def score_table(
@@ -274,5 +291,9 @@ def score_table(
 def groups_of(
     rows: pd.DataFrame, column: str = "group", order: Iterable[str] = ()
 ) -> dict[str, pd.DataFrame]:
-    """Return the rows of each value of a column, in this order or that of the rows."""
+    """Group rows by the value of a column; return the rows of each group by this value.
+
+    order: the values, in the order of the result (a group may then be empty); by default all values, in the order in
+    which they occur.
+    """
     return {str(name): where(rows, **{column: name}) for name in (order or rows[column].unique())}

@@ -20,6 +20,7 @@ from validation.scoring import COLUMNS, KEY, Reply
 from validation.truth.records import Case
 
 SEED, COUNT = 813, 200
+"""Default seed and number of the simulated records."""
 MEASURED = Path("../shared/data")
 """The folder that contains `ten_runs/`, the measured records; without it these are omitted."""
 
@@ -40,7 +41,7 @@ def row_of(record: Case, name: str) -> dict[str, Any]:
         except Exception as fault:
             raise Refusal(" ".join(f"{type(fault).__name__}: {fault}".split())[:200]) from None
         if not all(map(math.isfinite, reply.values)):
-            raise Refusal("its ratio is not finite")
+            raise Refusal("the damping ratio of the answer is not finite")
         return replace(reply, amplitudes=())  # all peers are judged at the amplitudes that were requested
 
     return scoring.row_of(record, answer, name)

@@ -13,13 +13,15 @@ from validation.contest.peers.shared import even, spectral_peak
 from validation.truth.records import Case
 
 FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
+"""Path of the file with the ten runs, below the folder of the data."""
 PARTS = (5 / 6, 1 / 2, 1 / 6)
 """Amplitudes at which a run is judged, as fractions of its range of ln(amplitude) from its lowest amplitude."""
 FLOOR = 0.25
 """No run is judged below this share of its first amplitude, because there it begins to stick."""
 NEAR = 0.35
-"""Largest distance, in ln(amplitude), of the half cycles that give the truth at an amplitude."""
+"""Largest difference of ln(amplitude) between an amplitude and the half cycles that give the truth there."""
 LEAST = 6
+"""Least number of such half cycles; with fewer, the truth at this amplitude is refused."""
 
 
 def measured_records(folder: Path) -> list[Case]:

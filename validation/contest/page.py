@@ -14,6 +14,7 @@ from validation.rows import where
 from validation.scoring import digits, errors, groups_of, score_table
 
 MEASURED = "measured"
+"""Name of the group of measured records."""
 INTRODUCTION = """# A contest
 
 This page compares bayesdamp with other methods of measuring damping on the same records. Each method runs with its

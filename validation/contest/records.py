@@ -13,6 +13,7 @@ from validation.truth.ratio import RatioCurve
 from validation.truth.records import FAMILY, FROM_END, Case, case
 
 GROUPS = ("family", "discrepant", "noisy", "short", "gappy")
+"""Names of the groups of simulated records, in turn; `simulate_record` explains them."""
 NOISE = (0.05, 0.15)
 """Range of the standard deviation of the noise in records of the group "noisy", as a share of the first amplitude."""
 SHORT = (3.0, 6.0)
@@ -28,8 +29,9 @@ def simulate_record(seed: int, number: int) -> Case:
 
     Its group is `GROUPS[number % 5]`.
 
-    - family: seven damping sums by four restoring laws, noise of 0.3 to 3 % of the first amplitude, 8 to 60 cycles.
-    - discrepant: ten discrepancies from the laws, in turn.
+    - family: one of the seven sums of viscous, Coulomb and quadratic damping with one of four restoring laws, noise of
+      0.3 to 3 % of the first amplitude, 8 to 60 cycles.
+    - discrepant: as family, with an effect that no compared law contains, one of ten in turn.
     - noisy: noise of 5 to 15 %.
     - short: the first 3 to 6 cycles.
     - gappy: three gaps with 40 % of the time in total.

@@ -38,12 +38,17 @@ from validation.truth.ratio import harmonic_ratio
 from validation.truth.records import Case
 
 EXPONENT = "exponent"
+"""Name of the group of records with a power law of random exponent, on which the exponent's interval is tested."""
 PARAMETERS = ("nats", "intervals", "held")
 """Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
 how many of these contain the truth."""
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")
+"""The damping terms that are tested, by their names in bayesdamp."""
 Force = Callable[[float, float, float], float]
+"""A damping force (rad/s²) of displacement (rad), velocity (rad/s) and sign of the velocity (1 or −1)."""
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
+"""Least fraction of the energy loss that the term must cause, and least fraction by which the amplitude must fall; a
+record with less is drawn again."""
 LEAST_NATS = 12.0
 """A true sum counts as distinguishable if the log likelihood of its best fit is at least this much (nats) above that of
 every sum that lacks one of its terms."""
@@ -153,7 +158,7 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     motion = solve_motion(oscillator, size, frequency, float(times[-1]) + 1e-9)
     y, v = motion.at(times)
     if np.abs(motion.turns[-1]) > (1 - LEAST_FALL) * size:
-        raise NoMotionError("it falls too little")
+        raise NoMotionError("the amplitude falls too little")
     x = y - oscillator.equilibrium()
     own = np.array([truth.force(a, b, math.copysign(1.0, b)) * b for a, b in zip(x, v, strict=True)])
     part = coefficient * own.sum() / (coefficient * own.sum() + np.sum(2 * zeta * v * v))
@@ -192,7 +197,7 @@ def row(term: str, seed: int) -> dict[str, Any]:
         if term == EXPONENT:
             e = answer(signal, restoring=["linear"], sample=False).verdict.exponent
             if e is None:
-                raise Refusal("it has no exponent")
+                raise Refusal("the answer has no exponent")
             return Reply([e.value], [e.low], [e.high])
         sums = [*all_sums(), term, f"viscous+{term}"]
         verdict = answer(signal, damping=sums, restoring=["linear"], comparisons=results).verdict

@@ -21,8 +21,11 @@ from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, columns
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+"""Folder of the measured records."""
 RIG = ReadingOptions(time="Time_Elapsed(s)", angle="Angle(deg)", unit="deg")
+"""Options for the files of the horizontal pendulum."""
 SPRING = ReadingOptions(time="1", angle="2", unit="m")
+"""Options for the files of a disc on a stiff spring: times in column 1, positions in m in column 2."""
 
 
 @dataclass(frozen=True)

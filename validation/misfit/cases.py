@@ -11,6 +11,7 @@ from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
 SAMPLES = 240
+"""Number of samples of a record before gaps are cut out."""
 OUTSIDE = (
     "beats", "two_modes", "driven", "clipped", "stiction", "drift", "wander", "cubic", "root", "damping_changes",
     "stiffness_changes",
@@ -23,7 +24,8 @@ INSIDE = ("clean", "two_cycles", "coarse", "quantised", "outliers", "gaps", "sli
 def draw_case(kind: str, number: int, seed: int) -> Case:
     """Simulate a random record of a kind, with angles in rad. Kind, number and seed determine it.
 
-    A damping outside the family has its own name, such as "cubic". The noise is relative to the amplitude.
+    A damping outside the family has its own name, such as "cubic". The standard deviation of the noise is 0.3 to 5 % of
+    the amplitude.
     """
     rng = np.random.default_rng([seed, (*OUTSIDE, *INSIDE).index(kind), number])
     cycles = float(rng.uniform(6, 12))

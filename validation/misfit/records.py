@@ -12,8 +12,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 Force = Callable[[np.ndarray | float], np.ndarray | float]
+"""A damping force as a function of the velocity, in normalised units."""
 Function = Callable[[float], float]
+"""A function of time, such as a driving force."""
 Slope = Callable[[float, np.ndarray], Sequence[np.ndarray | float]]
+"""The right-hand side of an equation of motion: it maps time and state to the derivative of the state by time."""
 
 TERMS: Mapping[str, Callable[[float], Force]] = {
     "viscous": lambda eps: lambda v: 2 * v,
@@ -97,7 +100,8 @@ def sticking(kinetic: float, static: float, speed: float, times: np.ndarray) -> 
     """Return the positions of an oscillator with Stribeck friction, which may stick.
 
     The friction falls from `static` at rest to `kinetic` within the velocity `speed`; its sign is not smoothed.
-    After it sticks, the position is constant.
+    After it sticks, the position is constant. kinetic, static: frictions relative to the spring force at the initial
+    displacement. times: increasing times from 0, (n,), also the shape of the result.
     """
     out = np.empty(times.size)
     t, x, done = 0.0, 1.0, 0

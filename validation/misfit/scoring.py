@@ -37,7 +37,10 @@ def answer_file(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, Any]:
-    """Simulate a case, answer its file, and return its row."""
+    """Simulate record `number` of a kind, write it to a file, answer the file, and return the row of the table.
+
+    kind: one of `cases.OUTSIDE` or `cases.INSIDE`. seed: seed of all random numbers, with kind and number.
+    """
     return row_of(draw_case(kind, number, seed), answer_file)
 
 

@@ -65,7 +65,7 @@ def _check() -> int:
         lines.append(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
     left = sum(r.cost for r in RECIPES if r.name in old)
     lines.append(
-        f"{len(old)} of {len(RECIPES)} are stale; to make them takes about {left} minutes on two cores"
+        f"{len(old)} of {len(RECIPES)} reports are stale; making them takes about {left} minutes on two cores"
     )
     print("\n".join(lines))
     return STALE if old else 0
@@ -87,7 +87,7 @@ def _make(recipe: Recipe) -> bool:
         words = [word.format(**places) for word in shlex.split(command)]
         print(f"{recipe.name}: {' '.join(words)}", flush=True)
         if subprocess.run(words, cwd=ROOT, env=environment).returncode:
-            print(f"{recipe.name}: failed; its old stamp is unchanged", file=sys.stderr)
+            print(f"{recipe.name}: the command failed; the old stamp is unchanged", file=sys.stderr)
             return False
     wrong = contradictions(out)
     if wrong:

@@ -20,6 +20,7 @@ from bayesdamp.formatting import markdown_table as table
 from validation.rows import read_rows, where
 
 LEVEL = 0.95
+"""Probability of the intervals on which the page reports."""
 POWER = 0.8
 """Probability with which a test must detect an effect whose size the page states (conventional)."""
 

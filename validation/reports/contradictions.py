@@ -32,7 +32,8 @@ EXCLUDED = 0.05
 MISSED = 0.05
 """Fraction of 95 % intervals that may miss the truth."""
 ALARM = 1e-3
-"""False-alarm probability of each test in `of_many`; that in `misses` is ten times as large (conventional)."""
+"""False-alarm probability of each test in `names_of_many`; that of the test in `misses` is ten times as large
+(conventional)."""
 FAR = 1.0
 """Largest distance of the truth from a 95 % interval that is not a contradiction, in widths of the interval.
 
@@ -45,6 +46,7 @@ RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 """Size in rad of each unit in which a page gives an amplitude."""
 
 Verdicts = Sequence[Mapping[str, Any]]
+"""The verdicts of a run, as in its verdict.json: a mapping from field to value for each record."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +103,10 @@ class Quoted:
 def named_wrongly(
     record: str, truth: frozenset[str], decided: bool, damping: str, probabilities: Mapping[str, float]
 ) -> list[str]:
-    """Return the contradiction, if any, between the damping that a page names and the true one.
+    """Return a sentence on the contradiction between the damping that a page names and the true one; [] if none.
 
-    A page that does not name the damping outright contradicts the truth if it gives it a probability below `EXCLUDED`.
+    A page that names a damping outright (without reservation) contradicts the truth if this damping is wrong. Any other
+    page contradicts it if it gives the true damping a probability below `EXCLUDED`.
 
     Parameters
     ----------
@@ -260,7 +263,11 @@ def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
 
 
 def recovered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of a model recovery with the columns of `validation.scoring` that `names_of_many` needs."""
+    """Add the columns that `names_of_many` needs to the table of a model recovery, and return the new table.
+
+    rows: recovery.csv, with the probability of each damping in a column of its name. The added columns are `named` (the
+    most probable damping), `probability`, `decided` (0.95 or more), `right` and `true_probability`.
+    """
     by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]].astype(float)
     named, highest = by_damping.idxmax(axis=1), by_damping.max(axis=1)
     own = [row[row["model"]] for row in rows.to_dict("records")]
@@ -273,6 +280,8 @@ def recovered(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+# The words of a verdict in which a page of docs/ states a damping, a damping ratio in it, the command that simulates
+# the record, and the names of damping terms in a verdict.
 SENTENCE = re.compile(
     r"(?P<damping>[A-Z][^.;:]*?) damping \(probability (?P<sign>[<>] )?(?P<probability>[\d.]+)\): "
     r"equivalent damping ratio (?P<ratios>.+?), natural frequency"

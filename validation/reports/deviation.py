@@ -32,6 +32,7 @@ SEED = 903
 DENSE = 10
 """Factor by which the sampling rate of the records counted by `--dense` is higher."""
 ALL = "all discrepancies, auto"
+"""Name of the line of the table with all records that have a discrepancy."""
 INTRODUCTION = """The records are simulated, with a truth from an independent solver (`validation.truth.records`,
 SciPy's DOP853). They are answered under all dampings and restoring laws with linear models, without sampling. No
 threshold and no prior was chosen on these seeds. Records of the family are drawn until the true sum is 12 nats or more
@@ -60,7 +61,10 @@ def row(kind: str, number: int, oversample: int, mode: str) -> dict[str, Any]:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page on these rows in Markdown. Their peers are the modes of the answer."""
+    """Return the page in Markdown from the rows of its table.
+
+    The column `peer` has the mode of the answer: "none" (the laws hold exactly) or "auto" (also approximate laws).
+    """
     dense = rows["record"].str.endswith(f"-x{DENSE}")
     usual = where(rows, ~dense)
     auto = where(usual, peer="auto")

@@ -45,6 +45,7 @@ LONG = 1e-4
 SEED = 3141
 """Seed of the records. It is used only for this page: no prior and no threshold was chosen on these records."""
 DAMPINGS = ("viscous", "viscous+coulomb", "viscous+quadratic")
+"""True damping sums of the records, in turn."""
 SPREAD = 0.25
 """Largest difference, in decades, between the ratio of a record and the nominal ratio."""
 SHARES, FALLS = (0.2, 0.5), (5.0, 11.0)

@@ -19,6 +19,7 @@ from bayesdamp.report.results.estimators import (
 from bayesdamp.report.results.run import RunFolder
 
 INITIAL, REFINED = "initial", "refined"
+"""Names of the two stages of an estimator: its own estimate, and the trajectory fit that starts at this estimate."""
 
 
 def page(run: RunFolder) -> str:

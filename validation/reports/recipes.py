@@ -14,9 +14,13 @@ ENGINE = tuple(
 )  # fmt: skip
 """Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
+"""Sources of a report that contains estimates."""
 TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
+"""Sources of a report that compares answers with the truth of simulated records."""
 PYTHON = "{python} -m"
+"""Beginning of a command that runs a Python module."""
 PAGES = "validation.reports"
+"""Package of the modules that write pages of reports."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from bayesdamp.store import write_json
 from validation.reports.recipes import RECIPES, Recipe
 
 FILE = "made.json"
+"""Name of the file with the stamps of all reports, in the folder reports/."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,10 @@ def stamps(reports: Path) -> dict[str, Stamp]:
 
 
 def stale(root: Path) -> list[Recipe]:
-    """Return the reports without a stamp, and those whose sources have changed since."""
+    """Return the recipes of stale reports: those without a stamp, or whose sources have changed since they were made.
+
+    root: folder of the project.
+    """
     stamp_of = stamps(root / "reports")
     return [r for r in RECIPES if r.name not in stamp_of or stamp_of[r.name].digest != digest(r, root)]
 
@@ -71,7 +75,10 @@ def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
 
 @cache
 def _without_words(text: str) -> str:
-    """Return the code in a source text, without comments and docstrings. Cached, because recipes share most files."""
+    """Return a text that represents the code of a source text, without its comments and docstrings.
+
+    Two sources with the same result compute the same. The result is cached, because recipes share most files.
+    """
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):

@@ -20,16 +20,25 @@ from validation.truth.oscillator import Discrepancy
 from validation.truth.ratio import harmonic_ratio
 
 CUBIC_SENSOR = 0.005
+"""Relative error of the nonlinear sensor's reading at the displacement A."""
 DRIFT = 0.05
+"""Relative change of all damping over the record."""
 POWER = 1.7
+"""Exponent of the velocity in the further damping force of the kind "power"."""
 SHARE = (0.15, 0.25)
 """Range of the share of the further force, |v|^1.7 or x²v, in the energy loss at the amplitude 0.75 A."""
 STRIBECK_EXCESS, STRIBECK_SPEED = 0.5, 0.3
+"""Excess of the static over the kinetic friction, relative to the latter, and Stribeck velocity in units of V."""
 FRICTION_BY_ANGLE = 0.1
+"""Relative change of Coulomb friction with the angle."""
 SECOND_MODE = 0.01
+"""Amplitude of the second mode in units of A."""
 STIFFENING = 0.01
+"""Further restoring force at the displacement A, relative to that of the linear spring."""
 LAG = 0.1
+"""Time constant of the slow sensor in units of 1/ω."""
 JITTER, JITTER_CYCLES = 0.03, 2.0
+"""Standard deviation of the random factor on the damping, and time between its independent values in cycles."""
 COULOMB = ("stribeck", "angle_friction")
 """Kinds that require Coulomb friction in the oscillator's damping sum, because they change it."""
 TAKING = ("power", "position_dependent")

@@ -17,7 +17,8 @@ HOLDS = 1.05
 """A motion counts as sticking, and is rejected, if the force at a turning point is at most this multiple of the static
 friction."""
 PERIODS = 3.0
-"""Longest half cycle, in periods of small motions; a longer one counts as a motion that escapes or creeps."""
+"""Longest half cycle, in periods of small motions. A motion with a longer one counts as creeping or unbounded, and is
+rejected."""
 
 
 class NoMotionError(Exception):
@@ -91,7 +92,7 @@ def solve_motion(oscillator: Oscillator, displacement: float, frequency: float, 
     while t <= duration:
         pull = acceleration(t, theta, 0.0, 0.0)
         if abs(pull) <= HOLDS * oscillator.static_friction(theta - zero):
-            raise NoMotionError("it sticks")
+            raise NoMotionError("the motion sticks")
         sign = float(np.sign(pull))
 
         def slope(t: float, state: np.ndarray, sign: float = sign) -> tuple[float, float]:
@@ -107,10 +108,10 @@ def solve_motion(oscillator: Oscillator, displacement: float, frequency: float, 
             dense_output=True,
         )  # fmt: skip
         if piece.status != 1:
-            raise NoMotionError("it creeps or escapes")
+            raise NoMotionError("the motion creeps or escapes")
         t, theta = float(piece.t[-1]), float(piece.y[0, -1])
         if (theta - zero) * turns[-1] >= 0:
-            raise NoMotionError("it sticks")
+            raise NoMotionError("the motion sticks")
         times.append(t)
         turns.append(theta - zero)
         pieces.append(piece.sol)

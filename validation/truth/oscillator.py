@@ -9,11 +9,14 @@ from dataclasses import dataclass, field
 from scipy.optimize import brentq
 
 TERMS = ("viscous", "coulomb", "quadratic")
+"""Names of the damping terms."""
 COEFFICIENTS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+"""Name of the coefficient of each damping term."""
 SUMS = (
     "viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic", "coulomb+quadratic",
     "viscous+coulomb+quadratic",
 )  # fmt: skip
+"""Names of all sums of the three damping terms."""
 LAWS = {
     "horizontal_pendulum": ("stiffness", "spring_angle", "gravity"),
     "linear": ("stiffness", "rest_angle"),
@@ -23,6 +26,7 @@ LAWS = {
 """Restoring laws and their parameters, in the order that `trajectory` expects."""
 
 Function = Callable[[float], float]
+"""A function of one number, such as a force of the displacement."""
 
 
 @dataclass(frozen=True)

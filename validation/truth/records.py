@@ -18,7 +18,9 @@ from validation.truth.ratio import ratio_curve
 from validation.truth.rivals import nats_ahead
 
 FAMILY = "family"
+"""Kind of the records for which the compared damping sums and restoring laws hold exactly."""
 KINDS = (FAMILY, *discrepancies.KINDS)
+"""All kinds of records: the family, and one for each discrepancy from its laws."""
 NATS = 12.0
 """Least difference in log likelihood (nats) between the true sum of a record and the best sum that lacks one of its
 terms; otherwise the record is drawn again."""
@@ -31,6 +33,7 @@ answers are judged."""
 PER_CYCLE = 64
 """Number of points in a cycle at which the power of each term is evaluated, for its share of the energy loss."""
 ATTEMPTS = 400
+"""Largest number of random draws of the oscillator of one record; if none obeys all rules, RuntimeError is raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +143,7 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
 def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
     """Simulate the record of a draw. Raises NoMotionError if it breaks a rule that `case` states."""
     if (nats := nats_ahead(draw)) < NATS:
-        raise NoMotionError("another sum fits as well")
+        raise NoMotionError("a sum without one of the true terms fits as well")
     observe = Motion.displacements
     if kind != FAMILY:
         odd = discrepancies.KINDS[kind](rng, draw)

@@ -78,6 +78,7 @@ class Ringdown:
 
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
+"""Damping sums of simulated ring-downs; one is drawn at random."""
 
 
 def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
@@ -143,7 +144,10 @@ class Simulated:
 
 
 def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.ndarray:
-    """Draw an Ornstein-Uhlenbeck process of standard deviation 1 and correlation time `time`, shape (n,)."""
+    """Draw n values of an Ornstein-Uhlenbeck process with standard deviation 1, shape (n,).
+
+    step: time between the values. time: correlation time of the process, in the unit of `step`.
+    """
     a = np.exp(-step / time)
     noise = rng.standard_normal(n) * np.sqrt(1 - a * a)
     noise[0] = rng.standard_normal()
@@ -172,7 +176,11 @@ def free_decay(t: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
 
 
 def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
-    """Simulate the readings in dB of a spectrum analyser or a lock-in amplifier during a ring-down."""
+    """Simulate the readings in dB of a spectrum analyser or a lock-in amplifier during a ring-down.
+
+    The record contains the drive, the decay, and the noise floor after it. ringdown: its parameters. rng: source of all
+    random numbers.
+    """
     n_fall = ringdown.fall / NEPER
     # Time that the decay itself needs to reach the floor, by its own law.
     x = np.linspace(0.0, -n_fall, 4000)

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 ROOT_STEPS = 12
+"""Largest number of secant steps to the turning point within a step of the solver."""
 
 
 @njit(cache=True)

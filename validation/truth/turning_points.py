@@ -24,7 +24,7 @@ def _sign(v: float) -> float:
     return float(np.tanh(v / SHARP))
 
 
-# Written here from the equations in their sources, for decays by about 20 dB in 40 s.
+# The coefficients give decays by about 20 dB in 40 s.
 FORCES: dict[str, Force] = {
     "viscous": lambda x, v: 2 * 0.06 * v,
     "coulomb": lambda x, v: 0.13 * _sign(v),

@@ -1,6 +1,7 @@
-"""Define the peers: functions from times (s), displacements and amplitudes (rad) to a reply.
+"""Define the peers, which are the methods that take part in the contest.
 
-They raise Refusal without an answer.
+Each is a function that maps times (s), displacements (rad) and amplitudes (rad) to a reply with the damping ratios. It
+raises Refusal if it has no answer.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from validation.contest.peers import ours, script, sindy, textbook
 from validation.scoring import Reply
 
 OURS = "bayesdamp"
+"""Name of the peer that is bayesdamp."""
 ROSTER: dict[str, Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]] = {
     "logarithmic decrement": textbook.decrement,
     "Hilbert envelope, one line": textbook.envelope,
@@ -23,4 +25,4 @@ ROSTER: dict[str, Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]] 
     "an engineer's script": script.answer,
     OURS: ours.answer,
 }
-"""All peers, by the name that the table has in its column `peer`."""
+"""All peers, by the name in the column `peer` of the table."""

@@ -19,21 +19,27 @@ from validation.contest.peers.shared import even, fit_sinusoid, segments, spectr
 from validation.scoring import Reply
 
 TERMS = ("viscous", "coulomb", "quadratic")
+"""Names of the damping terms, in the order of their coefficients z, c and q."""
 SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
+"""All damping sums, each as the positions of its terms in `TERMS`."""
 K, B, REST, X0, V0 = range(3, 8)
-"""Positions in the vector of parameters p: k, b, rest position, initial displacement and velocity. z, c, q are
-before."""
+"""Positions in the vector of parameters p: stiffness k, cubic stiffness b, rest position, initial displacement and
+velocity. Positions 0 to 2 are the damping coefficients z, c and q."""
 SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
+"""Typical change of each parameter in a fit, (8,), by which the least-squares method scales its steps."""
 STEP = 2 * math.pi / 40
+"""Largest step of the solver in normalised time: 40 steps in a cycle."""
 FIRST_CYCLES, GROWTH = 3, 2
 """Length in cycles of the window in which a fit starts, and the factor by which each next window is longer."""
 NAMED = 0.95
+"""Least weight of a damping sum that is stated without reservation."""
 EXPLAINED = 0.5
 """Least share of the record's variance that the best fit must explain."""
 FAR = 10.0
 """Largest absolute residual, in largest displacements of the record, so that residuals of an unbounded motion are
 finite."""
 LEAST_RATIO = 1e-6
+"""Damping ratios up to this value count as no damping, and the record is refused."""
 TINY = 1e-200
 """Smallest sum of squares that is used, so that its logarithm is finite for a record without noise."""
 POINTS = 24
@@ -213,20 +219,20 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     A sum is named if its weight is at least `NAMED`. Raises Refusal if no sum fits, or the record is too short.
     """
     if t.size <= 2 * SCALE.size:
-        raise Refusal("too few samples")
+        raise Refusal("the record has too few samples")
     if np.ptp(y) == 0:
         raise Refusal("the record is constant")
     times = (
         2 * np.pi * spectral_peak(*even(*max(segments(t, y), key=lambda piece: piece[0].size))) * (t - t[0])
     )
     if times[-1] < 4 * np.pi:
-        raise Refusal("less than two cycles")
+        raise Refusal("the record has less than two cycles")
     middle = np.mean(y)
     size = float(np.max(np.abs(y - middle)))
     x = (y - middle) / size
     fits = [fit(times, x, start(times, x), terms, radians) for radians in (0.0, size) for terms in SUMS]
     if min(f.squares for f in fits) > (1 - EXPLAINED) * x.size * np.var(x):
-        raise Refusal("no sum fits the record")
+        raise Refusal("no damping sum explains half of the variance of the record")
     bic = np.array([f.bic for f in fits])
     weights = np.exp(0.5 * (bic.min() - bic))
     weights /= weights.sum()

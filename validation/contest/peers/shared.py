@@ -8,6 +8,7 @@ from bayesdamp.types import Refusal
 from validation.scoring import Reply
 
 PADDING = 8
+"""Factor by which padding with zeros lengthens the record before its spectral peak is searched."""
 GAP = 1.5
 """Two samples that are more than this many median steps apart have a gap between them."""
 
@@ -33,7 +34,7 @@ def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
     """
     cycles = min(int((t[-1] - t[0]) * f), 5)
     if cycles < 1:
-        raise Refusal("less than one cycle")
+        raise Refusal("the record has less than one cycle")
     return y - y[t >= t[-1] - cycles / f].mean()
 
 
@@ -44,21 +45,30 @@ def segments(t: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]
 
 
 def is_recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return which times of an even grid are within a step of a sample, booleans of the shape of the grid."""
+    """Return for each time of a uniform grid, (m,), whether a sample is within one median sampling step of it, (m,).
+
+    t: times of the samples, (n,). The result is false inside gaps of the record.
+    """
     after = np.clip(np.searchsorted(t, grid), 1, t.size - 1)
     nearest = np.minimum(np.abs(grid - t[after - 1]), np.abs(grid - t[after]))
     return nearest <= np.median(np.diff(t))
 
 
 def even(t, y):
-    """Return times and values of a record resampled at its median step by linear interpolation, also across gaps."""
+    """Resample a record uniformly at its median time step by linear interpolation, also across gaps.
+
+    t, y: times in s and values, (n,). Return the uniform times and the values there, (m,) each.
+    """
     step = float(np.median(np.diff(t)))
     grid = np.arange(t[0], t[-1] + 0.5 * step, step)
     return grid, np.interp(grid, t, y)
 
 
 def spectral_peak(t, y):
-    """Return the frequency in Hz of the largest spectral line of evenly spaced samples."""
+    """Return the frequency in Hz of the largest spectral line of evenly spaced samples.
+
+    t, y: times in s and values, (n,). The mean is subtracted, and a Hann window is applied.
+    """
     n = PADDING * t.size
     power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
     return float((np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0])))

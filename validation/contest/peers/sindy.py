@@ -35,7 +35,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
             states.append(np.column_stack([piece, velocity]))
             times.append(time)
     if not states:
-        raise Refusal("no piece without gaps is long enough")
+        raise Refusal(f"no piece of the record between gaps has {LEAST} samples")
     library = ps.CustomLibrary(
         [lambda x, v: x, lambda x, v: v, lambda x, v: np.sign(v), lambda x, v: v * np.abs(v)],
         [lambda x, v: "x", lambda x, v: "v", lambda x, v: "sign v", lambda x, v: "v|v|"],
@@ -45,10 +45,10 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     model.fit(states, t=times)
     stiffness, *losses = -np.asarray(model.coefficients())[1]
     if stiffness <= 0:
-        raise Refusal("no spring is found")
+        raise Refusal("the fitted stiffness is not positive")
     terms = dict(zip(TERMS, (0.5 * losses[0], losses[1], losses[2]), strict=True))
     frequency = float(np.sqrt(stiffness))
     ratios = [float(sum(c * loss_rate(term, a, frequency) for term, c in terms.items())) for a in amplitudes]
     if min(ratios) <= 0:
-        raise Refusal("no damping term is above its threshold")
+        raise Refusal("the fitted damping ratio is not positive at every amplitude")
     return Reply(ratios, named="+".join(name for name in TERMS if terms[name] > 0), decided=True)

@@ -23,10 +23,12 @@ from validation.scoring import Reply
 APART = 0.7
 """Least distance between peaks in periods, so that noise adds no peaks."""
 LEAST_PEAKS = 3
+"""Least number of peaks for the logarithmic decrement; a record with fewer is refused."""
 NEAR = 0.25
 """A line at an amplitude is fitted to the samples of ln(envelope) that differ from ln(amplitude) by at most this
 fraction of the range of ln(envelope)."""
 LEAST_SAMPLES = 8
+"""Least number of samples of the envelope to which a line is fitted; with fewer, the record is refused."""
 PADDING = 16
 """Factor by which padding with zeros lengthens the record, so that the peak of its spectrum has several points."""
 GUESS = 0.02
