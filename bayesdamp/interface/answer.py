@@ -93,9 +93,9 @@ class Answer:
     def of_specimen(self) -> RecordAnswer:
         """Return the part of this answer that a verdict on several records of a specimen needs.
 
-        Log evidences are relative to the largest one of the compared models. They are under exact laws if one of these
-        has no other. The answer must be on an oscillation, have `arrays`, and be computed
-        with `repeated`.
+        Log evidences are relative to the largest one of the compared models. They allow for deviations from the laws,
+        or assume exact laws for all models if one of the compared models has no other log evidence. The answer must be
+        on an oscillation, have `arrays`, and be computed with `repeated`.
         """
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
@@ -399,7 +399,7 @@ def _noise_remark(noise: SampleNoise) -> str:
     if np.isnan(noise.ahead):
         return f"The noise model is {noise.name}, as specified."
     nats = f"{noise.ahead:.0f} nats" if np.isfinite(noise.ahead) else "far"
-    ahead = f"is {nats} ahead of Gaussian noise"
+    ahead = f"is {nats} ahead of Gaussian noise in log evidence"
     match noise.name:
         case "student_t":
             freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"

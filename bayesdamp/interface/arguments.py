@@ -281,5 +281,7 @@ def number(value: object) -> float:
 def _mapping(who: str, what: str, given: object) -> Mapping[str, Any]:
     """Return an argument that must be a dictionary. Raises InputError if it is something else."""
     if not isinstance(given, Mapping):
-        raise InputError(f"{who}: {what} is {type(given).__name__}; it must be a dictionary by parameter")
+        raise InputError(
+            f"{who}: {what} is {type(given).__name__}; it must be a dictionary by parameter name"
+        )
     return given

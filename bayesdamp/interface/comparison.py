@@ -183,7 +183,7 @@ class Comparison(Result):
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
-            raise InputError(f"nothing to draw: {self.outcome}")
+            raise InputError(f"nothing to draw: {self.verdict.sentence}")
         answer, unit = self.answers[first], unit_named(self.units[first])
         if answer.content.envelope is not None:
             three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
@@ -247,9 +247,9 @@ def compare(
 ) -> Comparison:
     """Find the kind of damping in a record, how large it is, and how well its law holds.
 
-    For a record of 5,000 samples it takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with many
-    cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled. Of
-    the options, only `repeats`, `name`, `damping` and `seed` apply to envelopes (from `read_envelope`).
+    A comparison on a record of 5,000 samples takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with
+    many cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled.
+    Of the options, only `repeats`, `name`, `damping` and `seed` apply to envelopes (from `read_envelope`).
 
     Parameters
     ----------

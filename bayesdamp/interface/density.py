@@ -120,7 +120,7 @@ class Density(ResultView):
     def log_likelihood(self, x: ArrayLike) -> float:
         """Return the log density of the record in nats at x, (d,).
 
-        It is −∞ if the motion escapes, and outside the support of the prior.
+        It is −∞ if the motion grows without bound, and outside the support of the prior.
         """
         x = self._vector(x)
         return (

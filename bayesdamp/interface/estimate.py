@@ -35,8 +35,9 @@ class Estimate(Result):
         The record, the model, and the name of the estimator.
     initial, refined
         The estimator's own estimate from the record, and the result of the least-squares trajectory fit that starts
-        from it. Each has values and stderr by parameter (in SI units, for the parameters that were computed), trace,
-        details, evaluations, seconds and outcome.
+        from it. Each has values and stderr (standard errors) by parameter, in the units of `units`, for the parameters
+        that were computed; trace (values by iteration); details; evaluations of the method's objective; seconds (its
+        computing time); and outcome.
     units
         Unit of each parameter that a stage computed, by name.
     """
@@ -62,7 +63,7 @@ class Estimate(Result):
     def values(self) -> Mapping[str, float]:
         """Values of the trajectory fit, or else of the estimator itself, by parameter; empty if neither has any.
 
-        They can be a starting point for `fit`.
+        These values can be a starting point for `fit`.
         """
         return self.refined.values or self.initial.values
 

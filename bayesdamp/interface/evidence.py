@@ -27,7 +27,7 @@ FROM_DRAWS = "nuts"
 class Evidence(Result, types.Evidence):
     """The log marginal likelihood of a model on a record, in nats.
 
-    It depends on the priors. Compare the evidence of two models only on the same record in the same unit.
+    The evidence depends on the priors. Compare the evidence of two models only on the same record in the same unit.
 
     Attributes
     ----------

@@ -113,8 +113,8 @@ class Prediction(Result):
 class StoredFit:
     """The content of a file that stores a fit.
 
-    noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode, law: the result, for laws that hold
-    exactly and for laws that may hold approximately; the other one is None, and both are None without a fit.
+    noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode: the result if laws hold exactly,
+    else None. law: the result if laws may hold approximately, else None. Both are None without a fit.
     """
 
     signal: Signal
@@ -502,8 +502,9 @@ def tabulate_ratios(
 ) -> pd.DataFrame:
     """Return the table of `Fit.damping_ratio` from draws of parameters and deviations.
 
-    `amplitudes` are as there. `u`, (n, K), contains n draws, as in `Posterior.u` (chains joined); by default draws of
-    the linear approximation are used. Raises Refusal if there is no fit, or if it assumes exact laws.
+    `amplitudes` are in the unit of the recorded file; by default three in the range of the record. `u`, (n, K), has n
+    draws of parameters (as scores) and deviations, as in `Posterior.u` with the chains joined; by default draws of the
+    linear approximation are used. Raises Refusal if there is no fit, or if it assumes exact laws.
     """
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)

@@ -61,7 +61,9 @@ NOT_INFERRED = (*POSITIVE, "epsilon")
 """Parameters that are not inferred if laws may hold approximately; they are known, or estimated once for the record."""
 PRIOR_STARTS = 2
 """Number of draws from the prior from which searches start, in addition to the starting points from the record."""
-NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+NO_POSTERIOR = (
+    "the record has no noise, so there is no posterior; use the unfiltered record, or simulate with noise_sd"
+)
 """Message of the Refusal of a record without noise."""
 Starts = Mapping[Seed, Mapping[str, float]]
 """Starting points of a search: parameter values by name, for each source of a starting point."""
@@ -483,11 +485,15 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
     epsilon, notes = None, []
     if comparison.frictions and "epsilon" not in model.priors:
         epsilon = comparison.epsilon
-        notes.append(f"ε was not given; {epsilon:.3g} {case.signal.unit}/s suits the record best.")
+        notes.append(
+            f"The width ε of friction was not given; {epsilon:.3g} {case.signal.unit}/s is used: "
+            f"{100 * types.FRICTION_WIDTH:g} % of the peak velocity, unless another width is clearly more probable."
+        )
     order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
     if len(order) > 1:
         ahead = order[0].log_evidence - order[1].log_evidence
-        notes.append(f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name}.")
+        text = f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name} in log evidence."
+        notes.append(text)
     starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
     return comparison.noise.likeliest, epsilon, tuple(notes), starts
 

@@ -24,7 +24,8 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
     """Return the motion of a signal that is not a free decay of one oscillator; None if it may be one.
 
-    Also None if it has no period. `no_law_fits` is as in `no_free_decay`.
+    Also None if it has no period. `no_law_fits`: whether no law of one oscillator fits the record; then smaller and
+    closer second oscillations are found.
     """
     try:
         period = features(signal).period

@@ -447,8 +447,8 @@ def sample(
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws), emcee,
         kalman, laplace or variational. If laws may hold approximately, also smc (the default).
     chains, warmup
-        Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. The
-        chains of emcee are walkers; it may use more than requested.
+        Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. For
+        emcee the chains are its walkers, of which it may use more than requested.
     draws
         Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
         these are too few.

@@ -160,8 +160,12 @@ def signal(
     cleaned
         Whether to find and cut out the free decay, as `Record.signal` does; otherwise the arrays are used as they are,
         with times from the first sample.
-    clock, start, stop
-        As in `Record.signal`.
+    clock
+        "as_logged": use the times as they are; "uniform": replace them by equally spaced times; "auto": do this only if
+        the times are rounded or repeat in bursts. Without effect if not `cleaned`.
+    start, stop
+        Start and end of the free decay in s, on the time axis of `t`; or "auto" to find the decay. Without effect if
+        not `cleaned`.
 
     Raises
     ------
@@ -216,7 +220,9 @@ def signal(
         raise InputError(
             f"times must increase, but t[{at}] is not later than t[{at - 1}]; sort the samples", name
         )
-    provenance = Provenance(notes=("Used as it is.",), unit=unit, more={"quantity": quantity})
+    provenance = Provenance(
+        notes=("Used as given, without cleaning.",), unit=unit, more={"quantity": quantity}
+    )
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
@@ -224,7 +230,8 @@ def signal(
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:
     """Find the free decay in a raw record, and return it as a signal.
 
-    If the record is not the free decay of one oscillator, the signal is that of `Record.signal`.
+    If the record is not the free decay of one oscillator (beats, growth), and start and stop are "auto", the signal is
+    the whole oscillation up to the end of the record.
 
     Parameters
     ----------
@@ -233,7 +240,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     name, unit, quantity
         Name of the signal, unit of the displacement as in `signal`, and recorded quantity.
     **window
-        Options clock, start and stop, as in `Record.signal`.
+        Options `clock` ("as_logged", "uniform" or "auto"), `start` and `stop` (in s, or "auto"), as in `Record.signal`.
 
     Returns
     -------

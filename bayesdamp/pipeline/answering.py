@@ -64,7 +64,8 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
 
     The content is an `AnswerContent`. kind: `ANSWER`, by linear approximations, or `SAMPLED_ANSWER`, which starts from
     the comparison of the first answer if this process has computed it. Raises Refusal if the outcome of the record is
-    not OK (it shows no oscillation, for example), if it has no noise, or if a damping term has no kernel.
+    not OK (it shows no oscillation, for example), if it has no noise, or if a damping term has no kernel (its force as
+    a function that can be compiled for the ODE solver).
     """
     study, spec, result = record.study, record.spec, record.result
     if result.outcome != OK:
@@ -110,9 +111,9 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
 
 
 def stored_answer(record: StudyRecord) -> Answer | None:
-    """Return the sampled answer on a record, else the linear one; None if neither has the outcome OK.
+    """Return the answer on a record that is stored, from sampling or else by linear approximations of each model.
 
-    The linear one is the result of the task `answer`, by linear approximations.
+    None if neither of the two is stored with the outcome OK.
     """
     for kind in (SAMPLED_ANSWER, ANSWER):
         result = record.find(kind)

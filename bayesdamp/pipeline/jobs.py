@@ -65,7 +65,7 @@ class CandidateSelection:
         laplace = {name: self._evidence(name, "laplace") for name in self.names}
         logs = {name: e.log_evidence for name, e in laplace.items() if math.isfinite(e.log_evidence)}
         best = max(logs.values(), default=math.nan)
-        limit = f"log Bayes factor to the best at most −{self.limit:g} by Laplace's approximation"
+        limit = f"log Bayes factor against the best model at most −{self.limit:g} by Laplace's approximation"
         for name, evidence in laplace.items():
             if status_of(evidence.outcome) is Status.PRUNED:
                 outcomes[name] = evidence.outcome

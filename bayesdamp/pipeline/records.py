@@ -39,7 +39,9 @@ RAW_POINTS = 20_000
 CACHED_RECORDS = 8
 """Number of records that are cached in memory."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
+"""Cache of the last `CACHED_RECORDS` signals, by the name and the key of the stored result."""
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
+"""Settings of a signal that do not affect its record, so that they are not part of the key of its task."""
 
 
 def read_thinned(source: Recording) -> RawRecord:
@@ -232,7 +234,7 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
     if "epsilon" not in known and "epsilon" not in spec.system.free:
         known["epsilon"] = reference.friction_width
         share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
-        note = f"ε was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
+        note = f"The width ε of friction was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
     remarks = list(find_anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
     if other is not None and other.motion is not None:

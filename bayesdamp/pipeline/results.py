@@ -150,7 +150,8 @@ class Run(ResultView):
         Raises
         ------
         InputError
-            The run has no such record or model. The message names the nearest one.
+            If the run has no such record or model; the message names the nearest one. Or if this model was not run on
+            this repeat of the record under this law.
         """
         for what, name, valid in (
             ("record", record, {c.record for c in self.candidates}),

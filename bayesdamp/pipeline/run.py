@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 DONE, SOME_FAILED = 0, 3
 """Exit statuses of a run: every task has its result, or some tasks failed."""
 _ONE_AT_A_TIME = threading.Lock()
-"""A process runs one job at a time, also on a Dask worker with several threads."""
+"""Lock by which a process runs one job at a time, also on a Dask worker with several threads."""
 
 
 def run_study(
@@ -188,8 +188,8 @@ def _run_job(
     given_up
         Names of tasks that are not tried again.
     code
-        Digest of the package in the process that started the run, if that is another one. Keys contain this digest, so
-        a worker must run the same code.
+        Digest of the package's code in the process that started the run; "" if the job runs in that process. Keys
+        depend on the code, so a worker must run the same code.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")

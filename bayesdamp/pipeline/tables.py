@@ -55,6 +55,7 @@ SMC = "smc"
 """Name in the tables for sequential Monte Carlo, by which the sampled answer computes posteriors (column `sampler`) and
 evidence (column `method`)."""
 SUMMARY = ("mean", "sd", "median", "q2.5", "q97.5")
+"""Columns of specimens.csv and population.csv with the summary of a posterior."""
 
 
 def write_tables(study: Study, store: Store) -> None:

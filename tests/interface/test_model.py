@@ -50,7 +50,7 @@ WRONG: list[tuple[dict, str]] = [
     ({"restoring": "pendulm"}, "did you mean 'pendulum'"),
     ({"noise": ()}, "noise is empty"),
     ({"restoring": None}, "unknown restoring law None"),
-    ({"priors": ["viscous"]}, "dictionary by parameter"),
+    ({"priors": ["viscous"]}, "dictionary by parameter name"),
     ({"deviation": "laws"}, "did you mean 'law'"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"zeta": 0.1}}, "always inferred; give it a prior"),

@@ -52,7 +52,7 @@ def test_what_warns_is_on_the_page(page):
         "changes by up to 4.1 times the standard deviation that is expected by chance",
         "predictive p 0.0030",
         "not converged: R̂ of stiffness is 1.034",
-        "ε was not given: 2 % of the peak velocity",
+        "The width ε of friction was not given: 2 % of the peak velocity",
     ):
         assert text in words
 

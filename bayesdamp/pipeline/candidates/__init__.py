@@ -1,1 +1,1 @@
-"""The tasks of one candidate on one record."""
+"""The tasks of one candidate (a damping sum under a restoring law) on one record."""

@@ -1,4 +1,4 @@
-"""One candidate on one record: what its tasks read from the study and from the store."""
+"""One candidate (a damping sum under a restoring law) on one record: what its tasks read from study and store."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class StudyCandidate:
 
     @cached_property
     def case(self) -> Case:
-        """The candidate on the record, under exact laws: signal, model, features and reference of the priors."""
+        """The candidate on the record, under exact laws: signal, model, features and the scales of default priors."""
         record = self.record
         return Case(record.signal, self.specify("none"), record.features, record.content.scales)
 

@@ -1,6 +1,6 @@
 """Compute the evidence of a candidate by each method, and average the damping over models.
 
-The referee is nested sampling: by default it is called only if the other methods disagree.
+Nested sampling is called the referee here: by default it is computed only if the other methods disagree.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def has_average(study: Study, spec: SignalSpec) -> bool:
 
 
 def compute_average(record: StudyRecord) -> Product:
-    """Return the damping against amplitude on a record, averaged over models (`averaged/bench/0`).
+    """Return the damping against amplitude on a record, averaged over models (task `averaged/SIGNAL/REPEAT`).
 
     The arrays are `amplitudes`, (a,), in rad or m; `curve/equivalent_ratio`, (3, a), the 2.5, 50 and 97.5 % quantiles
     of the equivalent damping ratio; and `median/MODEL`, (a,), the median of each model. The weights are the models'

@@ -24,12 +24,13 @@ from bayesdamp.types import OK, Refusal, Seed
 
 
 def seeds_of(candidate: StudyCandidate) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
-    """Return the starts of the search for the mode by their seeds, and the estimators without values.
+    """Return the starting points of the search for the mode, and the estimators without values.
 
-    The starts are the finite values of every estimator at each of its stages, and values from the record's frequency
-    and decay. If no estimator has finite values, the estimates of least squares are used. The estimators without values
-    are returned with their outcomes. With many candidates (`has_many_rivals`), the fit of all terms in the answer is a
-    start too. Raises Refusal if there is no start.
+    A starting point has parameter values by name; its key is a `Seed`, which says where it comes from. The points are
+    the finite values of every estimator at each of its stages, and values from the record's frequency and decay. If no
+    estimator has finite values, the estimates of least squares are used. The estimators without values are returned
+    with their outcomes. With many candidates (`has_many_rivals`), the fit of all terms in the answer is a starting
+    point too. Raises Refusal if there is no starting point.
     """
     seeds: dict[Seed, Mapping[str, float]] = {}
     refused: list[RefusedSeed] = []
@@ -90,8 +91,8 @@ def compute_mode(candidate: StudyCandidate) -> Product:
         own = {k: v for k, v in vars(search).items() if k not in ("origin", "z")}
         climbs.append({**own, "distance": distance, "mode": number})
     scores = zip(target.names, mode.z, mode.sd(), target.reflected, strict=True)
-    # Later tasks read the mode from its stored result, never from memory: the solver's plan is then made again, which
-    # changes evidence by some 1e-8 nats, and an interrupted run must give the same numbers.
+    # Later tasks read the mode from its stored result, never from memory: the step sizes of the solver are then chosen
+    # again, which changes evidence by some 1e-8 nats, and an interrupted run must give the same numbers.
     content = {
         **vars(checks),
         "climbs": climbs,

@@ -27,12 +27,14 @@ from bayesdamp.store.files import write_bytes
 from bayesdamp.types import OK, Ratio
 
 CURVE = "equivalent_ratio"
+"""Name of the curve of the equivalent damping ratio against amplitude in stored arrays."""
 QUANTILE_LEVELS = np.array([0.025, 0.5, 0.975])
+"""Levels of the quantiles of a curve that are stored and drawn: the ends of the 95 % interval, and the median."""
 STORED_LEVELS = (np.arange(100) + 0.5) / 100
 """Levels of the 100 quantiles that are stored at each point of a curve. They represent the draws by 100 values of equal
 weight."""
 CURVE_POINTS = 25
-"""Number of amplitudes at which curves of the damping against amplitude are computed. Their ratios are equal."""
+"""Number of amplitudes, equally spaced in their logarithm, at which the damping against amplitude is computed."""
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
 """Names of two variables in the file of draws: the sizes of the deviations of damping and frequency from their laws,
 relative to the laws, as energy-weighted means over the record of |deviation − its mean|."""

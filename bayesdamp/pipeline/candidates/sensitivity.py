@@ -85,7 +85,7 @@ def compute_sensitivity(candidate: StudyCandidate, kind: str, seed: int) -> Prod
     source_name, compute = SENSITIVITIES[kind]
     source = candidate.store.read(source_name.format(candidate.path))
     if not source.arrays:
-        reason = "not applicable: no draws were kept; run with --fresh"
+        reason = "not applicable: the draws for this are not stored; run the study again with --fresh"
         raise Refusal(following(source.name, source.outcome) if source.outcome != OK else reason)
     return compute(candidate, source, seed)
 
