@@ -86,7 +86,10 @@ class Registry(Generic[T]):
         return sorted({*self._modules, *self._added})
 
     def added(self) -> list[str]:
-        """Return the names of added plug-ins (see `present`), sorted; none of them ships with bayesdamp."""
+        """Return the names of the plug-ins that a user added, sorted; none of them ships with bayesdamp.
+
+        A plug-in of an installed package counts as added as soon as `get` has been called for it.
+        """
         return sorted(self._added)
 
     @cached_property

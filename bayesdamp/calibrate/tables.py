@@ -130,8 +130,9 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     """Return the row of a test of coverage.
 
     `inside` (n,): whether each interval of probability `level` contains the truth; `without`: number of records without
-    an interval, which are not tested. The columns are those of `calibration_rows`; p is that of the exact binomial
-    test.
+    an interval, which are not tested. The row has the number of tested records, the fraction of intervals that contain
+    the truth (value), the range that contains this fraction with 99 % probability if the intervals are right (low,
+    high), and the p value of the exact binomial test.
     """
     n, hits = inside.size, int(inside.sum())
     low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
@@ -160,8 +161,8 @@ def rank_rows(study: Study, results: Results) -> Iterator[Row]:
 def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
     """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures.
 
-    `rows` are those of `calibration_rows`. The bands contain the counts of uniform ranks with a probability of 99 %, by
-    the number of records.
+    results: results of tasks by series. rows: the rows of calibration.csv. The bands contain the counts of uniform
+    ranks with a probability of 99 %, by the number of records.
     """
     table, counts = study.calibration, {}
     for chunks in results.values():

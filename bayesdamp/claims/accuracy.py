@@ -303,10 +303,12 @@ def verdict_of(own: float, low: float, high: float) -> Verdict:
 
 
 def _time(method: str, comparison: EstimatorComparison) -> Judgement:
-    """Judge the time that the paper's table 3 prints for one estimator, as `verdict_of` does.
+    """Judge the computing time that the paper's table 3 prints for one estimator, by the measured time.
 
     The measured time is that of the initial estimates (without the trajectory fit) on all records of `comparison`
-    together. "cannot be judged" if `comparison` does not contain the estimator.
+    together. "holds" if it is in the printed range or below it by at most the factor `MUCH_FASTER`, "better than
+    claimed" if it is still less, "does not hold" if it is above the range, and "cannot be judged" if `comparison` does
+    not contain the estimator or its time.
     """
     if method not in comparison.methods:
         return NO_RUN

@@ -178,7 +178,8 @@ def initial_estimate(
     method, options
         The estimator and its options.
     damping, restoring
-        Damping term and restoring law of the record, as in `paper_record`.
+        Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, any other
+        law for a spring with the same stiffness.
     simulated
         Velocity in rad/s within which Coulomb friction changes its sign in the simulated record.
     assumed

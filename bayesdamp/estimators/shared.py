@@ -352,10 +352,11 @@ def pieces(signal: Signal, period: float) -> list[Signal]:
 def _motion_without_gap(
     signal: Signal, problem: Problem, features: Features, noise: float, knots_per_period: float
 ) -> SmoothedMotion:
-    """Compute the motion of one piece as `motion` describes.
+    """Compute displacement, velocity and acceleration of one piece of a record that has no gap.
 
-    noise: standard deviation of the samples' noise, in the unit of the record. Raises Refusal if the piece has fewer
-    than `LEAST_SAMPLES` samples.
+    The method is described in the docstring of `motion`. noise: standard deviation of the samples' noise, in the unit
+    of the record. knots_per_period: number of knots in a period, if the piece is smoothed and not interpolated. Raises
+    Refusal if the piece has fewer than `LEAST_SAMPLES` samples.
     """
     t, y = signal.t, signal.y
     if t.size < LEAST_SAMPLES:

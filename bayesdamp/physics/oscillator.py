@@ -113,8 +113,8 @@ class Oscillator:
         """Return the force of each term per unit of its coefficient, as one array for each term.
 
         θ and θ̇ are arrays of one shape, against which the parameters p broadcast. p must have the values that the
-        terms need: further parameters, given numbers (`scales`), and the parameters of the restoring law if `rest` is
-        one of these (see `with_equilibrium`). If epsilon is missing in p, it is 0, as in `Trajectories`.
+        terms need: further parameters, the numbers in `scales`, and, if `rest` is one of these, the parameters of the
+        restoring law, from which the exact equilibrium is computed. If epsilon is missing in p, it is 0.
         """
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 0.0)

@@ -157,7 +157,8 @@ class Trajectories:
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
 
-        A row is NaN if the trajectory diverges, as in `record`.
+        All samples of a row are NaN if its trajectory diverges, or if a damping term needs the equilibrium and there is
+        none.
         """
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])

@@ -156,7 +156,8 @@ class TaskName:
 class TaskResult:
     """The stored result of one task.
 
-    name: name of the task, such as `estimate/bench/0/viscous/least_squares` (see `TaskName`).
+    name: name of the task: its kind, record, repeat, candidate and method, such as
+    `estimate/bench/0/viscous/least_squares`.
     key: hash of everything that the result depends on; a result is reused only under the same key.
     meta: the values, as JSON (nan and infinities included); tuples come back as lists.
     arrays: numeric arrays by name.
@@ -232,7 +233,10 @@ class Store:
         return result
 
     def find(self, task_name: str, *, arrays: bool = True) -> TaskResult | None:
-        """Return the result of a task like `read`, or None where `read` raises KeyError."""
+        """Return the stored result of a task, or None if it is missing, damaged, or not among the visible results.
+
+        The arguments are those of `read`.
+        """
         try:
             return self.read(task_name, arrays=arrays)
         except KeyError:

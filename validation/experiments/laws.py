@@ -129,7 +129,11 @@ def case(term: str, seed: int) -> Case:
 
 
 def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
-    """Draw and simulate one record as `case` describes. Raises NoMotionError if the draw breaks a rule named there."""
+    """Draw and simulate one record of a damping term, alone or with viscous damping.
+
+    Raises NoMotionError if the motion sticks, the amplitude falls by less than `LEAST_FALL`, or the term causes less
+    than `LEAST_SHARE` of the energy loss.
+    """
     size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
     truth = truth_of(term, rng, size, speed)

@@ -1,5 +1,6 @@
-"""Simulate oscillators inside and outside the family of models (see `validation.misfit`) with SciPy.
+"""Simulate oscillators inside and outside the family of models with SciPy.
 
+The family consists of the sums of viscous, Coulomb and quadratic damping with the restoring laws of bayesdamp.
 Units are normalised: the motion starts at 1 with zero velocity, and its frequency at small amplitudes is 1 rad per unit
 of time. A damping is a function of the velocity; the spring is linear.
 """

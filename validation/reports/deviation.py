@@ -50,8 +50,8 @@ wide. Discrepant records, *auto*: coverage at least 0.92 (0.90 at ten times the 
 def row(kind: str, number: int, oversample: int, mode: str) -> dict[str, Any]:
     """Simulate a record, answer it, and return its row.
 
-    kind, number, oversample: the record, as in `validation.truth.records.case`. mode: "none" (the laws hold exactly) or
-    "auto" (also approximate laws).
+    kind: "family" or the name of a discrepancy. number: number of the record of this kind. oversample: factor on the
+    sampling rate. mode: "none" (the laws hold exactly) or "auto" (also approximate laws).
     """
 
     def quick_answer(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:

@@ -153,7 +153,8 @@ class _EnvelopeMatch:
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """Return ln A_simulated − ln A_observed at the used samples, (u,).
 
-        Every value is 10 if the trajectory is unbounded. x, scale: as in `parameters`.
+        Every value is 10 if the trajectory is unbounded. x: the unknowns, in the order of `names`, (k,). scale: factor
+        of the initial velocity and of the initial displacement from the record's midline.
         """
         self.evaluations += 1
         y = self.trajectories.record(self.parameters(x, scale))

@@ -235,10 +235,10 @@ class Simulator:
         Returns
         -------
         (ndarray, ndarray), (ndarray, ndarray), ndarray
-            Sequences (m, count, 2) to train with (see `_sequence`), and for each the place of its coefficient's
-            logarithm in the range, −1 to 1, (m,); the same for other records, whose error ends the training; the given
-            record's sequence (1, count, 2). Sequences are scaled to mean 0 and standard deviation 1 over the training
-            records, and clipped at ±5.
+            Sequences (m, count, 2) to train with, which have the log amplitude of each stretch and its difference from
+            the stretch before; and for each the place of its coefficient's logarithm in the range, −1 to 1, (m,). The
+            same for other records, whose error ends the training. The given record's sequence (1, count, 2). Sequences
+            are scaled to mean 0 and standard deviation 1 over the training records, and clipped at ±5.
         """
         every = records + max(64, records // 10)
         place = self.rng.uniform(-1.0, 1.0, every)

@@ -158,7 +158,9 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
 def significant_pairs(
     signal: Signal, problem: Problem, features: Features, options: TopologicalOptions
 ) -> Pairs:
-    """Return the pairs (see `Pairs`) above the noise cutoff. Raises Refusal if there are fewer than two.
+    """Return the sublevel components whose lifetime exceeds a noise cutoff, as pairs of birth and death.
+
+    Raises Refusal if there are fewer than two.
 
     Variant "published": the cutoff is C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1] for N samples. σ is the known noise,
     else the noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median.

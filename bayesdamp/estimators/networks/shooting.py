@@ -29,7 +29,8 @@ would be more segments than this."""
 GRID = 41
 """Number of velocities at which the learnt force is reported (conventional)."""
 STEADY = 1e-3
-"""Training has converged if no damping coefficient changes by more than this fraction (see `training.train`)."""
+"""Training has converged if no damping coefficient has changed by more than this fraction in the last
+`training.WINDOW` rounds."""
 
 
 class Shooting(ScaledRecord):

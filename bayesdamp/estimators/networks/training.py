@@ -108,7 +108,8 @@ class DenseNetwork:
     def output(self, weights: Tensor, inputs: Tensor) -> Tensor:
         """Return the jets of the output, (n, j), from the jets of the inputs, (n, j, sizes[0]).
 
-        A jet contains a value and its first j − 1 time derivatives. weights: as in the class.
+        A jet contains a value and its first j − 1 time derivatives. weights: one vector (k,), or one for each row of
+        inputs, (n, k).
         """
         *hidden, last = self._layers(weights)
         return _affine(*last, _hidden(hidden, inputs))[..., 0]

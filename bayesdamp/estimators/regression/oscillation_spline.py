@@ -29,8 +29,9 @@ class OscillationSpline:
 
     L = D(D² + ω²)²/ω⁵ with D = d/dt, so that λ has no unit; T is the summed duration of the pieces. Lx is zero for a
     constant and for oscillations at ω whose amplitude and phase are linear in time (Heckman and Ramsay, Canadian
-    Journal of Statistics 28, 2000, 241). Outliers (see `OUTLIER`) are left out of the sum, and the spline is fitted
-    again. The record may have gaps and uneven times; all pieces have the same λ.
+    Journal of Statistics 28, 2000, 241). Samples that deviate by more than `OUTLIER` robust standard deviations are
+    left out of the sum, and the spline is fitted again. The record may have gaps and uneven times; all pieces have the
+    same λ.
 
     Arguments: the times of each piece between gaps (s); y (n,), the recorded quantity at all of them; the period (s).
     Attributes: coefficients, those of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the

@@ -81,8 +81,8 @@ class DampingTerm(ABC):
     formula: str = ""
     """Formula of the force, including the coefficient, for reports."""
     switches: bool = False
-    """Whether the force depends on ε: it jumps with the sign of the velocity, as dry friction does, or (see `rounded`)
-    is steep at v = 0. ε is the width of the velocity within which this is smoothed."""
+    """Whether the force depends on ε: it jumps with the sign of the velocity, as dry friction does, or is continuous
+    but steep at v = 0 (then `rounded` is true). ε is the width of the velocity within which this is smoothed."""
     rounded: bool = False
     """Whether ε does not smooth a jump, but the steep slope of a continuous force at v = 0. Such a term is smoothed
     within a small fraction of the peak velocity even if ε = 0."""

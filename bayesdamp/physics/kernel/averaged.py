@@ -182,7 +182,8 @@ class AveragedSolver(Solver):
     ) -> AveragedSolver | None:
         """Return a copy of this solver with the defect that `defect_at` computes at parameters p, (k,).
 
-        p, active, g, h: as in `Solver.solve`. Return None if `defect_at` returns None.
+        active: which damping terms are on. g, h: relative deviations of damping and frequency at the knots; None for 0.
+        Return None if `defect_at` returns None.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -192,8 +193,9 @@ class AveragedSolver(Solver):
     ) -> np.ndarray | None:
         """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
 
-        p: parameters at which both are computed, in the order of `names`, (k,). active, g, h: as in `Solver.solve`.
-        Return None if a trajectory diverges, or if an amplitude of the compressed oscillation is zero.
+        p: parameters at which both are computed, in the order of `names`, (k,). active: which damping terms are on. g,
+        h: relative deviations of damping and frequency at the knots; None for 0. Return None if a trajectory diverges,
+        or if an amplitude of the compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
@@ -208,8 +210,9 @@ class AveragedSolver(Solver):
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Integrate the actual equation over all cycles; return complex amplitudes and midlines of blocks, (b,) each.
 
-        The phase of each complex amplitude is relative to `real_phases` of the track. p, active, g, h: as in
-        `Solver.solve`. Return None if the trajectory diverges. The duration is integrated in segments, each of which
+        The phase of each complex amplitude is relative to `real_phases` of the track. p: parameters in the order of
+        `names`, (k,). active: which damping terms are on. g, h: relative deviations of damping and frequency at the
+        knots; None for 0. Return None if the trajectory diverges. The duration is integrated in segments, each of which
         starts from the end of the one before.
         """
         t, order = _sort_times(self.track.real_times)

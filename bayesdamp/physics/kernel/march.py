@@ -134,9 +134,10 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
 
 @njit
 def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
-    """Return the acceleration θ̈ with dry friction that has exactly the given sign of the velocity (1 or −1).
+    """Return the acceleration θ̈ (rad/s² or m/s²) with dry friction that has exactly the sign `sign` (1 or −1).
 
-    This holds even if v is 0 or has the other sign. The other arguments are those of `acceleration`.
+    The sign is this one even if the velocity v is 0 or has the other sign. The other arguments are those of
+    `acceleration`.
     """
     v, epsilon = exact_sign(v, sign)
     return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)

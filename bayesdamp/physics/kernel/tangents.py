@@ -8,7 +8,7 @@ before it are placeholders for the forces of an oscillator, which `build` genera
 In all functions, m is the number of damping terms, e the number of their further parameters (those besides the
 coefficients), and r the largest number of parameters of a restoring law in the kernel. A tangent at a node consists of
 four numbers: the derivatives of displacement, velocity and acceleration, and the factor of the correction of the dense
-output in the step after the node (see `dense`).
+output (the interpolation) in the step after the node.
 """
 
 from __future__ import annotations

@@ -117,10 +117,11 @@ class RestoringLaw(ABC):
         return None
 
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Convert natural coordinates (see `natural`) back to the law's parameters and theta0, by name.
+        """Convert natural coordinates back to the law's parameters and theta0, by name.
 
-        The values may be numbers or arrays of one shape. At least one parameter is NaN where no valid parameters have
-        these coordinates. Return None if the law has no natural coordinates.
+        Natural coordinates are quantities that a record determines well, such as the frequency. p: their values, under
+        the keys that `natural` returns, as numbers or arrays of one shape. At least one parameter is NaN where no valid
+        parameters have these coordinates. Return None if the law has no natural coordinates.
         """
         return None
 

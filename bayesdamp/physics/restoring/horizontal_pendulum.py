@@ -70,7 +70,8 @@ class HorizontalPendulum(RestoringLaw):
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any]:
         """Convert natural coordinates back to the parameters: k = ω² − γ sin θ_e, θ_s from F(θ_e) = 0, and θ₀.
 
-        The keys are those of `natural`. k and θ_s are NaN where k would be ≤ 0.
+        p: the natural coordinates: ω² of small oscillations, γ, the equilibrium θ_e, and θ₀ − θ_e, under the keys
+        `stiffness`, `gravity`, `spring_angle` and `theta0`. k and θ_s are NaN where k would be ≤ 0.
         """
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * np.sin(rest)

@@ -60,7 +60,9 @@ def _acceleration(x: float, v: float, sign: float, p: np.ndarray, radians: float
 def _step(x: float, v: float, sign: float, h: float, p: np.ndarray, radians: float) -> tuple[float, float]:
     """Return displacement and velocity after one Runge-Kutta step of fourth order, of length h.
 
-    The sign of the velocity in the friction is fixed. p, radians: as in `solve`.
+    sign: sign of the velocity with which friction and quadratic drag are evaluated in the whole step. p: the eight
+    parameters z, c, q, k, b, rest, and displacement and velocity at the start. radians: unit of displacement of a
+    pendulum in rad; 0 for the cubic spring.
     """
     a1 = _acceleration(x, v, sign, p, radians)
     v2 = v + 0.5 * h * a1
@@ -120,9 +122,9 @@ class Fit:
     terms : tuple of int
         Positions of the terms in TERMS.
     radians : float
-        The spring, as in `solve`.
+        Unit of displacement of a pendulum in rad; 0 for the cubic spring.
     p : (8,) array
-        All parameters, as in `solve`.
+        z, c, q, k, b, rest, and displacement and velocity at the first time.
     free : list of int
         Positions of the fitted parameters in p.
     covariance : (m, m) array
@@ -181,7 +183,8 @@ def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, .
 def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
     """Return the equivalent damping ratio: energy lost in a cycle over 4π times the potential energy at the amplitude.
 
-    amplitude: in largest displacements of the record. p, radians: as in `solve`.
+    amplitude: in units of the largest displacement of the record. p: the eight parameters z, c, q, k, b, rest, and
+    displacement and velocity at the start. radians: unit of displacement of a pendulum in rad; 0 for the cubic spring.
     """
     z, c, q, k, b = p[:REST]
     angle = 0.5 * np.pi * (np.arange(POINTS) + 0.5) / POINTS
