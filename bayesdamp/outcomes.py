@@ -17,7 +17,7 @@ class _Beginning(Enum):
     """Base of enumerations whose values are the beginnings of sentences."""
 
     def because(self, reason: str) -> str:
-        """Return "VALUE: REASON"."""
+        """Return the sentence "VALUE: REASON", with the words of this status and a reason, such as "pruned: ..."."""
         return f"{self.value}: {reason}"
 
 

@@ -283,7 +283,10 @@ def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> A
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    """Return the results of `shared_log_density` and of `shared_precision`, as a tuple."""
+    """Return the joint log prior density of scores that share an unknown scale, and the posterior mean of 1/scale².
+
+    They are the results of `shared_log_density` and of `shared_precision`, whose arguments are the same.
+    """
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)

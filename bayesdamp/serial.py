@@ -83,8 +83,9 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
 def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
     """Convert JSON and arrays from `split` back to a value of the type `kind`. None becomes NaN if a float is expected.
 
-    Raises KeyError, TypeError or ValueError if the structure of the value does not match the type. Types of single
-    numbers and texts are not checked.
+    value: the JSON. arrays: arrays by path, as `split` stored them. path: path of the value in `arrays`. Raises
+    KeyError, TypeError or ValueError if the structure of the value does not match the type. Types of single numbers and
+    texts are not checked.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:

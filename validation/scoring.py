@@ -80,7 +80,10 @@ method has no answer."""
 
 
 def reply_of(verdict: Verdict) -> Reply:
-    """Return the answer of bayesdamp as a reply. Raises Refusal, with its sentence, if it has no damping ratio."""
+    """Convert a verdict of bayesdamp to a reply.
+
+    Raises Refusal, with the sentence of the verdict, if the verdict has no damping ratio.
+    """
     if not verdict.damping_ratio:
         raise Refusal(verdict.sentence)
     value, low, high, amplitude = zip(

@@ -201,9 +201,9 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
 
 
 def _outcomes(contents: Iterable[ChunkContent]) -> Row:
-    """Return the numbers of simulated records and of usable ones, and of the others by the reason.
+    """Count the simulated records of tasks: all (`tried`), the usable ones (`counted`), and the others (`refused`).
 
-    Their names are `tried`, `counted` and `refused`.
+    `refused` has the number of records for each reason. contents: contents of the results of tasks.
     """
     outcomes = Counter(o for c in contents for o in c.outcomes)
     return {"tried": sum(outcomes.values()), "counted": outcomes.pop(OK, 0), "refused": dict(outcomes)}

@@ -20,6 +20,8 @@ from validation.truth.ringdowns import NEPER, Ringdown, Simulated, decay_rate, d
 def true_rates(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> list[float]:
     """Return the true values, in 1/s, of the rates that an answer gives.
 
+    ringdown, truth: parameters of the simulated ring-down, and its true course. answer: the answer on its readings.
+
     The first is the mean decay rate over the first half of the fall in dB, from which Q follows, by the law without
     deviations. The others are the decay rates at three amplitudes, means over a tenth of the fall, with deviations; NaN
     for an amplitude above that of the release, which never decayed freely.
@@ -39,7 +41,10 @@ def true_rates(ringdown: Ringdown, truth: Simulated, answer: EnvelopeAnswer) -> 
 
 
 def main(records: int, seed: int, kind: str = "harsh") -> None:
-    """Answer several ring-downs, and print how many of their intervals contain the truth."""
+    """Simulate and answer several ring-downs, and print how many of their 95 % intervals contain the truth.
+
+    records: number of ring-downs. seed: seed of their random numbers. kind: "plain" or "harsh".
+    """
     inside = []
     for i in range(records):
         rng = np.random.default_rng([seed, i])

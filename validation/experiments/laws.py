@@ -141,7 +141,7 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     share = 1.0 if alone else float(rng.uniform(0.3, 0.9))
 
     def ratio(a: float) -> float:
-        """Return the equivalent damping ratio at an amplitude, per unit of the coefficient."""
+        """Return the equivalent damping ratio of the term at an amplitude a (rad), per unit of its coefficient."""
         return harmonic_ratio(lambda x, v: truth.force(x, v, math.copysign(1.0, v)), a, frequency)
 
     rate = (1 - share) / share * ratio(size * math.sqrt(left))  # viscous ratio per unit of the coefficient
@@ -178,7 +178,8 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
 def nats_ahead(comparison: ModelComparison, c: Case) -> float:
     """Return by how many nats the best fit of the true sum is ahead of the best of all sums that lack one of its terms.
 
-    It is the difference of the log likelihoods if the laws hold exactly, with the true noise. It is infinite if no such
+    comparison: the comparison of all sums on the record. c: the record and its truth. The result is the difference of
+    the log likelihoods if the laws hold exactly, with the true noise. It is infinite if no such
     sum was fitted, because all were expected to be hopeless, and NaN if the true sum was not fitted.
     """
     true = terms_of(c.damping)

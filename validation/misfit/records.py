@@ -31,7 +31,10 @@ within which a discontinuous term changes sign."""
 
 
 def fall(damping: Force, amplitude: float) -> float:
-    """Return the decrease of an amplitude per radian of phase, from the energy loss of a harmonic motion in a cycle."""
+    """Return the decrease of an amplitude per radian of phase, from the energy loss of a harmonic motion in a cycle.
+
+    damping: the damping force as a function of the velocity. amplitude: amplitude of the motion in normalised units.
+    """
     phase = (np.arange(720) + 0.5) * 2 * np.pi / 720
     return float(np.mean(np.asarray(damping(amplitude * np.cos(phase))) * np.cos(phase)))
 

@@ -46,7 +46,11 @@ def power(n: int, level: float, alarm: float, width: float) -> float:
 
 
 def narrowest_passed(n: int, level: float, alarm: float) -> float:
-    """Return the largest `width` below 1, in steps of 0.01, for which `power` is at least `POWER`; 0 without one."""
+    """Return the largest relative width below 1 of intervals that the coverage test still detects; 0 without one.
+
+    Detected means that the probability (`power`) is at least `POWER`. Widths have steps of 0.01. n, level, alarm:
+    number of records, stated probability of the intervals, and false-alarm rate of the test.
+    """
     percents = (percent / 100 for percent in range(99, 0, -1))
     return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
 

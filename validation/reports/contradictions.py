@@ -252,7 +252,11 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
-    """Return the intervals of a table at the middle one of three amplitudes, or at the only one."""
+    """Return the intervals of damping ratios in a table, with their truths, one for each row that has both.
+
+    rows: rows with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes, or
+    at the only amplitude.
+    """
     at = 2 if numbers(rows, "low_2").size else 1
     known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
     columns = (

@@ -49,7 +49,10 @@ Observe = Callable[[Motion, np.ndarray], np.ndarray]
 
 
 def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a sensor that reads x (1 ± 0.005 (x/A)²) at the displacement x, with a random sign."""
+    """Return a sensor that reads x (1 ± 0.005 (x/A)²) at the displacement x, with a random sign.
+
+    A is the first amplitude of the motion.
+    """
     bend = CUBIC_SENSOR * rng.choice([-1.0, 1.0]) / draw.amplitude**2
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
@@ -67,13 +70,19 @@ def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further damping force c |v|^1.7 sign v with 15 to 25 % of the loss at 0.75 A."""
+    """Return a further damping force c |v|^1.7 sign v, which causes 15 to 25 % of the energy loss.
+
+    v is the velocity. The fraction is that at 0.75 times the first amplitude.
+    """
     c = _extra(draw, lambda x, v: math.copysign(abs(v) ** POWER, v))
     return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
 
 
 def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further friction at low velocities: μ/2 · exp(−(v/v_s)²), with Coulomb friction μ and v_s = 0.3 V."""
+    """Return a further friction at low velocities v: μ/2 · exp(−(v/v_s)²), with Coulomb friction μ.
+
+    v_s is 0.3 times the first peak velocity.
+    """
     more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
     speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
     return Discrepancy(
@@ -84,7 +93,10 @@ def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further damping force c x² v with 15 to 25 % of the loss at 0.75 A."""
+    """Return a further damping force c x² v, which causes 15 to 25 % of the energy loss.
+
+    x and v are displacement and velocity. The fraction is that at 0.75 times the first amplitude.
+    """
     c = _extra(draw, lambda x, v: x * x * v)
     return Discrepancy("x²v", lambda x, v, turn: c * x * x * v)
 
@@ -92,7 +104,7 @@ def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
     """Return a change of Coulomb friction μ with the angle x, as in an uneven bearing: 0.1 μ sin(2πx/λ + φ).
 
-    λ is drawn from 0.7 to 3 A, and φ from 0 to 2π.
+    λ is drawn from 0.7 to 3 times the first amplitude, and φ from 0 to 2π.
     """
     depth = FRICTION_BY_ANGLE * draw.oscillator.damping["coulomb"]
     turns, phase = 2 * np.pi / (log_uniform(rng, 0.7, 3.0) * draw.amplitude), float(rng.uniform(0, 2 * np.pi))
@@ -103,9 +115,10 @@ def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a sensor that adds a second decaying sinusoid, with an amplitude of 1 % of A and 1.5 to 5 times ω.
+    """Return a sensor that adds a second decaying sinusoid, with 1 % of the amplitude and 1.5 to 5 times the frequency.
 
-    Its damping ratio is that of the oscillator at 0.75 A.
+    Amplitude and frequency of the oscillator are those at the release. The damping ratio of the second sinusoid is that
+    of the oscillator at 0.75 times this amplitude.
     """
     frequency, phase = float(rng.uniform(1.5, 5.0)) * draw.frequency, float(rng.uniform(0, 2 * np.pi))
     rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
@@ -118,13 +131,18 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains, with a random sign."""
+    """Return a further restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains, with a random sign.
+
+    x is the displacement, A the first amplitude, and ω the frequency of small motions.
+    """
     c = STIFFENING * float(rng.choice([-1.0, 1.0])) * draw.frequency**2 / draw.amplitude**4
     return Discrepancy(spring=lambda x: c * x**5, potential=lambda x: c * x**6 / 6)
 
 
 def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
-    """Return a first-order (low-pass) sensor with time constant τ = 0.1/ω. It reads 0.5 % too low, with a delay of τ.
+    """Return a first-order (low-pass) sensor with time constant τ = 0.1/ω, where ω is the frequency of small motions.
+
+    It reads 0.5 % too low, with a delay of τ.
 
     The integral of the past angle, weighted by exp(−s/τ)/τ, is computed by Gauss-Laguerre quadrature, which is exact to
     1e-9 for a harmonic motion and its harmonics. Before the release the angle is constant.

@@ -139,10 +139,10 @@ def _spring(rng: np.random.Generator, law: str, frequency: float, amplitude: flo
 def _coefficients(
     shares: Mapping[str, float], taken: float, amplitude: float, frequency: float, cycles: float, left: float
 ) -> dict[str, float]:
-    """Return coefficients by term that give these shares of the energy loss at `MIDDLE`.
+    """Return coefficients by term that give these shares of the energy loss at `MIDDLE` times the first amplitude.
 
-    With them, and the share `taken` of a further term, the amplitude falls to `left` times the first in this number of
-    cycles.
+    With these coefficients, and the share `taken` of a further term, the amplitude falls to `left` times the first in
+    this number of cycles. amplitude: the first amplitude in rad. frequency: frequency of small motions in rad/s.
     """
     unit = {t: s / float(loss_rate(t, MIDDLE * amplitude, frequency)) for t, s in shares.items()}
     grid = np.geomspace(left, 1.0, 200) * amplitude

@@ -104,9 +104,10 @@ def harmonic_ratio(force: Callable[[float, float], float], amplitude: float, fre
 
 
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
-    """Return the equivalent damping ratio at an amplitude in rad.
+    """Return the equivalent damping ratio of an oscillator, without its discrepancy in the damping, at an amplitude.
 
-    It is the energy lost in a cycle over 4π times the energy at the amplitude, half the range of the motion.
+    It is the energy lost in a cycle over 4π times the potential energy at the turning points. amplitude: half the
+    distance of the turning points, in rad.
     """
     potential = oscillator.potential()
 

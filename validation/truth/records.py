@@ -182,7 +182,11 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
-    """Return the share of each term, by name, in the energy lost over the record, which ends at the time `end` (s)."""
+    """Return the share of each term, by name, in the energy that is lost over the record.
+
+    The extra damping force of a discrepancy is one of the terms. draw: oscillator and recording conditions. motion: the
+    solved motion. end: time at which the record ends, in s since the release.
+    """
     o, odd = draw.oscillator, draw.oscillator.discrepancy
     times = np.linspace(draw.begin, end, round(PER_CYCLE * draw.cycles))
     theta, v = motion.at(times)

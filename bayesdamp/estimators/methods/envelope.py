@@ -55,7 +55,10 @@ class Envelope(Estimator[EnvelopeOptions]):
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for dry_position, whose friction slope has no effect on an envelope; None for other terms."""
+        """Return the reason why this method cannot estimate a sum with the term dry_position; None for other sums.
+
+        damping: names of the terms of the sum. The slope of this friction has no effect on an envelope.
+        """
         if "dry_position" in damping:
             return "the slope in dry_position friction dissipates no energy, so an envelope does not depend on it"
         return None

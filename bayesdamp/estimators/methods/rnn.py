@@ -87,7 +87,10 @@ class Rnn(Estimator[RnnOptions]):
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for a sum of terms, for which the network is not trained; None for a single term."""
+        """Return the reason why this method cannot estimate a sum of two or more terms; None for a single term.
+
+        damping: names of the terms of the sum.
+        """
         if len(damping) > 1:
             return "the network is trained to give one damping coefficient, not a sum of terms"
         return None
@@ -169,7 +172,10 @@ class Stretches:
             )
 
     def quadratures(self, y: np.ndarray) -> np.ndarray:
-        """Return (a, b) of each stretch, (m, count, 2), of m records y, (m, n), in the unit of y."""
+        """Return the coefficients (a, b) of cos φ and sin φ in each stretch of m records, (m, count, 2).
+
+        y: the samples of the records, (m, n). φ: phase of the given record. a and b are in the unit of y.
+        """
         y = y - self.rest
         return np.stack([y[:, rows] @ solver.T for rows, solver in zip(self.rows, self.solvers)], axis=1)
 
@@ -205,9 +211,11 @@ class Simulator:
         self.simulated = 0
 
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
-        """Return (a, b) of records simulated without noise, (m, count, 2), for logarithms of the coefficient (m,).
+        """Simulate m records without noise; return (a, b) of each of their `count` stretches, (m, count, 2).
 
-        They are in units of the record's amplitude. Unknown restoring parameters and start values vary at random.
+        In a stretch the record is a cos φ + b sin φ, with its phase φ; a and b are in units of the given record's
+        amplitude. log_coefficient: logarithms of the damping coefficient, (m,). Unknown restoring parameters and start
+        values vary at random.
         """
         m, rng = log_coefficient.size, self.rng
         given = {name: np.full(m, float(self.base[name])) for name in self.osc.inputs if name in self.base}
@@ -258,9 +266,10 @@ class Simulator:
         return (scaled[:last], place[:last]), (scaled[last:], place[last:]), record
 
     def noise(self, records: int) -> np.ndarray:
-        """Draw the noise in (a, b) of simulated records, (records, count, 2), in units of the record's amplitude.
+        """Draw the noise in the coefficients (a, b) of all stretches of simulated records, (records, count, 2).
 
-        The sd of each record's noise is within a factor of two of that of the given record.
+        It is in units of the given record's amplitude. The standard deviation of each record's noise is within a factor
+        of two of that of the given record.
         """
         size = self.sd * np.exp(np.log(2.0) * self.rng.uniform(-1.0, 1.0, records))
         white = self.rng.standard_normal((records, self.stretches.count, 2))

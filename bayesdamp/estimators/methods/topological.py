@@ -84,7 +84,10 @@ class Topological(Estimator[TopologicalOptions]):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason for sums of terms and for terms other than viscous, Coulomb and quadratic; else None."""
+        """Return the reason why this method cannot estimate a damping sum; None if it can.
+
+        damping: names of the terms of the sum. The method estimates one term: viscous, Coulomb or quadratic damping.
+        """
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PAPER_TERMS:

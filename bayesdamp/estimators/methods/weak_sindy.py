@@ -211,10 +211,11 @@ def _assemble(
 def _column(
     candidate: CandidateTerm, stretch: Stretch, phi: sparse.csr_matrix, width: float, features: Features
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Return ∫φ f for one candidate, (m,), and its derivatives by the samples, (m, n), which propagate their noise.
+    """Return the integrals ∫φ f of one candidate term f, (m,), and their derivatives by the samples, (m, n).
 
-    phi: weights (m, n) of the m test functions φ on n samples. width: their width in s. The derivatives are 0 for a
-    recorded velocity or acceleration, except where the integral is linear in the record.
+    The derivatives propagate the noise of the samples. stretch: the piece of the record, with n samples. phi: weights
+    (m, n) of the m test functions φ on these samples. width: their width in s. The derivatives are 0 for a recorded
+    velocity or acceleration, except where the integral is linear in the record.
     """
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
     if candidate.damping == "viscous" and stretch.order < 2:

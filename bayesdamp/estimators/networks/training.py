@@ -115,7 +115,10 @@ class DenseNetwork:
         return _affine(*last, _hidden(hidden, inputs))[..., 0]
 
     def last_hidden(self, weights: Tensor, inputs: Tensor) -> Tensor:
-        """Return the jets of the last hidden layer, (n, j, sizes[-2]), for those of the inputs, (n, j, sizes[0])."""
+        """Return the jets of the last hidden layer, (n, j, sizes[-2]), for those of the inputs, (n, j, sizes[0]).
+
+        A jet contains a value and its first j − 1 time derivatives.
+        """
         return _hidden(self._layers(weights)[:-1], inputs)
 
     def _layers(self, weights: Tensor) -> list[tuple[Tensor, Tensor]]:
@@ -333,7 +336,10 @@ class ScaledRecord:
         self.known_begin = torch.tensor(begin, dtype=REAL) / self.a
 
     def restoring_force(self, theta: Tensor, values: Tensor) -> Tensor:
-        """Return F_rest (n,), rad/s², at angles (n,), for values (k,) or (n, k) of the unknown restoring parameters."""
+        """Return the restoring force per unit of inertia, (n,), in rad/s², at angles theta (n,) in rad.
+
+        values: the unknown restoring parameters in the order of `restoring`, (k,) or one row for each angle, (n, k).
+        """
         p = self.base | dict(zip(self.restoring, values.unbind(-1)))
         law = self._osc.law
         return on_tensors(law.kernel)(theta, tuple(p[name] for name in law.parameters))

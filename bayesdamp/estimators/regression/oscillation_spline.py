@@ -135,9 +135,9 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
 
 
 def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
-    """Return the matrix of ∫(Lx)² as a quadratic form of the coefficients, with L in units of frequency⁵.
+    """Return the matrix M with which ∫(Lx)² dt = cᵀMc for a spline x with the coefficients c.
 
-    frequency: ω in rad/s.
+    L = D(D² + ω²)²/ω⁵ with D = d/dt. knots: all knots of the spline, with repeated ends, in s. frequency: ω in rad/s.
     """
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
     ends = knots[DEGREE : knots.size - DEGREE]

@@ -222,7 +222,8 @@ class Solution:
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
     """Return the solution with the terms in `support` (p,), corrected for the bias from noise in their columns.
 
-    sigma: standard deviation σ of the samples' noise n. The residual r = b + Gx, with the inertia b and the columns G,
+    white: the weak form with independent errors. support: mask of the terms that are used. sigma: standard deviation σ
+    of the samples' noise n. The residual r = b + Gx, with the inertia b and the columns G,
     has the noise (A₀ + Σ x_l B_l) n, where A₀ and B_l are the derivatives of b and of column l by the samples. With its
     covariance C for σ = 1, the mean of (GᵀC⁻¹r)_k is σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is
     subtracted.
@@ -253,7 +254,8 @@ def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[
 
     The score is the Bayesian information criterion for errors of known size. Solutions with negative damping, and those
     whose terms cannot be distinguished despite the noise, are excluded. The list is not sorted by the score, and can be
-    empty. dissipates (p,): which terms are damping. sigma: standard deviation of the samples' noise.
+    empty. white: the weak form with independent errors. dissipates (p,): which terms are damping. sigma: standard
+    deviation of the samples' noise, in the unit of the record.
     """
     floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
     damping = np.flatnonzero(dissipates)

@@ -38,8 +38,9 @@ class Duffing(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
+        known: values of the known parameters, by name.
         If θ_e is known, the coefficients are those of k and β that are unknown. If θ_e is unknown, they are the four
         coefficients of a general cubic polynomial in θ, from which the parameters follow; known values of k and β are
         then not used in the fit.

@@ -81,8 +81,9 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
+        known: values of the known parameters, by name.
         The coefficients are k and γ, as far as they are unknown, and the product kθ_s if θ_s is unknown.
         """
         spring = known.get("spring_angle")

@@ -34,8 +34,9 @@ class LinearSpring(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
+        known: values of the known parameters, by name.
         The coefficients are k, if it is unknown, and −kθ_e, if θ_e is unknown.
         """
         rest = known.get("rest_angle")

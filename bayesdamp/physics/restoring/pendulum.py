@@ -34,8 +34,9 @@ class Pendulum(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles θ, (n,), as a linear regression for its unknown parameters.
+        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
+        known: values of the known parameters, by name.
         The coefficients are k cos θ_e and −k sin θ_e if θ_e is unknown; a known value of k is then not used in the fit.
         If only θ_e is known, the coefficient is k; if both are known, there is none.
         """

@@ -14,7 +14,7 @@ GAP = 1.5
 
 
 def one_number(value: float, amplitudes: tuple[float, ...]) -> Reply:
-    """Return the same ratio at every amplitude. Raises Refusal if it is not positive."""
+    """Return a reply with the same damping ratio `value` at every amplitude. Raises Refusal if it is not positive."""
     if not value > 0:
         raise Refusal("no damping is found")
     return Reply((value,) * len(amplitudes))

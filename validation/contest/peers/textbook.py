@@ -36,9 +36,10 @@ GUESS = 0.02
 
 
 def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Return δ/√(4π² + δ²), where −δ is the slope of a straight line through the logarithms of the peaks by cycle.
+    """Return the damping ratio δ/√(4π² + δ²), the same for all amplitudes, from the logarithmic decrement δ.
 
-    Raises Refusal for fewer than three peaks.
+    −δ is the slope of a straight line through the logarithms of the peaks against the number of the cycle. t, y: times
+    in s and displacements in rad, (n,). Raises Refusal for fewer than three peaks.
     """
     grid, values = even(t, y)
     f = spectral_peak(grid, values)
@@ -118,7 +119,11 @@ def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> R
 
 
 def decay(t: np.ndarray, size: float, ratio: float, omega: float, phase: float, rest: float) -> np.ndarray:
-    """Return the displacement (n,) of a linear oscillator with viscous damping: a decaying cosine about `rest`."""
+    """Return the displacement (n,) of a linear oscillator with viscous damping: a decaying cosine about `rest`.
+
+    t: times in s, (n,). size, phase: amplitude and phase (rad) of the cosine at t = 0. ratio: damping ratio. omega:
+    undamped frequency in rad/s.
+    """
     ratio = float(np.clip(ratio, -1.0, 1.0))
     return size * np.exp(-ratio * omega * t) * np.cos(omega * np.sqrt(1 - ratio**2) * t + phase) + rest
 
