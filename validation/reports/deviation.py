@@ -44,6 +44,9 @@ Targets. Family, *none*: named outright at least 0.90, right at least 0.97, cove
 Family, *auto*: named outright at least 0.75, right at least 0.95, coverage at least 0.95, intervals at most twice as
 wide. Discrepant records, *auto*: coverage at least 0.92 (0.90 at ten times the sampling rate); named wrongly and
 *deviates* at most 0.05 each.
+
+Named outright: the answer states one damping without reservation. *deviates*: number of answers which warn that the
+laws do not hold. P(truth): probability that the answer gives to the true damping.
 """
 
 

@@ -153,7 +153,8 @@ term has {SHARES[0]:g} to {SHARES[1]:g} of the loss at the middle amplitude. The
 {FALLS[0]:g} to {FALLS[1]:g}. Oscillations (1e-2 to 1e-4) have {A_CYCLE:g} samples in a cycle and a linear \
 spring; envelopes (1e-5 and 1e-6) have {READINGS} readings. The noise is {NOISES[0]:g} to {NOISES[1]:g} of \
 the first amplitude for {CYCLES:g} cycles, and grows with the square root of the number of samples, so that the \
-information does not depend on the damping ratio. For oscillations, the laws are assumed to hold exactly. The \
+information does not depend on the damping ratio. For oscillations, the laws are assumed to hold exactly. \
+*P(truth)* is the probability that the answer gives to the true damping. The \
 brackets contain 95 % intervals (Wilson) for this number of records.
 
 {score_table(groups_of(rows), *scores)}
