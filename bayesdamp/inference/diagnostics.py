@@ -196,8 +196,8 @@ def summarise(
 def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
     """Return "ok", or a sentence on the first parameter whose draws are not reliable.
 
-    summaries: the result of `summarise` for each parameter, by name. R̂ must be at most
-    `RHAT_LIMIT`, and both effective sample sizes (bulk and tail) at least `ESS_LIMIT`; nan counts as not reliable.
+    summaries: the result of `summarise` for each parameter, by name. R̂ must be at most `RHAT_LIMIT`, and both
+    effective sample sizes (bulk and tail) at least `ESS_LIMIT`; nan counts as not reliable.
     """
     for name, s in summaries.items():
         if not s["rhat"] <= RHAT_LIMIT:

@@ -231,10 +231,9 @@ def savage_dickey(
     """Return the log Bayes factor of the model without a coefficient against the model with it.
 
     It is the log of the ratio of posterior to prior density of the coefficient at zero (Savage and Dickey), positive if
-    the record favours the model without it.
-    Coefficients with a common, unknown prior scale need a correction: given that one of them is zero, the prior of the
-    others is not their prior in the smaller model. The draws are then weighted by the ratio of these two priors, which
-    depends on the sum of squares of the other coefficients' scores.
+    the record favours the model without it. Coefficients with a common, unknown prior scale need a correction: given
+    that one of them is zero, the prior of the others is not their prior in the smaller model. The draws are then
+    weighted by the ratio of these two priors, which depends on the sum of squares of the other coefficients' scores.
 
     Parameters
     ----------

@@ -127,8 +127,8 @@ def levenberg_marquardt(
     Returns
     -------
     Maximum
-        The end point of the last accepted step, the best point of the search; its value is −inf if the function is
-        not finite at the start.
+        The end point of the last accepted step, the best point of the search; its value is −inf if the function is not
+        finite at the start.
     """
 
     def is_finite(at: Expansion) -> bool:

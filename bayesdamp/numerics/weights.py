@@ -1,9 +1,9 @@
 """Summarise weighted draws, and check whether a few of them dominate the weights.
 
-The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights. Sources:
-Vehtari, Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25
-(2024); the fit is by Zhang and Stephens, "A new and efficient estimation method for the generalized Pareto
-distribution", Technometrics 51 (2009).
+The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights. Sources: Vehtari,
+Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25 (2024); the
+fit is by Zhang and Stephens, "A new and efficient estimation method for the generalized Pareto distribution",
+Technometrics 51 (2009).
 """
 
 from __future__ import annotations

@@ -132,5 +132,5 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
 def test_what_cannot_be_joined_is_a_fault() -> None:
     other = run_of(["mu_c"], [0.05], np.eye(1))
     for runs, name in (([], "zeta"), ([run_at(0.05, 0.001), other], "zeta"), ([other], "zeta")):
-        with pytest.raises(ValueError, match="joined runs need the same parameters"):
+        with pytest.raises(ValueError, match="all need the same parameters"):
             join_runs(runs, {name: HalfNormal(0.3)}, EXACTLY)

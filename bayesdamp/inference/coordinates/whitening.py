@@ -79,8 +79,8 @@ class NoiseMap:
     first, second : int
         Indices of the two parameters among all scores.
     table : PPoly or None
-        Score of the second parameter and shift of the first, as functions of the level score of the second; None if
-        the map is the identity.
+        Score of the second parameter and shift of the first, as functions of the level score of the second; None if the
+        map is the identity.
     """
 
     first: int = 0

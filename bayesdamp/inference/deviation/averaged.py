@@ -27,29 +27,31 @@ accurate: the Jacobian then takes 1 GB (measured)."""
 FEWEST_CYCLES = 400.0
 """A record with at least this many cycles is reduced to amplitudes and phases (conventional)."""
 BLOCKS = 64
-"""Number of blocks into which a record is divided. The compressed oscillation has `TURNS` cycles per block. For a
-record of 400 cycles this makes its damping three times that of the record: a damping ratio of 0.4 % if the amplitude
-falls to a twentieth over the record."""
+"""Number of blocks into which a record of very many cycles is divided. In its place an oscillation is solved that
+decays through the same amplitudes in fewer cycles, `TURNS` per block. For a record of 400 cycles the damping of this
+oscillation is three times that of the record: a damping ratio of 0.4 % if the amplitude falls to a twentieth over the
+record."""
 PIECES = 20
 """Number of polynomial pieces of the smooth cubic splines through the logarithm of the amplitude and the phase."""
 LEAST_SAMPLES = 24
 """Smallest number of samples in a block."""
 HOLE = 0.4
-"""A gap between neighbouring samples of at least this many lengths of a block is a hole: a block ends before it and
-another begins after it (conventional)."""
+"""A gap between neighbouring samples of at least this fraction of a block's length is a hole: a block ends before it
+and another begins after it (conventional)."""
 SHORTEST = 0.25
-"""Smallest duration, in lengths of a block, of a piece between two holes for it to be used (conventional)."""
+"""A piece of the record between two holes (long gaps) is left out if it is shorter than this fraction of a block's
+length (conventional)."""
 WINDOW = 4.0
 """Length in cycles of the windows whose demodulation gives the first estimates of phase and amplitude."""
 FULL = 0.7
-"""A window of the demodulation is used only if the sum of the taper weights of its samples is larger than this fraction
-of the median sum over all windows (conventional)."""
+"""A short window in which the record is demodulated is used only if it has enough samples: the sum of their taper
+weights must be larger than this fraction of the median sum over all windows (conventional)."""
 REACH = 2.5
 """The number of cycles in a hole is computed from polynomials through the phase on either side, which are fitted to the
 windows within this many lengths of the hole from its middle (conventional)."""
 LEAST_REACH = 10.0
-"""Least length of a hole in the rule of `REACH`, in lengths of a window (`WINDOW`); a shorter hole counts as this long
-(conventional)."""
+"""Least length of a hole (a long gap in the record) in the rule of `REACH`, in lengths of a window (`WINDOW`); a
+shorter hole counts as this long (conventional)."""
 DEGREE = 3
 """Largest degree of the polynomials through the phase on either side of a hole (see `REACH`; conventional)."""
 UNSURE = 0.25
@@ -61,11 +63,12 @@ many windows hardly shifts the spline."""
 OVERTONES = 3
 """Highest harmonic of the oscillation that is fitted in each block together with the fundamental."""
 BENT = 3.0
-"""Largest `_scatter` of the blocks' amplitudes and phases about smooth curves with which these curves are accepted. For
-white noise alone it is 1; at 3, the mean over a block differs from the value in its middle by 0.3 sds."""
+"""Smooth curves of amplitude and phase against time are accepted if the roughness of the blocks' deviations from them
+(`_scatter`) is at most this. For white noise alone it is 1; at 3, the mean over a block differs from the value in its
+middle by 0.3 sds."""
 PASSES = 3
-"""Largest number of times that the blocks are fitted; between two fits the smooth curves of amplitude and phase are
-corrected by the result."""
+"""Largest number of times that amplitudes and phases are fitted to the blocks; between two fits the smooth curves of
+amplitude and phase are corrected by the result."""
 ROUNDS = 10
 """Largest number of refits for noise that is not Gaussian. Before each, the residuals are replaced by working residuals
 (`FittedNoise.working_residuals`), with which least squares give the most probable motion."""
@@ -83,8 +86,8 @@ class Averaged:
     Attributes
     ----------
     t : ndarray, shape (3b,)
-        Ends of the blocks in the time of the compressed oscillation (see the module), in s; each is repeated for the
-        three values of y.
+        Ends of the blocks, in s of the compressed oscillation that is solved in place of the record and decays through
+        the same amplitudes in fewer cycles; each is repeated for the three values of y.
     y : ndarray, shape (3b,)
         Amplitude, phase (minus that of `track`) and midline of each block in turn, times the factors of `track`, which
         give all values the record's unit and independent noise of the same sd; an `AveragedSolver` gives motions in
@@ -347,7 +350,7 @@ def _fit_curves(
     curves: _Curves,
     follows: bool = False,
 ) -> _BlockFit:
-    """Fit the oscillation in each block, and correct the reference curves until they describe the blocks.
+    """Fit the oscillation in each block, and correct the curves of amplitude and phase until they describe the blocks.
 
     The first curves come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are made;
     they end when `_BlockFit.bent` is below `BENT`. curves: the first curves. t, y, parts, middles: as in `_fit_blocks`.

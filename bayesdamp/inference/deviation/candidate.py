@@ -24,15 +24,15 @@ from bayesdamp.types import Reference, candidate_name
 START = ("theta0", "omega0")
 """Names of the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
-"""Fits start at these standard normal scores of a damping term's own parameter, such as an exponent: low, middle and
-high in its prior."""
+"""Fits start at these standard normal scores of a parameter that a damping term has besides its coefficient, such as an
+exponent: low, middle and high in its prior. For two or more such parameters only low and high are combined."""
 MOST_STEPS = 8
 """Largest number of Gauss–Newton steps to the mode of parameters and deviations."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
-"""Steps that `linearise_at_mode` tries in turn: the fraction of the full Gauss–Newton step, and Marquardt's parameter
-for the scores. Where a record determines only a combination of parameters (a spring's angle and gravity, for small
-swings), parameters of equal fit lie along a curve. The full step follows the tangent of this curve; a shorter step does
-too, but Marquardt's parameter turns the step."""
+"""Steps that `linearise_at_mode` tries in turn. Each is the fraction of the full Gauss–Newton step, and Marquardt's
+parameter for the standard normal scores, which turns the step. Where a record determines only a combination of
+parameters (a spring's angle and gravity, for small swings), parameters of equal fit lie along a curve, which the full
+step leaves along its tangent; a shorter step does too, but a turned one does not."""
 SETTLED = 0.1
 """The Gauss–Newton steps end before a step that would change the motion by less than this: norm of the change over all
 samples, in standard deviations of the noise. It changes a log evidence by less than 0.1 nats (measured)."""
@@ -59,9 +59,10 @@ class MotionCandidate:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """A candidate that is linearised about a motion, with deviations from its laws as further unknowns.
+    """A candidate (a damping sum under a restoring law) that is linearised about a motion.
 
-    The deviations are g (log damping) and h (relative frequency), with values at the same knots in time.
+    The unknowns are the inferred parameters as standard normal scores, and the deviations from the laws, g (log
+    damping) and h (relative frequency), with values at the same knots in time.
 
     Attributes
     ----------
@@ -99,13 +100,13 @@ class Linearisation:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return exp g − 1 and h at u: the relative deviations of damping and frequency, one value per knot each."""
+        """Return exp g − 1 and h: the relative deviations of damping and frequency, one value per knot each."""
         g, h = np.split(self.u[self.fit.z.size :], 2)
         return np.expm1(g), h
 
     @property
     def knots(self) -> int:
-        """Return the number of knots of each deviation."""
+        """Return the number of knots in time between which each deviation from the laws is interpolated."""
         return (self.u.size - self.fit.z.size) // 2
 
     @property
@@ -147,9 +148,9 @@ def parameters_of(
 ) -> Parameters:
     """Return the parameters of a candidate: which are inferred, with their priors, and the values of the others.
 
-    Coefficients, and all other parameters without a known value, are inferred if the solver has them, with the prior in
-    `priors` or else the default prior, whose width scales with `reference`. A known value of a coefficient, and priors
-    of parameters that are not inferred, have no effect.
+    Coefficients, and all other parameters without a known value, are inferred if the solver has them. Their prior is
+    that in `priors` or else the default one, whose width scales with the amplitude and frequency of `reference`. A
+    known value of a coefficient, and priors of parameters that are not inferred, have no effect.
     """
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
@@ -179,11 +180,12 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return combinations of values of the terms' own parameters, by name, at which fits start.
+    """Return combinations of values, at which fits start, of the parameters that terms have besides their coefficients.
 
-    The values are low, middle and high in the prior of a single parameter, and low and high for two or more (`STARTS`).
-    A parameter that makes its term equal to a simpler one at a certain value (`DampingTerm.reduces`) starts only at
-    this value. Without own parameters the result is one empty mapping.
+    Such a parameter is an exponent, for example. The values, by name, are low, middle and high in the prior of a single
+    parameter, and low and high for two or more (`STARTS`). A parameter that makes its term equal to a simpler one at a
+    certain value (`DampingTerm.reduces`) starts only at this value. Without such parameters the result is one empty
+    mapping.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
@@ -289,10 +291,11 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
 def tangents_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> np.ndarray | None:
-    """Return the Jacobian of a candidate's motion by u = (scores, g, h), (n, K), at u; None where the motion escapes.
+    """Return the Jacobian, (n, K), of a candidate's motion by its K unknowns; None if the motion is unbounded.
 
-    g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots. A
-    motion escapes if it grows beyond all bounds or needs too many steps. at: only its parameters (priors, known values)
+    u: the unknowns at which it is computed, (K,). u contains the parameters as standard normal scores, then the
+    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. A motion counts as unbounded
+    if it grows beyond all bounds or needs too many integration steps. at: only its parameters (priors, known values)
     and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
     that of fits (3e-8).
     """
@@ -303,10 +306,12 @@ def tangents_at(
 def _solve(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> tuple[Motion, np.ndarray] | None:
-    """Return a candidate's motion at u = (scores, g, h) and its Jacobian by u, (n, K); None where the motion escapes.
+    """Return a candidate's motion and its Jacobian by the K unknowns, (n, K); None if the motion is unbounded.
 
-    at: only its parameters (priors, known values) and its active terms are used. tolerance: error of an integration
-    step as a fraction of the amplitude, by default that of fits (3e-8).
+    u: the unknowns at which they are computed, (K,). u contains the parameters as standard normal scores, then the
+    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. at: only its parameters
+    (priors, known values) and its active terms are used. tolerance: error of an integration step as a fraction of the
+    amplitude, by default that of fits (3e-8).
     """
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
@@ -320,9 +325,9 @@ def _solve(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model of the motion as a function of the scores, about a fit under exact laws (g = h = 0).
+    """Return the linear model of a candidate's motion about its fit, without deviations from the laws.
 
-    Its unknowns are the d scores alone, without g and h.
+    Its unknowns are the d inferred parameters, as standard normal scores.
     """
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
@@ -331,11 +336,11 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Linearise a candidate about u = (scores, g, h), (K,), by default about its fit `at` with g = h = 0.
+    """Linearise a candidate about values u of its unknowns, (K,), by default about its fit `at` without deviations.
 
-    g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots. If
-    u is given, `at` only supplies the parameters (priors, known values) and the active terms. Return None if |g| or |h|
-    is larger than `MOST_G` or `MOST_H`, or if the motion escapes (is unbounded).
+    u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+    (relative frequency), at knots in time. If u is given, `at` only supplies the parameters (priors, known values) and
+    the active terms. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion is unbounded.
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -363,9 +368,10 @@ def linearise_at_mode(
 ) -> tuple[Linearisation, float] | None:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
-    The hyperparameters of the deviations are fixed at each step (see `mode_of`). The steps end before one that would
-    change the motion by less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing, or
-    after `MOST_STEPS`; the linearisation at the last point is returned.
+    In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
+    (see `mode_of`). The steps end before one that would change the motion by less than `SETTLED`, when none of `STEPS`
+    keeps the sum of squared residuals from growing, or after `MOST_STEPS`; the linearisation at the last point is
+    returned.
 
     Parameters
     ----------
@@ -380,7 +386,7 @@ def linearise_at_mode(
     start : Linearisation, optional
         The linearisation at which the steps start; by default that at the fit without deviations.
     grid : Grid, optional
-        Hyperparameters of the deviations; by default the coarse grid of `Linearisation.grid`.
+        Sizes and correlation lengths of the deviations; by default the coarse grid of `Linearisation.grid`.
 
     Returns
     -------
@@ -413,16 +419,17 @@ def mode_of(
 ) -> np.ndarray:
     """Return the mode u, (K,), of a linear model's posterior under N(0, 1) priors of the scores, with coefficients ≥ 0.
 
-    u = (scores, g, h), with the log deviation g of the damping and the relative deviation h of the frequency at the
-    knots. The hyperparameters of g and h (sizes and correlation lengths) are fixed at the grid point with the largest
-    posterior probability, computed without the condition that coefficients are ≥ 0.
+    u contains the standard normal scores of the parameters, then the log deviation g of the damping and the relative
+    deviation h of the frequency at knots in time. The hyperparameters of g and h (sizes and correlation lengths) are
+    fixed at the grid point with the largest posterior probability, computed without the condition that coefficients are
+    ≥ 0.
 
     Parameters
     ----------
     model : LinearModel
         Linear model about a motion.
     grid : Grid
-        Hyperparameters of the deviations.
+        Sizes and correlation lengths of the deviations.
     variance : float
         Variance of the noise, in the record's unit squared.
     scores : ndarray, shape (d,), optional

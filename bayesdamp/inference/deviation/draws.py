@@ -42,7 +42,8 @@ records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
 """Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles."""
 UNNAMED_DRAWS = 400
-"""Number of draws in `unnamed_share`, from all candidates together."""
+"""Number of draws, from all candidates together, from which `unnamed_share` computes the fraction of the energy loss
+that no sum of the compared terms explains."""
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 
 
@@ -102,9 +103,10 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Convert draws u = (scores, g, h), (n, K), of a candidate's posterior to parameters and deviations.
+        """Convert draws u, (n, K), of a candidate's posterior to parameters in their units and deviations.
 
-        g is the log deviation of the damping and h the relative deviation of the frequency from the laws, at the knots.
+        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+        (relative frequency), at knots in time.
         """
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
@@ -114,8 +116,9 @@ class CandidateDraws:
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Evaluate a function of the terms' own parameters for each draw, but only once for draws with equal ones.
 
-        The function maps r different rows of `further`, (r, e), to values (r, m). Return the values of the n draws, (n,
-        m), or (1, m) if all draws have the same own parameters.
+        Own parameters are those that a term has besides its coefficient, such as an exponent. The function maps r
+        different rows of `further`, (r, e), to values (r, m). Return the values of the n draws, (n, m), or (1, m) if
+        all draws have the same own parameters.
         """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
         values = function(rows)
@@ -170,10 +173,11 @@ def draw_candidates(
 
 
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
-    """Return `count` draws of one candidate: of its sampled draws if they are trusted, else from its linear posterior.
+    """Return `count` draws of one candidate: of its sampled draws if they are trusted, else from its linear model.
 
-    If one of its terms has an inferred parameter of its own, at most `MOST_DISTINCT_DRAWS` of the draws are different.
-    Under exact laws the deviations g and h of the draws are 0.
+    The linear model is that about the mode. If one of the candidate's terms has an inferred parameter besides its
+    coefficient, such as an exponent, at most `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the
+    deviations g and h of the draws are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -211,8 +215,8 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
     """Return, by name, the sd of each inferred parameter (in its unit) that noise alone would cause under exact laws.
 
-    It is the sd within components of the linear posterior without deviations, before the cut-off at zero, scaled to the
-    variance of the noise in the comparison.
+    It is the sd within components of the linear model's posterior without deviations, before the cut-off of
+    coefficients at zero, scaled to the variance of the noise in the comparison.
     """
     parameters = result.fit.parameters
     sds = result.exact_posterior.sds(np.diag(parameters.rates(result.fit.z)))
@@ -259,7 +263,8 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
     An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude that
     is larger than the one before it is replaced by that one. Half cycles of zero amplitude are left out. For an
-    averaged record the motion and its times are those of the compressed oscillation (see `Data`).
+    averaged record (one reduced to amplitudes and phases) the motion and its times are those of the compressed
+    oscillation that is solved in its place, which decays through the same amplitudes in fewer cycles.
     """
     times, states = motion.refined
     v = states[:, 1]
@@ -304,10 +309,10 @@ def unit_works(
 ) -> np.ndarray:
     """Return the energy that each term dissipates in a cycle of an orbit, per unit coefficient and inertia, (d, m).
 
-    Times a coefficient it is in rad²/s² or m²/s². further: d rows with the terms' own parameters and the references in
-    their forces, (d, e), in the order of `Solver.further`. active: mask of the terms that act, (m,); the others get 0.
-    epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s, by default that of the
-    solver.
+    Times a coefficient it is in rad²/s² or m²/s². further: d rows with the terms' parameters besides their
+    coefficients, such as exponents, and the references in their forces, (d, e), in the order of `Solver.further`.
+    active: mask of the terms that act, (m,); the others get 0. epsilon: width of the velocity range in which dry
+    friction changes its sign, in rad/s or m/s, by default that of the solver.
     """
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.velocity, -orbit.velocity])
     weight = np.concatenate([orbit.weight, -orbit.weight])
@@ -320,8 +325,9 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = Fals
     The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
     energy. Times the coefficients and summed over the m terms, the result is this ratio without deviations. The orbit
     is that under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the
-    same own parameters; None if no orbit has the amplitude (rad or m). With `every_term`, terms that the candidate does
-    not have are included if they have no own parameters; else they get 0.
+    same own parameters (those besides the coefficients, such as an exponent); None if no orbit has the amplitude (rad
+    or m). With `every_term`, terms that the candidate does not have are included if they have no own parameters; else
+    they get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -344,10 +350,10 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
 def between_knots(values: np.ndarray, fraction: float, rng: np.random.Generator) -> np.ndarray:
     """Draw by how much a deviation differs from its linear interpolation, `at_fraction`, at `fraction`: (n,).
 
-    values: the deviation at the k knots for n draws, (n, k). Between two knots the deviation is a Brownian bridge. Its
-    variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian
-    Motion and Stochastic Calculus, 1991, 5.6.B), and 0 at a knot. The variance of a step is half that of the draw's
-    second differences, which contain no linear trend.
+    values: the deviation at the k equidistant knots in time for n draws, (n, k). Between two knots the deviation is a
+    Brownian bridge. Its variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S.
+    E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), and 0 at a knot. The variance of a step is half
+    that of the draw's second differences, which contain no linear trend.
     """
     u = fraction * (values.shape[1] - 1) % 1.0
     sd = np.sqrt(u * (1 - u) * np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 2)
@@ -444,10 +450,10 @@ def _average_over_frictions(
 ) -> np.ndarray:
     """Return the damping ratio of each draw, (n,), with a width ε of dry friction drawn from the posterior of ε.
 
-    ε is the width of the velocity in which friction changes its sign. The ratio at the solver's ε is multiplied by the
-    energy that all terms of the fit at the drawn ε (`ModelComparison.frictions`) lose in a cycle, divided by that of
-    the fit at the solver's ε. Without friction in the candidate, if ε is known, or if the latter fit loses no energy,
-    the ratios are those at the solver's ε. per_unit: result of `ratios_per_unit`.
+    ε is the width of the velocity range in which friction changes its sign. The ratio at the solver's ε is multiplied
+    by the energy that all terms of the fit at the drawn ε (`ModelComparison.frictions`) lose in a cycle, divided by
+    that of the fit at the solver's ε. Without friction in the candidate, if ε is known, or if the latter fit loses no
+    energy, the ratios are those at the solver's ε. per_unit: result of `ratios_per_unit`.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
@@ -474,8 +480,8 @@ def _average_over_frictions(
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return the mean over the record of |deviation − its own mean|, for each draw, (n,).
 
-    Both means are weighted by the energy of the oscillation. values: the deviation at the knots, (n, k): g (log
-    deviation of the damping) or h (relative deviation of the frequency).
+    Both means are weighted by the energy of the oscillation. values: the deviation from the law at k equidistant times,
+    (n, k): g (log deviation of the damping) or h (relative deviation of the frequency).
     """
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
@@ -529,10 +535,11 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
     """Return median and 95 % interval of the fraction of the energy loss that no sum of compared terms explains.
 
-    For each of about `UNNAMED_DRAWS` draws the damping ratio against amplitude, deviations included, is approximated by
-    the nearest sum of terms with coefficients ≥ 0. The fraction is the mean relative distance of the two curves,
-    weighted by the energy lost. Candidates without an orbit at one of the amplitudes, and draws that lose no energy,
-    are left out; None if nothing remains. amplitudes: falling, in rad or m.
+    The compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. For each of about
+    `UNNAMED_DRAWS` draws the damping ratio against amplitude, deviations included, is approximated by the nearest sum
+    of terms with coefficients ≥ 0. The fraction is the mean relative distance of the two curves, weighted by the energy
+    lost. Candidates without an orbit at one of the amplitudes, and draws that lose no energy, are left out; None if
+    nothing remains. amplitudes: falling, in rad or m.
     """
     total = sum(len(d.coefficients) for d in drawn)
     counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
@@ -544,8 +551,8 @@ def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) 
 def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
     """Return the fraction of the energy loss that no sum of compared terms explains, for about `count` of the draws.
 
-    See `unnamed_share`. amplitudes: in rad or m. Draws that lose no energy are left out. The result is empty if no
-    orbit has one of the amplitudes.
+    The compared terms are those of the candidates. amplitudes: in rad or m. Draws that lose no energy are left out. The
+    result is empty if one of the amplitudes has no orbit. For the method see `unnamed_share`.
     """
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))

@@ -44,7 +44,8 @@ FIRST = 1.0
 posterior. With 1, the resulting sd of the exponent differs by 2 % from that with four times as many exponents; with 2,
 by up to 10 % (measured)."""
 FEW = 1000
-"""Number of draws from which the sd of the exponent in the linear posterior is computed."""
+"""Number of draws, from the posterior of the linear model about the mode, from which the sd of the exponent is
+computed."""
 NARROWEST, WIDEST = 0.003, 0.5
 """Smallest and largest distance of the second and third exponent from the best one; they limit the distance from
 `FIRST`."""
@@ -65,10 +66,11 @@ POINTS = 3001
 
 @dataclass(frozen=True)
 class _At:
-    """The fit at one exponent: log evidence in nats, least-squares fit, and u = (scores, g, h) at the mode.
+    """The fit at one exponent: log evidence in nats, least-squares fit, and all unknowns u at the mode.
 
-    Under exact laws u contains only the scores. With deviations, the motion in `fit` is that at the mode, but its
-    scores and residual are those from which the search of the mode started.
+    u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+    (relative frequency), at knots in time. Under exact laws it contains only the scores. With deviations, the motion in
+    `fit` is that at the mode, but its scores and residual are those from which the search of the mode started.
     """
 
     log_evidence: float
@@ -150,8 +152,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
-    The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity in which
-    forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity, else it is that of the candidate's solver.
+    The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity range in
+    which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity, else it is that of the candidate's
+    solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)

@@ -189,7 +189,7 @@ def compute_findings(
     Parameters
     ----------
     comparison : ModelComparison
-        The comparison, with rivals.
+        The comparison, with rivals (sums with another form of damping) in its field `forms`.
     amplitudes : sequence of float, optional
         Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. A ratio is nan
         where no orbit has the amplitude.
@@ -323,8 +323,9 @@ def _limits_of_absent_terms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the energy fraction of each compared term that the best sum lacks.
 
-    The limit of a term is from the posterior of the candidate that has the terms of the best sum and this one, and is a
-    fraction of the energy that this candidate dissipates over the record; without such a result the term is left out.
+    Compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. The limit of a term
+    is from the posterior of the candidate that has the terms of the best sum and this one, and is a fraction of the
+    energy that this candidate dissipates over the record; without such a result the term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {

@@ -30,12 +30,15 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""For each form of damping that is not compared: the compared term that it replaces in rivals."""
+"""Other forms of damping, each with the term that it replaces in a rival. A rival is a damping sum that is not in the
+comparison; its evidence is computed afterwards."""
 ALONE = "power"
-"""The form of damping that replaces a whole sum in a rival."""
+"""The form of damping that is a rival by itself: it replaces a whole sum. A rival is a damping sum that is not in the
+comparison; its evidence is computed afterwards."""
 BEHIND = 7.0
-"""A compared sum whose log evidence is more than this many nats below the best one gets no rival in which a form with
-own parameters replaces one of its terms (its posterior probability would be below 1 in 1,000)."""
+"""If the log evidence of a sum in the comparison is more than this many nats below the best, no other form with
+parameters of its own, such as a Stribeck velocity, is tried in place of one of its terms: the posterior probability of
+the result would be below 1 in 1,000."""
 FEW = 1000
 """Number of posterior draws from which an upper limit is computed."""
 SCORES = (-1.0, 1.0)
@@ -47,10 +50,11 @@ the summed absolute works for positions on either side of the equilibrium."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
-    """Return the compared sum that a rival becomes in a limit of its own parameters; empty if it has no such limit.
+    """Return the sum of viscous, Coulomb and quadratic damping that another sum becomes in a limit.
 
-    It is the names of the sum's terms. For example, Stribeck friction becomes Coulomb friction. damping: names of the
-    rival's terms.
+    The result is empty if there is no such limit. The limit is one of the parameters that a term has besides its
+    coefficient: Stribeck friction, for example, becomes Coulomb friction. damping: names of the sum's terms. The result
+    contains the names of the terms too.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
@@ -65,8 +69,8 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     of the best candidate. If `comparison.results` is empty, the comparison itself is returned.
 
     Rivals whose fit fails are left out. A form with inferred parameters of its own replaces its term only in sums whose
-    log evidence is at most `BEHIND` nats below the best. With another form, the sum of all terms is always fitted;
-    a smaller sum is left out if its log evidence is expected to be more than `REACH` nats below the best.
+    log evidence is at most `BEHIND` nats below the best. With another form, the sum of all terms is always fitted; a
+    smaller sum is left out if its log evidence is expected to be more than `REACH` nats below the best.
     """
     if not comparison.results:
         return comparison
@@ -119,10 +123,11 @@ def _evaluate_rivals(
     sums: Mapping[tuple[str, ...], Mapping[str, float]],
     starts: Sequence[Mapping[str, float]] = (),
 ) -> list[CandidateResult]:
-    """Fit rivals and return their results; those whose fit fails are left out.
+    """Fit rivals (sums with a form of damping that is not compared) and return their results.
 
-    sums: for each rival (names of its damping terms), the parameters by name near which its fit starts. starts: values
-    of own parameters at which the fits may start (see `ModelComparison.fit_rival`).
+    Those whose fit fails are left out. sums: for each rival (names of its damping terms), the parameters by name near
+    which its fit starts. starts: values of parameters that terms have besides their coefficients, such as an exponent,
+    at which the fits may start; by default low, middle and high in their priors.
     """
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
@@ -136,14 +141,15 @@ def _evaluate_rivals(
 
 @dataclass(frozen=True)
 class _Form:
-    """A force per unit of its coefficient, for which an upper limit is computed.
+    """A form of damping force, per unit of its coefficient, for which an upper limit is computed.
 
     Attributes
     ----------
     name : str
         Name of the damping term.
     values : mapping of str to float
-        Values of the term's own parameters, and of the references in its force (equilibrium, velocity, amplitude).
+        Values of the term's parameters besides its coefficient, such as an exponent, and of the references in its force
+        (equilibrium, velocity, amplitude).
     less : mapping of str to float, optional
         Values at which the term is equal to a simpler one. If given, the force is that at `values` minus that at
         `less`.
@@ -164,9 +170,9 @@ def bound_other_forms(
 
     The fraction is the energy that the added form loses over the record, divided by that of the sum and the form. The
     forms are the shipped terms with `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping. The limit of
-    a form with own parameters is the largest over several values of these; for friction with own parameters it is on
-    the part beyond Coulomb friction. It is 0 for a form that dissipates no energy. The result is empty if the motion
-    escapes (is unbounded).
+    a form that has parameters besides its coefficient, such as an exponent, is the largest over several values of
+    these; for friction with such parameters it is on the part beyond Coulomb friction. It is 0 for a form that
+    dissipates no energy. The result is empty if the motion is unbounded.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -176,7 +182,7 @@ def bound_other_forms(
         return {}
     columns, target = base
     parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
-    times, x, v = _middle(result)
+    times, x, v = _nodes_and_middles(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
     # Mean power of the sum's terms per unit score, and of the viscous force 2ω θ̇, whose damping ratio is 1.
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
@@ -210,10 +216,10 @@ def bound_other_forms(
 
 
 def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
-    """Yield the forces of a term for which upper limits are computed, at low and high values of its own parameters.
+    """Yield the forces of a damping term for which upper limits are computed: at low and high values of its parameters.
 
-    If the term can be equal to a simpler one (Stribeck to Coulomb friction), each force is the difference from the
-    simpler term's.
+    These are the parameters besides its coefficient, such as an exponent. If the term can be equal to a simpler one
+    (Stribeck to Coulomb friction), each force is the difference from the simpler term's. name: of the term.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
@@ -237,9 +243,10 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
 
-    The target is the record minus the constant part of the linearised motion: |Jacobian u − target|² is the sum of
-    squared residuals at u = (scores, g, h), or at u = scores under exact laws. Both are in the record's unit. None
-    where the motion escapes.
+    u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+    (relative frequency), at knots in time. Under exact laws it contains only the scores. The target is the record minus
+    the constant part of the linearised motion, so that |Jacobian u − target|² is the sum of squared residuals. Both are
+    in the record's unit. None if the motion is unbounded.
     """
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:
@@ -248,7 +255,7 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     return None if columns is None else (columns, linearisation.residual + columns @ linearisation.u)
 
 
-def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, displacements and velocities of a motion at its s nodes and half way between, (2s − 1,) each.
 
     They are in s, rad and rad/s (or m and m/s). A velocity of 0 is replaced by a tiny one with the sign of the velocity
@@ -270,11 +277,11 @@ def _middle(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
-    """Return the derivatives of the motion by the coefficients of f forms, at coefficients of 0, (n, f).
+    """Return the derivatives of the motion by the coefficients of f added forms, at coefficients of 0, (n, f).
 
     The motion is that of the candidate at its mode, with its deviations; the derivatives are in the record's unit per
-    unit of the coefficient. None if the motion escapes. All terms are solved together; the motion is solved as many
-    times as there are different values of the own parameters of one term.
+    unit of the coefficient. None if the motion is unbounded. All terms are solved together, so the motion is solved
+    only as many times as one term has different values of its parameters.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

@@ -27,7 +27,8 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.types import Ratio
 
 KNOT_LIMITS, CYCLES_PER_KNOT = (6, 24), 1.5
-"""Smallest and largest number of knots between which g is interpolated, and number of cycles between two knots."""
+"""The damping is a viscous force times exp g(t), where g is interpolated between knots in time. These are the smallest
+and largest number of knots, and the number of cycles between two knots."""
 CURVE_POINTS = 40
 """Number of amplitudes in the damping curve."""
 CURVE_DRAWS = 1000
@@ -104,11 +105,12 @@ def free_curve(
 def _mode(
     comparison: ModelComparison, solver: Solver, grid: Grid, guess: tuple[Ratio, ...]
 ) -> Linearisation | None:
-    """Linearise a viscous force times exp g about the joint mode of parameters and g; None if the motion escapes.
+    """Linearise a viscous force times exp g(t) about the joint mode of its parameters and g.
 
-    The search starts at the damping ratios of `guess`, in order of falling amplitude. The coefficient of the force is
-    fixed, because it has the same effect as a constant g. solver: solver with the viscous term alone. grid:
-    hyperparameters of g and h.
+    None if the motion is unbounded. g is the log factor of the damping, with values at knots in time. The search starts
+    at the damping ratios of `guess`, in order of falling amplitude. The coefficient of the force is fixed, because it
+    has the same effect as a constant g. solver: solver with the viscous term alone. grid: sizes (prior sds) and
+    correlation lengths of g and of the relative deviation h of the frequency.
     """
     data, law = comparison.data, solver.restoring
     near = next(r for r in comparison.results if r.candidate.restoring == law)

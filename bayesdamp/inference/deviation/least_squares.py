@@ -28,8 +28,8 @@ NOTHING = 0.1
 """A step is tried only if the decrease of the sum of squares that the linear model predicts is at least this fraction
 of the decrease at which the search ends (`ROUGH`, `CLOSE`)."""
 LARGEST = 1e100
-"""A fit fails if a derivative of the motion by a score is larger than this: the motion depends chaotically on its
-start, and sums of squares overflow (conventional)."""
+"""A fit fails if a derivative of the motion by a standard normal score of a parameter is larger than this: the motion
+depends chaotically on its start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
 """Length in cycles of the first part of the record that is fitted; each further part is twice as long."""
 SEARCHED = 1e-7
@@ -40,7 +40,7 @@ is a tenth too low)."""
 
 @dataclass(frozen=True)
 class LeastSquaresFit:
-    """The fit of a candidate under exact laws.
+    """The least-squares fit of a motion under exact laws (without deviations) to a record.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class LeastSquaresFit:
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)
-        Jacobian of the motion by the scores.
+        Jacobian of the motion by these scores.
     motion : Motion
         The motion at the fit.
     """
@@ -104,9 +104,9 @@ def fit(
 ) -> LeastSquaresFit | None:
     """Fit the motion to a record by least squares, with the standard normal priors of the scores.
 
-    It minimises |residual|² + variance |z|², with the scores z and the variance of the noise. No coefficient becomes
-    negative. Return None where the motion at the start of the search escapes (is unbounded), or a motion depends
-    chaotically on its parameters.
+    It minimises |residual|² + variance |z|², where z are the parameters as standard normal scores, and variance is that
+    of the noise. No coefficient becomes negative. Return None where the motion at the start of the search is unbounded,
+    or a motion depends chaotically on its parameters.
 
     Parameters
     ----------

@@ -18,7 +18,8 @@ from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PROBABILITY_EXACT = 0.8
-"""Prior probability that a law holds exactly, separately for damping (g = 0) and restoring force (h = 0)."""
+"""Prior probability that a law holds exactly, separately for the damping and for the restoring force. Otherwise the
+damping (the frequency) deviates from its law during the record."""
 MEAN_G, MEAN_H = 0.03, 0.01
 """Means of the exponential priors of the sizes (prior standard deviations) of g and h, where the law is not exact. g is
 the log deviation of the damping, h the relative deviation of the frequency."""
@@ -31,11 +32,13 @@ WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
 """Sizes (prior standard deviations) of the log damping g for the damping curve without a law: at the largest the
 damping may change by a factor of 20 either way."""
 WIDE_LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths of g for the damping curve without a law, as fractions of the record's duration."""
+"""Correlation lengths of the log damping g for the damping curve without a law, as fractions of the record's
+duration."""
 JITTER = 1e-6
 """Variance added to the diagonal of a covariance with variance 1, so that it has a Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
-"""Smallest and largest number of knots in time between which a deviation is interpolated."""
+"""Smallest and largest number of knots in time between which the deviation of the damping, or of the frequency, from
+its law is interpolated."""
 Size = tuple[float, float, float]
 """Size (prior standard deviation), correlation length (fraction of the record) and log prior probability of a
 deviation."""
@@ -47,9 +50,9 @@ NO_DEVIATION: Size = (0.0, 1.0, 0.0)
 class Grid:
     """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
 
-    g and h, at n knots each, are the deviations of the damping (log) and of the frequency (relative) from their laws.
-    Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a record without phases
-    (`grid_of`), scales and roots contain only g, with n in place of 2n.
+    g and h, at n knots in time each, are the deviations of the damping (log) and of the frequency (relative) from their
+    laws. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a record without
+    phases (`grid_of`), scales and roots contain only g, with n in place of 2n.
 
     Attributes
     ----------
@@ -74,15 +77,20 @@ class Grid:
 
     @property
     def factors(self) -> np.ndarray:
-        """Return matrices F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h) at each grid point."""
+        """Return matrices F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h) at each of c grid points.
+
+        A grid point is a combination of sizes (prior sds) and correlation lengths. g is the deviation of the log
+        damping, h the relative one of the frequency, at n knots in time each.
+        """
         return self.roots[self.lengths] * self.scales[:, None, :]
 
     @cached_property
     def sizes_of_h(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the different combinations of both correlation lengths and the size of h that occur in the grid.
 
-        The first array, (b,), has the index of one grid point for each of the b combinations. The second, (c,), has the
-        index in the first array of the combination of each grid point.
+        h is the relative deviation of the frequency, and its size the prior sd. The first array, (b,), has the index of
+        one of the c grid points for each of the b combinations. The second, (c,), has, for each grid point, the index
+        of its combination in the first array.
         """
         pairs = np.column_stack([self.lengths, self.size_h])
         _, first, own = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
@@ -95,7 +103,7 @@ class Grid:
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
-    """Return equidistant times of the knots of a deviation, in s from 0 to the duration.
+    """Return equidistant times, in s from 0 to `duration`, between which a deviation from a law is interpolated.
 
     There is one knot for every two cycles and one more, but at least 4 and at most 16. cycles: number of cycles in the
     record.
@@ -143,8 +151,9 @@ def grid_of(
 def wide_grid(knots: int) -> Grid:
     """Return the grid of hyperparameters for damping without a law, where the log damping g may vary widely.
 
-    All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally probable; h has the grid of `grid_of` with `coarse`. knots:
-    number of knots of each deviation.
+    Hyperparameters are sizes (prior sds) and correlation lengths. All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally
+    probable; h, the relative deviation of the frequency, has the grid of `grid_of` with `coarse`. knots: number of
+    knots in time of each deviation.
     """
     mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
     of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
@@ -171,9 +180,10 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
 def _combine(
     knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
 ) -> Grid:
-    """Return the grid of all combinations of hyperparameters of g and of h, which are independent in the prior.
+    """Return the grid of all combinations of sizes and lengths of the deviations g and h, which are independent.
 
-    of_g, of_h: sizes, lengths and log prior probabilities of each. absorbed: as in `grid_of`.
+    g is the deviation of the log damping, h the relative one of the frequency. of_g, of_h: sizes (prior sds),
+    correlation lengths and log prior probabilities of each. absorbed: as in `grid_of`.
     """
     weights = np.ones(knots)
     weights[:1] = weights[-1:] = 0.5
@@ -204,7 +214,8 @@ def smooth_root(knots: int, length: float) -> np.ndarray:
 
 
 NO_DEVIATIONS = grid_of(0, exact=True)
-"""The grid of exact laws: g and h have no knots, and there is one grid point."""
+"""The grid of exact laws: its one grid point has no deviations of damping (g) and frequency (h), which have no knots in
+time."""
 
 
 LARGEST_INFORMATION = 1e11
@@ -213,18 +224,20 @@ differences of squares keep at least five digits (measured)."""
 SMALL = 12
 """Size of a triangular matrix up to which `_inverse` uses `numpy.linalg.inv` instead of blocks."""
 NEGLIGIBLE = 30.0
-"""In the sum over grid points and values of the coefficients' common prior scale, a combination is left out if its log
-evidence is this many nats below an estimate of the best."""
+"""The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the
+coefficients' common prior scale. A combination is left out if its log evidence is this many nats below an estimate of
+the best."""
 LEFT_OUT = 1e-3
-"""Total posterior probability of the combinations of grid point and common prior scale that are left out: this lowers
-every log evidence by a thousandth of a nat."""
+"""Total posterior probability of the least probable combinations of grid point (sizes and correlation lengths of the
+deviations) and common prior scale that are left out. This lowers every log evidence by a thousandth of a nat."""
 
 
 @dataclass(frozen=True)
 class LinearModel:
     """The sum of squared residuals of a linearised candidate as a quadratic form: |root u − target|² + rest.
 
-    u = (scores, g, h) contains the d standard normal scores of the parameters, and the deviations at their knots.
+    u contains the d standard normal scores of the parameters, then the deviations from the laws, g (log damping) and h
+    (relative frequency), at knots in time.
 
     Attributes
     ----------
@@ -266,9 +279,9 @@ class LinearModel:
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
     def only(self, scores: np.ndarray) -> LinearModel:
-        """Return the model of the scores marked in `scores`, booleans (d,), with the other scores fixed at 0.
+        """Return the model in which only some of the standard normal scores are unknown; the others are fixed at 0.
 
-        The deviations g and h remain unknowns.
+        scores: marks the scores that remain unknowns, booleans (d,). The deviations g and h remain unknowns too.
         """
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
@@ -280,8 +293,9 @@ class LinearModel:
 class DampingLikelihood:
     """The likelihood of the scores x, (k,), of the damping's parameters, with all other unknowns integrated out.
 
-    Its logarithm (in nats) at each of c grid points of the deviations' hyperparameters is log + slopeᵀ x − xᵀ
-    information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    Scores are parameters transformed to standard normal priors. The logarithm of the likelihood (in nats) at each of c
+    grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x − xᵀ information x /
+    2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -299,8 +313,9 @@ class DampingLikelihood:
 class LinearPosterior:
     """The posterior of a linear model: a mixture of m normal distributions, cut off where coefficients are negative.
 
-    Each component has one grid point of the deviations' hyperparameters and one value of the common prior scale of
-    coefficients.
+    Each component has one grid point (sizes and correlation lengths of the deviations from the laws) and one value of
+    the common prior scale of coefficients. The d + 2n unknowns are the parameters as standard normal scores and the
+    deviations at n knots in time.
 
     Attributes
     ----------
@@ -378,19 +393,22 @@ class LinearPosterior:
         return np.exp(self.log_each - self.log_evidence)
 
     def sds(self, combinations: np.ndarray) -> np.ndarray:
-        """Return the sd within components of linear combinations of u = (scores, g, h), (n,), before the cut-off at 0.
+        """Return the sd of each of n linear combinations of the unknowns u within the mixture's components, (n,).
 
-        combinations: coefficients of the n combinations, (n, K). The variance is averaged over the components.
+        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+        (relative frequency), at knots in time. combinations: coefficients of the n combinations, (n, K). The variance
+        is averaged over the components; it is that before the cut-off of coefficients at 0.
         """
         return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
 
     def draws(
         self, positive: np.ndarray, count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u = (scores, g, h), (count, K); return also the index of each draw's component, (count,).
+        """Draw the unknowns u, (count, K); return also the index of each draw's component in the mixture, (count,).
 
-        positive: which scores must not be negative, booleans (d,). The draws are ordered by component. g is the log
-        deviation of the damping and h the relative deviation of the frequency, at the knots.
+        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
+        (relative frequency), at knots in time. positive: which scores must not be negative, booleans (d,). The draws
+        are ordered by component.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
@@ -404,7 +422,7 @@ class LinearPosterior:
 
         With step s, a draw is moved to mean + √(1 − s²) (u − mean) + s times a random vector with the component's
         covariance; s = 1 gives an independent draw. places: index of each draw's component, (n,). The step ignores the
-        cut-off at zero, so scores may become negative.
+        cut-off at zero, so scores of coefficients may become negative.
         """
         means, factors = self.means[places], self.factors[places]
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
@@ -427,8 +445,8 @@ def condense(
     r : ndarray, shape (n,)
         Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        Which scores must not be negative, have priors with a common scale, or belong to damping terms; by default none
-        is shared or belongs to the damping.
+        Which of the d standard normal scores, the first unknowns, must not be negative, have priors with a common
+        scale, or belong to damping terms; by default none is shared or belongs to the damping.
     """
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
@@ -453,7 +471,10 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Normals:
-    """Normal posteriors at c grid points, where each score has the prior N(0, 1) and may be negative.
+    """Normal posteriors at c grid points, where each parameter has a standard normal score that may be negative.
+
+    A grid point is a combination of the sizes (prior sds) and correlation lengths of the deviations g (log damping) and
+    h (relative frequency) from the laws.
 
     log: log of evidence times prior probability of the grid point, in nats, (c,). means: (c, K). factors: F in the
     covariances F Fᵀ, (c, K, K). The K unknowns are either the scores alone, or scores, g and h.
@@ -464,17 +485,17 @@ class Normals:
     factors: np.ndarray
 
     def only(self, places: np.ndarray) -> Normals:
-        """Return the posteriors at some of the grid points; places: their indices or a mask."""
+        """Return the posteriors at some combinations of hyperparameters; places: their indices or a mask."""
         return Normals(self.log[places], self.means[places], self.factors[places])
 
 
 @dataclass(frozen=True)
 class _Triangles:
-    """Cholesky factors of the posterior's information matrix (inverse covariance) at c grid points.
+    """Cholesky factors of the posterior's information matrix (inverse covariance) at c combinations of hyperparameters.
 
     In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K).
-    half: L⁻¹ b, (c, K). left: least value over w of |root u − target|² / noise variance +
-    |w|², (c,), without `LinearModel.rest`.
+    half: L⁻¹ b, (c, K). left: least value over w of |root u − target|² / noise variance + |w|², (c,), without
+    `LinearModel.rest`.
     """
 
     lower: np.ndarray
@@ -483,9 +504,11 @@ class _Triangles:
 
     @classmethod
     def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray) -> _Triangles:
-        """Factorise the information matrix at each grid point, with the unknowns in the order scores, g, h.
+        """Factorise the information matrix at each grid point (combination of hyperparameters).
 
-        variance: variance of the noise at each grid point, (c,).
+        Hyperparameters are the sizes and correlation lengths of the deviations. The unknowns are the standard normal
+        scores of the parameters, then the deviations g and h. variance: variance of the noise at each of c grid points,
+        (c,).
         """
         d, total = model.positive.size, model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
@@ -518,7 +541,7 @@ def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
     """Return the matrix of a linear model in coordinates with independent priors, for each of the p `Grid.roots`.
 
     The result has the shape (p, K, K). The coordinates are the scores, followed by standard normal numbers that the
-    root maps to g and h of size 1.
+    root maps to the deviations g and h of size (prior sd) 1.
     """
     d = model.positive.size
     white = np.repeat(model.root[None], len(grid.roots), axis=0)
@@ -527,14 +550,16 @@ def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
 
 
 def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
-    """Compute the normal posterior of scores, g and h at each grid point, where scores may be negative.
+    """Compute the normal posterior of the standard normal scores and the deviations g and h at each grid point.
+
+    Scores may be negative. A grid point is a combination of the deviations' sizes (prior sds) and correlation lengths.
 
     Parameters
     ----------
     model : LinearModel
         The linear model about a motion.
     grid : Grid
-        Hyperparameters of the deviations.
+        Sizes (prior sds) and correlation lengths of the deviations.
     variance : float or ndarray, shape (c,)
         Variance of the noise, in the record's unit squared; an array has one for each grid point.
     samples : float
@@ -553,10 +578,12 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
 
 
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
-    """Compute the normal posterior of the scores alone at each grid point, with g and h integrated out.
+    """Compute the normal posterior of the scores alone at each grid point, with the deviations integrated out.
 
-    Parameters are those of `linear_posterior`; scores may be negative. First h is integrated out for each of its sizes.
-    The information about g is then diagonal in the same directions for all sizes of g.
+    Scores are parameters transformed to standard normal priors. A grid point is a combination of sizes (prior sds) and
+    correlation lengths of the deviations g (log damping) and h (relative frequency). Parameters are those of
+    `linear_posterior`; scores may be negative. First h is integrated out for each of its sizes. The information about g
+    is then diagonal in the same directions for all sizes of g.
     """
     d = model.positive.size
     n = (model.root.shape[1] - d) // 2
@@ -607,7 +634,7 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
     model : LinearModel
         The linear model about a motion.
     grid : Grid
-        Hyperparameters of the deviations.
+        Sizes (prior sds) and correlation lengths of the deviations.
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
@@ -625,9 +652,10 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the normal posteriors of scores, g and h at the k grid points with indices `combos`, (k,).
+    """Return the normal posteriors of scores and deviations at the k grid points with the indices `combos`, (k,).
 
-    The other parameters are those of `normals`.
+    A grid point is a combination of sizes and correlation lengths of the deviations. The other arguments are those of
+    `normals`.
     """
     return normals(model, grid.only(combos), variance, samples)
 
@@ -635,8 +663,9 @@ def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, comb
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
     """Replace the N(0, 1) priors of scores by the actual priors; return the posterior over grid points and scales.
 
-    Positive scores get half-normal priors, and shared scores priors with each value of the common scale σ in
-    `SHARED_SIGMAS`, all equally probable. The result has the unknowns of `posteriors` and no `damping_likelihood`.
+    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. Positive scores get
+    half-normal priors, and shared scores priors with each value of the common scale σ in `SHARED_SIGMAS`, all equally
+    probable. The result has the unknowns of `posteriors` and no `damping_likelihood`.
 
     Parameters
     ----------
@@ -698,11 +727,12 @@ class _ScaledPriors:
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return indices of the grid points and scales σ that have nearly all posterior probability, (m,) each.
+        """Return the pairs of grid point and common prior scale σ that have nearly all posterior probability.
 
-        Left out are pairs that are `NEGLIGIBLE` nats below the best, and the least probable others, with a total
-        probability of at most `LEFT_OUT`. The probabilities are from an upper bound of the evidence, for which only the
-        least probable of the conditions "score ≥ 0" is applied.
+        They are given by their indices, (m,) each; a grid point is a combination of sizes and correlation lengths of
+        the deviations. Left out are pairs that are `NEGLIGIBLE` nats below the best, and the least probable others,
+        with a total probability of at most `LEFT_OUT`. The probabilities are from an upper bound of the evidence, for
+        which only the least probable of the conditions "coefficient ≥ 0" is applied.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE
@@ -715,10 +745,11 @@ class _ScaledPriors:
         return combos[places], scales[places]
 
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Return an upper bound of log(evidence × prior probability), (m,), for pairs of grid point and scale.
+        """Return an upper bound of log(evidence × prior probability) for m pairs of grid point and prior scale, (m,).
 
-        Of the conditions that scores are ≥ 0, only the least probable one is applied. combos, scales: indices of the
-        grid points and of the scales, (m,).
+        A grid point is a combination of sizes and correlation lengths of the deviations. Of the conditions that
+        coefficients are ≥ 0, only the least probable one is applied. combos, scales: indices of the grid points and of
+        the scales, (m,).
         """
         log = self.log[combos, scales]
         if not self.inside.size:
@@ -732,9 +763,10 @@ class _ScaledPriors:
     def posteriors(
         self, combos: np.ndarray, scales: np.ndarray, rows: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means (m, K) and factors F of the covariances F Fᵀ, (m, K, K), for pairs of grid point and scale.
+        """Return the normal posteriors for m pairs of grid point and common prior scale, before the cut-off at zero.
 
-        They are those before the cut-off at zero. combos, scales: indices of the grid points and of the scales, (m,).
+        They are means, (m, K), and factors F of the covariances F Fᵀ, (m, K, K). A grid point is a combination of sizes
+        and correlation lengths of the deviations. combos, scales: indices of the grid points and of the scales, (m,).
         rows: which of the K unknowns to return, by default all.
         """
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
@@ -748,7 +780,9 @@ class _ScaledPriors:
 
 
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """Compute the likelihood of the damping's scores, with all other unknowns integrated out.
+    """Compute the likelihood of the standard normal scores of the damping's parameters.
+
+    All other unknowns are integrated out.
 
     Parameters
     ----------
@@ -757,7 +791,7 @@ def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.nd
     places : ndarray of int, shape (k,)
         Indices of the damping's scores.
     log_prior : ndarray, shape (c,)
-        Log prior probabilities of the grid points.
+        Log prior probabilities of the grid points (sizes and correlation lengths of the deviations).
     """
     left, sizes, _ = np.linalg.svd(posteriors.factors[:, places], full_matrices=False)
     # Information of the likelihood: that of the posterior minus that of the prior, in its principal directions.

@@ -53,7 +53,7 @@ from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
 """Widths ε of dry friction, as fractions of the peak velocity, that are tried if none is given; the prior is uniform in
-log ε. ε is the width of the velocity in which friction changes its sign."""
+log ε. ε is the width of the velocity range in which friction changes its sign."""
 BETWEEN, CLEAR = 4, 1.0
 """Largest number of further widths ε that are tried, and number of nats by which the best width must be ahead of a
 neighbour for another width to be tried between the two."""
@@ -70,10 +70,10 @@ ROUNDS = 2
 """Number of times that averaged motions are corrected by the full equation of motion and all candidates are fitted
 again."""
 REACH = 20.0
-"""A candidate is not fitted if its expected log evidence (`ModelComparison.expected_evidence`) is more than this many
-nats below the best (of 385 candidates on 22 simulated records this left out 135, none of which was closer than 18
-nats)."""
-BEHIND = f"its evidence is expected to be more than {REACH:g} nats below the best"
+"""A candidate is not fitted if its log evidence, predicted from the fit of the sum of all terms
+(`ModelComparison.expected_evidence`), is more than this many nats below the best (of 385 candidates on 22 simulated
+records this left out 135, none of which was closer than 18 nats)."""
+BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason in `ModelComparison.refused` of a candidate that is not fitted because of `REACH`."""
 
 
@@ -116,7 +116,7 @@ class CandidateResult:
 
     @property
     def posterior(self) -> LinearPosterior:
-        """Return the linear posterior with deviations if there is one, else that under exact laws."""
+        """Return the posterior of the linear model about the mode: with deviations if possible, else without."""
         return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
@@ -140,7 +140,7 @@ class CandidateResult:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the mode, one value per knot each.
+        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the mode, at the knots in time.
 
         (None, None) under exact laws.
         """
@@ -170,7 +170,8 @@ class CandidateResult:
     def further(self) -> np.ndarray:
         """Return the terms' own parameters (such as exponents) and references in their forces at the mode, (1, e).
 
-        They are in the order of `Solver.further`.
+        References are the fixed equilibrium, amplitude or velocity that a force may contain. The order is that of
+        `Solver.further`.
         """
         return self.values[None, len(self.solver.terms) : self.solver.law_places.start]
 
@@ -186,7 +187,7 @@ class ModelComparison:
     reference : Reference
         Amplitude and frequency that set the scales of default priors.
     epsilon : float
-        Width ε of the velocity in which dry friction changes its sign, in rad/s or m/s.
+        Width ε of the velocity range in which dry friction changes its sign, in rad/s or m/s.
     frictions : tuple of Friction
         Values of ε and their probabilities; empty where ε is known or there is no friction.
     solvers : mapping of str to Solver
@@ -233,21 +234,25 @@ class ModelComparison:
 
     @property
     def samples(self) -> float:
-        """Return the effective number of independent values in the record: the number of values divided by κ."""
+        """Return the effective number of independent values in the record.
+
+        It is the number of values divided by `inflation`, by which correlated residuals increase the variance of the
+        noise.
+        """
         return self.data.y.size / self.inflation
 
     @property
     def best(self) -> CandidateResult:
-        """Return the result of the candidate with the largest evidence, rivals excluded."""
+        """Return the result with the largest evidence among the candidates, without the sums in `forms`."""
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
-        """Return the result of a candidate or rival; raise StopIteration if it has none."""
+        """Return the result of a candidate, in `results` or `forms`; raise StopIteration if it has none."""
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the names of the damping terms that the candidates contain, rivals excluded, in the solvers' order."""
+        """Return the names of the candidates' damping terms, in the solvers' order, without those only in `forms`."""
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
@@ -266,9 +271,9 @@ class ModelComparison:
     def exact_variance(self, fit: LeastSquaresFit) -> float:
         """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
-        It is κ (`inflation`) times the sum of squared residuals divided by the degrees of freedom (number of values
-        minus number of inferred parameters, at least 1), plus the variance of the solver's error. If `noise_known`, it
-        is `variance`.
+        It is `inflation`, the factor for correlated residuals, times the sum of squared residuals divided by the
+        degrees of freedom (number of values minus number of inferred parameters, at least 1), plus the variance of the
+        solver's error. If `noise_known`, it is `variance`.
         """
         if self.noise_known:
             return self.variance
@@ -298,8 +303,8 @@ class ModelComparison:
         values : mapping of str to float
             Parameters, by name, of another sum, near whose motion the fit starts.
         starts : sequence of mapping, optional
-            Values, by name, of the rival's own parameters at which the fit may start; by default those of
-            `start_values`.
+            Values, by name, of the parameters that the rival's terms have besides their coefficients, such as an
+            exponent, at which the fit may start; by default those of `start_values`.
         """
         data, best = self.data, self.best
         scales = reference.scales(
@@ -312,8 +317,9 @@ class ModelComparison:
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        It is the evidence of the linear model of a larger sum, `whole`, with the scores of the terms that the candidate
-        does not have fixed at 0. Return infinity if the candidate has a term that `whole` does not have.
+        It is the evidence of the linear model of a larger sum, `whole`, in which the terms that the candidate does not
+        have are left out (the standard normal scores of their parameters are fixed at 0). Return infinity if the
+        candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -394,7 +400,7 @@ def compare_candidates(
     Returns
     -------
     ModelComparison
-        Results of all candidates except the refused ones, without rivals.
+        Results of all candidates except the refused ones; its `forms`, other forms of damping, are empty.
 
     Raises
     ------
@@ -533,10 +539,12 @@ def choose_noise(
 class _CandidateFits:
     """Fits of candidates to one record, with one width ε of dry friction.
 
+    ε is the width of the velocity range in which friction changes its sign.
+
     `fits` contains the fits that have been made, by candidate. A candidate that cannot be fitted is added to `refused`
-    with the reason. terms: names of all damping terms of the candidates. plain: those of them without own parameters.
-    laws: names of the restoring laws. solvers: solver of the sum of all terms, by law. scales: references in the terms'
-    forces, by law.
+    with the reason. terms: names of all damping terms of the candidates. plain: those of them whose only parameter is
+    the coefficient. laws: names of the restoring laws. solvers: solver of the sum of all terms, by law. scales:
+    references (equilibrium, amplitude, velocity) in the terms' forces, by law.
     """
 
     def __init__(
@@ -594,8 +602,8 @@ class _CandidateFits:
     def fit_fullest(self, law: str) -> None:
         """Fit the sum of all terms under a restoring law, and store the fit in `fits`.
 
-        If some terms have own parameters, the sum of the other terms is fitted and stored first, and the fit starts
-        from it.
+        If some terms have parameters besides their coefficient, such as an exponent, the sum of the other terms is
+        fitted and stored first, and the fit starts from it.
         """
         if self.plain and self.plain != self.terms:
             self._fit(MotionCandidate(self.plain, law), None)
@@ -605,7 +613,7 @@ class _CandidateFits:
     def fullest(self) -> list[MotionCandidate]:
         """Return the candidate with all terms for each restoring law.
 
-        If it could not be fitted, it is the candidate with all terms that have no own parameters.
+        If it could not be fitted, it is the candidate with all terms whose only parameter is the coefficient.
         """
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
@@ -696,7 +704,7 @@ class _CandidateFits:
     ) -> tuple[tuple[Friction, ...], float]:
         """Compute the probabilities of values of the width ε of dry friction, and choose the ε to use.
 
-        ε is the width of the velocity in which friction changes its sign, in rad/s or m/s. The candidate with the
+        ε is the width of the velocity range in which friction changes its sign, in rad/s or m/s. The candidate with the
         smallest sum of squared residuals is fitted with each ε.
 
         Parameters

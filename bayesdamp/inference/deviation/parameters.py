@@ -15,8 +15,8 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of
 
 DERIVATIVE_STEP = 1e-6
-"""Step of numerical derivatives of parameters by straight coordinates (`StraightParameters`), in units of the scores
-(prior standard deviations)."""
+"""Step of numerical derivatives of parameters by straight coordinates, in which motions are more nearly linear
+(`StraightParameters`), in prior standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,10 @@ class Parameters(Scores):
 
     @cached_property
     def damping(self) -> np.ndarray:
-        """Return which scores belong to damping terms (coefficients or own parameters), booleans (d,)."""
+        """Return which inferred parameters belong to damping terms, booleans (d,).
+
+        They are coefficients and parameters that a term has besides its coefficient, such as an exponent.
+        """
         terms = [TERMS.get(name) for name in TERMS.names()]
         own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
         return np.array([n in own for n in self.free_names], bool)
@@ -87,10 +90,10 @@ class Parameters(Scores):
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density, (...), at scores z, (..., d); −∞ where a score that must be ≥ 0 is negative.
+        """Return the log prior density, (...), of standard normal scores z, (..., d).
 
-        It is the density of z, not of the parameters. The common scale of the priors of coefficients is averaged over
-        `SHARED_SIGMAS`.
+        It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. The common
+        scale of the priors of coefficients is averaged over `SHARED_SIGMAS`.
         """
         return log_prior_of(z, self.positive, self.shared)
 
@@ -99,7 +102,10 @@ class Parameters(Scores):
         return np.array([self.known.get(n, 0.0) for n in self.names], float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return all k parameters of the equation of motion, ordered as `names`, at scores z, (..., d): (..., k)."""
+        """Return all k parameters of the equation of motion, (..., k), at standard normal scores z, (..., d).
+
+        They are in the order of `names` and in their units.
+        """
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
@@ -107,7 +113,7 @@ class Parameters(Scores):
         return p
 
     def named(self, z: np.ndarray) -> dict[str, float]:
-        """Return all parameters of the equation of motion, known and inferred, at scores z, (d,), by name."""
+        """Return all parameters of the equation of motion, known and inferred, by name, at standard normal scores z."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
@@ -120,7 +126,10 @@ class Parameters(Scores):
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives of n values by all k parameters, (n, k), to derivatives by the d scores at z, (n, d)."""
+        """Convert derivatives of n values by all k parameters, (n, k), to derivatives by the d scores, (n, d).
+
+        z: standard normal scores of the inferred parameters, at which the derivatives are taken, (d,).
+        """
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
@@ -142,10 +151,10 @@ class Parameters(Scores):
 class StraightParameters(Parameters):
     """Parameters with straight coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
-    v = z₀ + J (ν − ν₀). Here ν are the natural coordinates of the law, which a record determines well, such as the
-    frequency (`RestoringLaw.natural`); z₀ and ν₀ are the scores and the natural coordinates at one point, the anchor;
-    and J is the derivative of the scores by ν there, so that v agrees with the scores to first order. Motions are more
-    nearly linear in v than in the scores.
+    Scores are parameters transformed to standard normal priors; motions are more nearly linear in v. v = z₀ + J (ν −
+    ν₀). Here ν are the natural coordinates of the law, which a record determines well, such as the frequency
+    (`RestoringLaw.natural`); z₀ and ν₀ are the scores and the natural coordinates at one point, the anchor; and J is
+    the derivative of the scores by ν there, so that v agrees with the scores to first order.
 
     Attributes
     ----------
@@ -186,7 +195,7 @@ class StraightParameters(Parameters):
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the parameters `at` for straight coordinates v, both (..., b).
+        """Return the parameters `at`, in their units, for straight coordinates v (see the class), both (..., b).
 
         They are NaN where no valid parameters have these coordinates.
         """
@@ -225,7 +234,8 @@ class StraightParameters(Parameters):
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
         """Return the log prior density of the straight coordinates in z, (..., d), minus that of independent N(0, 1).
 
-        The result, (...), is −∞ outside the prior. The other coordinates have no effect.
+        Straight coordinates are those in which motions are more nearly linear (see the class). The result, (...), is −∞
+        outside the prior. The other coordinates have no effect.
         """
         ratios, plain = np.full(z.shape[:-1], -np.inf), self._law_scores(z)
         inside = np.all(np.isfinite(plain), axis=-1)
@@ -244,10 +254,11 @@ class StraightParameters(Parameters):
 
 
 def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:
-    """Return the parameters with straight coordinates (`StraightParameters`) whose anchor is at the scores z, (d,).
+    """Return the parameters with straight coordinates, in which motions are more nearly linear (`StraightParameters`).
 
-    None if the restoring law has no natural coordinates, if θ₀ or a parameter of the law is not inferred, or if the
-    derivatives of the scores by the natural coordinates at z are (nearly) singular.
+    z: standard normal scores at which straight coordinates and scores agree to first order, (d,). None if the restoring
+    law has no natural coordinates, if θ₀ or a parameter of the law is not inferred, or if the derivatives of the scores
+    by the natural coordinates at z are (nearly) singular.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")

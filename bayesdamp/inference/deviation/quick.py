@@ -32,8 +32,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""The averaged motion of a candidate is corrected by the full equation of motion if its log evidence is at most this
-many nats below the best."""
+"""For a record of very many cycles, motions are computed by averaging over cycles. That of a candidate (a damping sum
+under a restoring law) is corrected by the full equation of motion if the candidate's log evidence is at most this many
+nats below the best."""
 
 
 def compare_signal(
@@ -77,7 +78,8 @@ def compare_signal(
     Returns
     -------
     ModelComparison
-        The candidates that are not refused, with their evidences, the rivals and the exponent of a power law.
+        The candidates that are not refused, with their evidences; the rivals, which are sums with another form of
+        damping; and the exponent of a power law.
 
     Raises
     ------
@@ -117,8 +119,9 @@ def compare_signal(
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
     """Return the comparison with averaged motions corrected by the full equation of motion at each candidate's mode.
 
-    This is done for candidates within `NEAR` nats of the best. A candidate whose correction fails stays as it was. The
-    solver of the best candidate becomes that of its restoring law in `solvers`.
+    It is for a record that is reduced to amplitudes and phases of blocks of cycles, and for candidates within `NEAR`
+    nats of the best. A candidate whose correction fails stays as it was. The solver of the best candidate becomes that
+    of its restoring law in `solvers`.
     """
     top = comparison.best.log_evidence
 

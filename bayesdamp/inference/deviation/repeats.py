@@ -36,8 +36,8 @@ MOST_STEPS, SETTLED_GAIN = 60, 1e-7
 """Largest number of Gauss–Newton steps. They end earlier if the predicted gain of the log posterior is below the second
 value, in nats."""
 NATS_BEHIND = 18.0
-"""A grid point of the deviations' hyperparameters is left out if its log evidence is this many nats below the best,
-both at the smallest and at the largest spread."""
+"""A combination of sizes and correlation lengths of the deviations from the laws is left out if its log evidence is
+this many nats below the best, both at the smallest and at the largest spread between records."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class RecordLikelihood:
     mode : ndarray, shape (k,)
         Values of the parameters at the mode of this record alone.
     likelihood : DampingLikelihood
-        The likelihood of the parameters (not of their scores) at each grid point of the hyperparameters.
+        The likelihood of the parameters, in their units, at each grid point (sizes and correlation lengths of the
+        deviations from the laws).
     """
 
     names: tuple[str, ...]
@@ -100,11 +101,12 @@ class Repeats:
     names : tuple of str
         Names of the k parameters of the damping.
     draws : ndarray, shape (n, k)
-        Draws of the specimen's parameters (not their scores), in the order of `names`.
+        Draws of the specimen's parameters, in their units and in the order of `names`.
     spreads : ndarray, shape (n,)
         Spread s of each draw: the sd of the log coefficients between records.
     combos : ndarray of int, shape (n,)
-        Index of each draw's grid point of the deviations' hyperparameters, in `log_sizes` of `join_runs`.
+        Index of each draw's grid point (sizes and correlation lengths of the deviations from the laws), in `log_sizes`
+        of `join_runs`.
     """
 
     log_evidence: float
@@ -147,7 +149,7 @@ def join_runs(
         If there is no record, or if records and priors have different parameters.
     """
     if not runs or any(r.names != runs[0].names for r in runs) or tuple(priors) != runs[0].names:
-        raise ValueError("joined runs need the same parameters, and a prior of each")
+        raise ValueError("at least one record is needed; all need the same parameters, and a prior of each")
     values, slopes = _linear_maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
     offset = values - slopes * _scores(priors, values)
     if spread is not None or len(runs) == 1:
@@ -187,9 +189,10 @@ def join_runs(
 class _Problem:
     """The likelihoods of n records at c grid points, as functions of the damping's parameters x = offset + scale z.
 
-    z are the scores, (k,); offset and scale are the linear map of the priors. log (n, c), slope (n, c, k) and
-    information (n, c, k, k) are those of each record's `DampingLikelihood`, by x. which: booleans, (k,), that mark the
-    coefficients, which are multiplied by a factor exp η in each record.
+    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. z are the standard
+    normal scores of the parameters, (k,); offset and scale are the linear map of the priors. log (n, c), slope (n, c,
+    k) and information (n, c, k, k) are those of each record's `DampingLikelihood`, by x. which: booleans, (k,), that
+    mark the coefficients, which are multiplied by a factor exp η in each record.
     """
 
     log: np.ndarray
@@ -202,10 +205,11 @@ class _Problem:
     def integrate_factors(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
         """Integrate out the factors exp η of the records by Laplace's approximation, at b grid points and spreads.
 
-        combos, spreads: indices of the grid points and spreads s, the standard deviations of the log factors η, (b,)
-        each. The result has log evidence (b,), means (b, k) and Cholesky factors of the covariances (b, k, k) of the
-        scores z, under priors N(0, 1) that allow negative scores; prior probabilities of grid points and spreads are
-        not included.
+        The coefficients of a record are those of the specimen times exp η. A grid point is a combination of sizes and
+        correlation lengths of the deviations from the laws. combos, spreads: indices of the grid points and spreads s,
+        the standard deviations of the log factors η, (b,) each. The result has log evidence (b,), means (b, k) and
+        Cholesky factors of the covariances (b, k, k) of the scores z, under priors N(0, 1) that allow negative scores;
+        prior probabilities of grid points and spreads are not included.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)
@@ -243,10 +247,11 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (b,), up to a constant, at u = (scores, log factors η of the records), (b, k + n).
+        """Return the log posterior, (b,), up to a constant, at b points u, (b, k + n).
 
-        b, big: slopes (b, n, k) and information (b, n, k, k) of the log likelihoods. precision: 1/s² for the spread s,
-        (b,).
+        u contains the k standard normal scores of the specimen's parameters, then the log factors η of the n records,
+        whose coefficients are those of the specimen times exp η. b, big: slopes (b, n, k) and information (b, n, k, k)
+        of the log likelihoods. precision: 1/s² for the spread s, (b,).
         """
         k, y = self.scale.size, self._record_parameters(u)[0]
         fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
@@ -255,8 +260,8 @@ class _Problem:
     def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the damping's parameters in each record, and the factors exp η that they contain, (b, n, k) each.
 
-        u: scores and log factors η, (b, k + n); η is limited to ±5. The factor of a parameter that is not a coefficient
-        is 1.
+        u: standard normal scores of the specimen's parameters and log factors η of the records, (b, k + n); η is
+        limited to ±5. The factor of a parameter that is not a coefficient is 1.
         """
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))

@@ -131,8 +131,8 @@ class AdaptedData:
     Attributes
     ----------
     data : Data
-        The record, whose values are replaced by the motion plus the working residuals (see the module); unchanged under
-        Gaussian noise.
+        The record, whose values are replaced by the motion plus working residuals, with which least squares give the
+        most probable motion under this noise; unchanged under Gaussian noise.
     noise : SampleNoise
         The noise model.
     variance : float
@@ -177,7 +177,7 @@ def adapt(
     -------
     AdaptedData or None
         None where Gaussian noise is the only choice, where the record is reduced to amplitudes and phases, whose noise
-        model is chosen before, or where the motion escapes.
+        model is chosen before, or where the motion is unbounded.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def adapt(
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
-    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it escapes.
+    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it is unbounded.
 
     It is in the record's unit, and not averaged over windows.
     """

@@ -27,16 +27,16 @@ from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
 MOST_ANCHORS = 3
-"""Largest number of times that straight coordinates (`StraightParameters`) are replaced by others that are anchored at
-the new mode."""
+"""Straight coordinates, in which motions are more nearly linear (`StraightParameters`), agree with standard normal
+scores near one point, their anchor. This is the largest number of times that the anchor is moved to the new mode."""
 ANCHOR_CHANGE = 0.1
-"""Straight coordinates are anchored again at the mode if one of them differs there by more than this from the standard
-normal score that it replaces."""
+"""The anchor of straight coordinates (see `MOST_ANCHORS`) is moved to the mode if one of the coordinates differs there
+by more than this from the standard normal score that it replaces."""
 NATS_BEHIND = 5.0
 """A candidate is sampled if its log evidence is less than this many nats below the best. Sampling has never changed a
 log evidence by more (measured)."""
 MOST_SAMPLED = 6
-"""Largest number of candidates and rivals that are sampled (conventional)."""
+"""Largest number of damping sums that are sampled, other forms of damping included (conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
 """Tolerances for the motions of draws, which are tried in this order: errors of an integration step, as fractions of
 the amplitude."""
@@ -61,7 +61,7 @@ class DrawSolver:
     solver : Solver
         Solver of the candidate's equation of motion.
     parameters : Parameters
-        Map from the scores of a draw to the solver's parameters.
+        Map from the standard normal scores of a draw to the solver's parameters.
     active : ndarray of bool, shape (m,)
         Which of the solver's terms exert a force.
     tolerance : float
@@ -79,9 +79,10 @@ class DrawSolver:
     def at_each(self, rows: np.ndarray, use: Callable[[np.ndarray | None], T]) -> list[T]:
         """Solve the motion of each row, apply `use` to it, and return the list of the results.
 
-        rows: u = (scores, g, h), (m, K), or scores alone, (m, d); scores are in the coordinates of `parameters`. The
-        argument of `use` is the motion in the form of the data, with the correction, (n,), or None if the motion
-        escapes or the scores have no finite parameters.
+        rows: the d parameters as standard normal scores, or the coordinates that `parameters` has in their place, (m,
+        d), optionally followed by the deviations from the laws at knots in time, g (log damping) and h (relative
+        frequency), (m, K). The argument of `use` is the motion in the form of the data, with the correction, (n,), or
+        None if the motion is unbounded or the scores have no finite parameters.
         """
         d, n = self.parameters.free.size, self.solver.knots.size
         values, deviations = self.parameters.values(rows[:, :d]), rows[:, d:]
@@ -102,7 +103,7 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
     Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the tolerance of fits
     (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is accurate enough. This is checked at the mean of the
-    proposal `start` and at `TRIED_DRAWS` draws from it; if one of these motions escapes, `TOLERANCE` is used.
+    proposal `start` and at `TRIED_DRAWS` draws from it; if one of these motions is unbounded, `TOLERANCE` is used.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -121,10 +122,11 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
 @dataclass(frozen=True)
 class LinearProposal:
-    """A linear posterior from which sampling starts (the proposal), of scores and deviations u, (K,).
+    """The posterior of a linear model, from which sampling starts (the proposal).
 
-    parameters: maps the first elements of u, which are scores or straight coordinates, to parameters. model: the linear
-    model. posterior: its posterior.
+    Its K unknowns u are the parameters, as standard normal scores or straight coordinates (in which motions are more
+    nearly linear), then the deviations from the laws at knots in time. parameters: maps the first elements of u to
+    parameters. model: the linear model. posterior: its posterior.
     """
 
     parameters: Parameters
@@ -138,11 +140,15 @@ class LinearProposal:
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of u under the most probable hyperparameters, (K,), before the cut-off of scores at zero."""
+        """Posterior mean of the unknowns u, (K,), in the most probable component of the mixture.
+
+        A component has one combination of sizes and correlation lengths of the deviations. The cut-off of coefficients
+        at zero is ignored.
+        """
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw u, (count, K); return also the index of each draw's mixture component (hyperparameters), (count,)."""
+        """Draw the unknowns u, (count, K); return also the index of each draw's mixture component, (count,)."""
         return self.posterior.draws(self.parameters.positive, count, rng)
 
     def crank_nicolson_step(
@@ -156,7 +162,7 @@ class LinearProposal:
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
+        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
@@ -177,9 +183,9 @@ class LinearProposal:
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
     """Return the linear posterior from which the sampling of a candidate starts.
 
-    It is in straight coordinates (`StraightParameters`) if these exist, and a mixture over slices (`SlicedProposal`) if
-    a damping term has a parameter of its own that the record determines poorly (see `slice_proposal`). Otherwise it is
-    the candidate's linear posterior.
+    It is in straight coordinates, in which motions are more nearly linear (`StraightParameters`), if these exist, and a
+    mixture over slices (`SlicedProposal`) if a damping term has a parameter of its own that the record determines
+    poorly (see `slice_proposal`). Otherwise it is the candidate's linear posterior.
     """
     start = _straighten(comparison, result)
     if start is None:
@@ -188,9 +194,10 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return linear model and posterior of a candidate about its mode, in straight coordinates (`StraightParameters`).
+    """Return linear model and posterior of a candidate about its mode, in straight coordinates.
 
-    None if there are no such coordinates (see `straighten_at`), or if the motion escapes.
+    In these coordinates (`StraightParameters`) motions are more nearly linear. None if there are no such coordinates
+    (see `straighten_at`), or if the motion is unbounded.
     """
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straighten_at(result.fit.parameters, law, result.z)
@@ -225,8 +232,9 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     """Return a copy of the comparison in which the most probable candidates and rivals have draws in `sampled`.
 
-    These are at most `MOST_SAMPLED`, with a log evidence within `NATS_BEHIND` nats of the best, among the results for
-    which `ModelComparison.compares` is true. Equal seeds give equal draws.
+    Rivals are sums with a form of damping that is not compared. Sampled are at most `MOST_SAMPLED`, with a log evidence
+    within `NATS_BEHIND` nats of the best, among the results for which `ModelComparison.compares` is true. Equal seeds
+    give equal draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
@@ -245,8 +253,9 @@ def sampled_result(
 ) -> CandidateResult:
     """Return a copy of a candidate's result with draws from its posterior, with exact motions, in `sampled`.
 
-    `sampled.draws` are u = (scores, g, h), also if the sampling used other coordinates. draws: number of draws. Equal
-    seeds give equal draws of the same candidate; different candidates have different random streams.
+    `sampled.draws` contain the parameters as standard normal scores, then the deviations g (log damping) and h
+    (relative frequency), also if the sampling used other coordinates. draws: number of draws. Equal seeds give equal
+    draws of the same candidate; different candidates have different random streams.
     """
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)

@@ -59,24 +59,26 @@ ESCAPED = (
 )
 """Message of the Refusal when a `Single` cannot be computed, because its motion is unbounded."""
 NEGLIGIBLE_PROBABILITY = 1e-8
-"""`Single.mode` leaves out combinations of the deviations' hyperparameters that have a smaller probability than this
-under the linear posterior."""
+"""`Single.mode` leaves out combinations of sizes and correlation lengths of the deviations from the laws if their
+posterior probability, in the linear model about the mode, is smaller than this."""
 LINEAR_DRAWS = 4000
-"""Number of draws of the linear posterior in `Single.scores`: the ends of a 95 % interval are then accurate to a
-thirtieth of its width."""
+"""Number of draws in `Single.scores`, from the posterior of the linear model about the mode: the ends of a 95 %
+interval are then accurate to a thirtieth of its width."""
 SEED_STEP = 1_000_003
-"""Difference between the seeds of independent chains."""
+"""Difference between the random seeds of independent chains."""
 
 
 class DeviatingTrajectories(Trajectories):
-    """Motions with fixed deviations g and h, in the form of the data: samples, means, or amplitudes and phases.
+    """Motions with fixed deviations g and h from the laws, in the form of the fitted data.
+
+    This form is samples, means of neighbouring samples, or amplitudes and phases of blocks of cycles.
 
     Parameters
     ----------
     motions : DrawSolver
         Solver of the motions, with its tolerance and correction.
     deviations : tuple of ndarray, shape (k,)
-        Relative deviations of damping (exp g − 1) and frequency (h) at the k knots.
+        Relative deviations of damping (exp g − 1) and frequency (h) at the k knots in time.
     given : mapping of str to float
         Values, by name, of the parameters of the motion that are not inferred; those that are missing are 0.
     """
@@ -119,7 +121,7 @@ class FitState:
     exact_variance : float
         Variance of the noise if laws are exact, in the record's unit squared.
     epsilon : float
-        Width ε of the velocity in which dry friction changes its sign, in rad/s or m/s.
+        Width ε of the velocity range in which dry friction changes its sign, in rad/s or m/s.
     frictions : tuple of Friction
         Possible values of ε and their probabilities.
     averaged : bool
@@ -127,8 +129,8 @@ class FitState:
     noise : FittedNoise
         Noise model of the samples.
     working : ndarray, shape (n,), optional
-        The values to which the motion is fitted by least squares, if the noise is not Gaussian: the motion plus
-        working residuals (see `sample_noise`).
+        The values to which the motion is fitted by least squares, if the noise is not Gaussian: the motion plus working
+        residuals (see `sample_noise`).
     """
 
     terms: tuple[str, ...]
@@ -165,11 +167,12 @@ class Single:
 
     @cached_property
     def mode(self) -> Mode:
-        """Return a `Mode` whose likelihood has the deviations integrated out, at the point of the linearisation.
+        """Return the mode of the posterior of the parameters, with the deviations g and h from the laws integrated out.
 
-        Its z are the scores at the joint mode of scores and deviations; `information` is the inverse covariance of the
-        scores (without g and h) in the draws `scores` of the linear posterior, which are also in `linear`. Raises
-        Refusal if the motion with deviations escapes.
+        Its z are the standard normal scores of the parameters at the joint mode of scores and deviations, about which
+        the motion is linear in the deviations. `information` is the inverse covariance of the scores (without g and h)
+        in the draws `scores` of the linear model's posterior, which are also in `linear`. Raises Refusal if the motion
+        with deviations is unbounded.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -211,9 +214,11 @@ class Single:
         )
 
     def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Return u = (scores, g, h), (n, K): scores z, (n, d), with deviations drawn from their posterior given z.
+        """Return draws of all unknowns, (z, g, h), (n, K): draws z of the parameters, with deviations drawn given z.
 
-        In this posterior the motion is linear in g and h about the mode. Equal seeds give equal draws.
+        z: the parameters as standard normal scores, (n, d). g (log damping) and h (relative frequency), at knots in
+        time, are drawn from their posterior given z, in which the motion is linear in g and h about the mode. Equal
+        seeds give equal draws.
         """
         likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
         deviation = likelihood.target.deviation
@@ -223,13 +228,17 @@ class Single:
 
     @cached_property
     def scores(self) -> Array:
-        """Return `LINEAR_DRAWS` draws of u from the linear posterior, (n, K): scores, and g and h at the knots."""
+        """Return `LINEAR_DRAWS` draws of all K unknowns from the posterior of the linear model about the mode, (n, K).
+
+        A draw contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
+        frequency) at knots in time.
+        """
         positive = self.result.fit.parameters.positive
         return self.result.posterior.draws(positive, LINEAR_DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the inferred parameters, in the order of their scores in u."""
+        """Return the names of the inferred parameters, in the order in which draws contain their scores."""
         return self.result.fit.parameters.free_names
 
     @property
@@ -243,7 +252,7 @@ class Single:
         """Return, by name, the values of parameters that are not inferred.
 
         They are the known parameters of the motion, the parameters of the noise (for Gaussian noise `noise_sd`), and,
-        if a term is dry friction, the width `epsilon` of the velocity in which it changes its sign.
+        if a term is dry friction, the width `epsilon` of the velocity range in which it changes its sign.
         """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
@@ -284,7 +293,7 @@ class Single:
     def quantities(self) -> dict[str, Quantity]:
         """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.
 
-        They are from draws of the linear posterior, in the parameter's unit.
+        They are from draws of the linear model about the mode, in the parameter's unit.
         """
         values, noise = self.values(self.scores), self.noise_sds
         return {
@@ -298,7 +307,10 @@ class Single:
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
-        """Return g (log damping) and h (relative frequency) at the knots, (n, k) each, of draws u, (n, K)."""
+        """Return the deviations g (log damping) and h (relative frequency) at k knots in time, (n, k) each.
+
+        u: the draws of all unknowns, (n, K), which contain g and h after the scores of the parameters.
+        """
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
@@ -336,7 +348,7 @@ class Single:
         return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Return the motions, (n, m), of draws u, (n, K), at times t, (m,); NaN where a motion escapes.
+        """Return the motions, (n, m), of draws u, (n, K), at times t, (m,); NaN where a motion is unbounded.
 
         t: in s from the first sample, between the first and the last of `knots`. The motions are in the record's unit.
         quantity: angle, velocity or acceleration. By default they have the times, the quantity and the form of the
@@ -351,12 +363,12 @@ class Single:
         return np.array(solve(u, lambda y: none if y is None else y)).reshape(len(u), none.size)
 
     def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
-        """Predict the second half of the record from draws of scores, (n, d), for the first half.
+        """Predict the second half of the record from draws, for the first half, of the parameters.
 
-        Return the record minus the mean prediction and the sd of the prediction, noise included, for each value of the
-        second half. half: the same candidate on the first half (`first_half`). Given the scores and the first half, its
-        deviations over the whole record are drawn. Draws whose motion escapes are left out; raises Refusal if none
-        remains.
+        z: the draws as standard normal scores, (n, d). Return the record minus the mean prediction and the sd of the
+        prediction, noise included, for each value of the second half. half: the same candidate on the first half
+        (`first_half`). Given the scores and the first half, its deviations over the whole record are drawn. Draws whose
+        motion is unbounded are left out; raises Refusal if none remains.
         """
         motions = self.motions(half.with_deviations(z, seed))
         motions = motions[np.all(np.isfinite(motions), axis=1)]
@@ -370,7 +382,11 @@ class Single:
 
     @property
     def best(self) -> Array:
-        """Return u = (scores, g, h) at the mode with deviations, as a row, (1, K)."""
+        """Return the mode of all unknowns with deviations from the laws, as a row, (1, K).
+
+        It contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
+        frequency) at knots in time.
+        """
         linearisation = self.result.linearisation
         assert linearisation is not None
         return linearisation.u[None]
@@ -387,9 +403,10 @@ class Single:
         return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
 
     def prior_draws(self, count: int, seed: int) -> Array:
-        """Draw u from the prior, (count, K): scores, and the deviations g and h at the knots.
+        """Draw all unknowns from the prior, (count, K).
 
-        With probability 0.8 each (`PROBABILITY_EXACT`), g and h are 0 at all knots.
+        A draw contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
+        frequency) at knots in time. With probability 0.8 each (`PROBABILITY_EXACT`), g and h are 0 at all knots.
         """
         grid, rng = self.result.grid(), np.random.default_rng([seed, 1])
         z = self.result.fit.parameters.prior_draws(count, rng)
@@ -434,8 +451,8 @@ def fit_single(
     Raises
     ------
     Refusal
-        Where no motion stays in phase with the record, the motion with deviations escapes, or none of the noise models
-        applies.
+        Where no motion stays in phase with the record, the motion with deviations is unbounded, or none of the noise
+        models applies.
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
@@ -484,7 +501,7 @@ def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
     """Return the candidate with other priors of its parameters, linearised about the same motion.
 
     priors: prior of each inferred parameter, by name. The noise remains the same; evidence and posterior are computed
-    again. Raises Refusal where the motion escapes.
+    again. Raises Refusal where the motion is unbounded.
     """
     parameters, state = single.result.fit.parameters, single.state
     other, d = replace(parameters, priors=priors), state.z.size
@@ -514,10 +531,10 @@ def first_half(single: Single) -> Single:
 
 
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
-    """Restore a candidate on its record from its stored fit, without fitting. Raises Refusal where the motion escapes.
+    """Restore a candidate on its record from its stored fit, without fitting.
 
     signal: the whole record, as it was when it was fitted. restoring: name of the candidate's restoring law; the
-    damping terms are in `state`.
+    damping terms are in `state`. Raises Refusal if the motion is unbounded.
     """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
@@ -533,7 +550,7 @@ def _rebuild(
     """Restore a candidate on a record from its stored fit, linearised about the stored motion.
 
     knots: times of the deviations' knots in s from the start, by default those of the data. Raises Refusal where the
-    motion escapes, for example because the fit is of another record.
+    motion is unbounded, for example because the fit is of another record.
     """
     knots = knots_of(data.end, data.cycles) if knots is None else knots
     if state.working is not None:
@@ -562,7 +579,9 @@ def _rebuild(
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
-    """Draw from the posterior with exact motions: each chain is an independent run of sequential Monte Carlo.
+    """Draw from the posterior by solving the motion of each draw, without a linear model.
+
+    Each chain is an independent run of sequential Monte Carlo.
 
     The first chain has the draws of `sampling.sampled_result` with this seed, in another order.
 
@@ -579,9 +598,10 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     -------
     Posterior
         Its `draws` are the inferred parameters, (chain, draw, parameter), in the order of `Single.names`. Its
-        `arrays["u"]` are draws of u = (scores, g, h), (chain, draw, K). Its `diagnostics` are the log of the mean
-        evidence of the chains in nats, and the standard error of this. Effective sample sizes are at most the number of
-        different draws, because resampling makes copies.
+        `arrays["u"]` are draws of all unknowns, (chain, draw, K): the parameters as standard normal scores, then the
+        deviations g and h from the laws. Its `diagnostics` are the log of the mean evidence of the chains in nats, and
+        the standard error of this. Effective sample sizes are at most the number of different draws, because resampling
+        makes copies.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
@@ -600,7 +620,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
     poor = [run.acceptance for run in runs if not run.trusted]
     outcome = verdict(summaries)
     if poor:
-        outcome = f"sampling is not converged: only {min(poor):.2f} of the last moves were accepted"
+        outcome = f"sampling has not converged: only {100 * min(poor):.0f} % of the last moves were accepted"
     logs, errors = np.array([run.log_evidence for run in runs]), np.array([run.stderr for run in runs])
     log_evidence, stderr = float(logs.max()), float("nan")
     if np.isfinite(log_evidence):

@@ -18,8 +18,9 @@ from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
 DERIVATIVE_STEP = 1e-4
-"""Step of numerical derivatives by a term's own parameter: times the parameter's absolute value (at least 1e-3) for the
-derivative of a damping ratio, and in the parameter's unit for the conversion to another reference."""
+"""Step of numerical derivatives by a parameter that a term has besides its coefficient, such as an exponent. For the
+derivative of a damping ratio it is multiplied by the parameter's absolute value (at least 1e-3); for the conversion to
+another reference amplitude it is in the parameter's unit."""
 NO_EVIDENCE = -60.0
 """Least log evidence of a candidate on a record, in nats relative to the best candidate; also that of a candidate that
 could not be evaluated on this record."""
@@ -50,9 +51,9 @@ class RatioLikelihood(RecordLikelihood):
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
         """Return the log damping ratio at an amplitude (rad or m), (n,), for draws of the parameters, (n, k).
 
-        It is the natural logarithm, in which own parameters count linearly (`growth`). It is interpolated between the
-        `amplitudes` of the record's damping curve, (a,), and extrapolated outside their range, linearly in the
-        logarithms.
+        It is the natural logarithm, in which parameters besides the coefficients, such as an exponent, have a linear
+        effect (`growth`). It is interpolated between the `amplitudes` of the record's damping curve, (a,), and
+        extrapolated outside their range, linearly in the logarithms.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]
@@ -117,6 +118,8 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
 class OtherForm:
     """The evidence on one record of a rival: a damping sum with another form of damping than the compared sums.
 
+    The compared sums are by default those of viscous, Coulomb and quadratic damping.
+
     Attributes
     ----------
     damping : str
@@ -127,7 +130,8 @@ class OtherForm:
     log_evidence : float
         Its log evidence minus that of the best compared sum, in nats.
     place : str
-        Name of the compared sum to which the rival reduces in a limit of its own parameters; "" if there is none.
+        Name of the compared sum to which the rival reduces in a limit of its parameters (Stribeck friction to Coulomb
+        friction); "" if there is none.
     """
 
     damping: str
@@ -143,9 +147,9 @@ class RunComparison:
     Attributes
     ----------
     log_evidence : mapping of Model to float
-        Log evidence of each candidate (not of rivals), in nats relative to the best candidate.
+        Log evidence of each candidate, in nats relative to the best candidate.
     others : tuple of OtherForm
-        The rivals.
+        The rivals: damping sums with a form of damping that is not compared.
     runs : mapping of Model to RatioLikelihood
         Likelihood of the damping parameters of each probable candidate and rival, relative to the same best evidence.
     reference : Reference
@@ -170,8 +174,9 @@ class RunComparison:
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
         """Return the likelihood of a damping sum under a restoring law; None if it was not computed on this record.
 
-        A rival is evaluated under one law only. Under another law the same likelihood is used, times the evidence of
-        that law's best sum divided by the evidence of the first law's best sum.
+        A sum with another form of damping (in `others`) is evaluated under one law only. Under another law the same
+        likelihood is used, times the evidence of that law's best sum divided by the evidence of the first law's best
+        sum.
         """
         run = self.runs.get((damping, restoring))
         if run is not None:
@@ -207,7 +212,7 @@ class SpecimenComparison:
         coefficients, which the records have in common, are integrated out once. For a model that is not fitted jointly
         (`NATS_BEHIND`), an estimate from the single records.
     probability : mapping of Model to float
-        Posterior probability of each damping (rivals included) and law; the sum is 1.
+        Posterior probability of each damping, other forms of damping included, and law; the sum is 1.
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
@@ -236,7 +241,10 @@ class SpecimenComparison:
         return summarise(every, weight / weight.sum())
 
     def others(self) -> dict[str, float]:
-        """Return the total probability of each rival over all restoring laws, by the name of its damping sum."""
+        """Return the total probability of each rival over all restoring laws, by the name of its damping sum.
+
+        Rivals are damping sums with a form of damping that is not compared.
+        """
         sums = dict.fromkeys(sorted({form.damping for r in self.records for form in r.others}), 0.0)
         for (damping, _), p in self.probability.items():
             if damping in sums:
@@ -246,8 +254,8 @@ class SpecimenComparison:
     def under(self, model: Model) -> list[RunComparison]:
         """Return a comparison for each record in which `model`, a key of `runs`, is the only candidate.
 
-        Its log evidence is 0; its likelihoods are for coefficients at the specimen's reference. With these, several
-        specimens can be compared under one model.
+        Its log evidence is 0; its likelihoods are for coefficients at the specimen's reference amplitude and frequency.
+        With these, several specimens can be compared under one model.
         """
         return [
             RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
@@ -360,7 +368,8 @@ def priors_of(
 ) -> dict[str, Prior]:
     """Return the prior of each parameter of a damping sum: that in `given`, else the default one for the reference.
 
-    damping: names of the terms, joined by +. The result is by the name of the parameter.
+    damping: names of the terms, joined by +. reference: amplitude and frequency with which default priors scale. The
+    result is by the name of the parameter.
     """
     priors = damping_priors(damping.split("+"), reference)
     return {n: (given or {}).get(n, p) for n, p in priors.items()}
@@ -369,7 +378,8 @@ def priors_of(
 def _largest(run: RecordLikelihood) -> float:
     """Return the maximum of a record's log likelihood over all parameters and grid points, in nats.
 
-    Coefficients may be negative at this maximum.
+    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. Coefficients may be
+    negative at this maximum.
     """
     x = run.likelihood
     scale = np.sqrt(np.maximum(np.diagonal(x.information, axis1=1, axis2=2), 1e-300))

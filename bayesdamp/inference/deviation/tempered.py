@@ -24,8 +24,9 @@ EFFECTIVE_FRACTION = 0.5
 """β, the exponent of the exact likelihood, is increased until the effective number of draws is this fraction of their
 number (conventional)."""
 LEAST_EFFECTIVE = 0.15
-"""If the effective fraction of the first draws of the linear posterior is at least this, importance sampling with more
-draws costs less than moves, and is used instead (conventional)."""
+"""Sampling begins with draws of a linear model's posterior. If the effective fraction of these draws for the exact
+posterior is at least this, importance sampling with more draws costs less than moving them, and is used instead
+(conventional)."""
 SAFETY_FACTOR = 1.2
 """For importance sampling, this many times more draws are made than the effective fraction of the first draws
 requires."""
@@ -56,16 +57,16 @@ class TemperedDraws:
     Attributes
     ----------
     draws : ndarray, shape (n, K)
-        u = (scores, g, h), with equal weights: standard normal scores of the parameters, log deviation of the damping
-        and relative deviation of the frequency at the knots.
+        Draws with equal weights of all unknowns: standard normal scores of the parameters, log deviation of the damping
+        and relative deviation of the frequency at knots in time.
     log_ratios : ndarray, shape (n,)
         Log importance weight of each draw: log of (likelihood with the exact motion / likelihood under the linear
         model), plus the log ratio of the priors if the proposal has other coordinates than scores. After
         `SlicedProposal.redraw_within_slice` it still belongs to the draw before that move.
     log_evidence, stderr : float
-        Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws escape.
+        Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws are unbounded.
     temperatures : int
-        Number of increases of β; 1 after importance sampling, 0 if the motions of all first draws escape.
+        Number of increases of β; 1 after importance sampling, 0 if the motions of all first draws are unbounded.
     acceptance : float
         Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves, and 0 if β did
         not reach 1.
@@ -88,10 +89,10 @@ class TemperedDraws:
 
 
 class Proposal(Protocol):
-    """A distribution from which sampling starts: a linear posterior, with random steps that leave it unchanged.
+    """A distribution from which sampling starts: the posterior of a linear model, with steps that leave it unchanged.
 
-    The K unknowns of a draw are coordinates of its own, such as u = (scores, g, h) (see `LinearProposal` and
-    `SlicedProposal`).
+    The K unknowns of a draw are coordinates that the distribution chooses, such as the standard normal scores of the
+    parameters and the deviations from the laws (see `LinearProposal` and `SlicedProposal`).
     """
 
     @property
@@ -100,7 +101,7 @@ class Proposal(Protocol):
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns, (count, K); return also the index of each draw's hyperparameters, (count,)."""
+        """Draw the unknowns, (count, K); return also the index of each draw's mixture component, (count,)."""
         ...
 
     def crank_nicolson_step(
@@ -114,7 +115,7 @@ class Proposal(Protocol):
         ...
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u (n, K) that have no negative value in a score that must be ≥ 0."""
+        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
         ...
 
 
@@ -125,18 +126,18 @@ def sample_posterior(
     draws: int = SMC_DRAWS,
     seed: int = 0,
 ) -> TemperedDraws:
-    """Draw from the posterior with exact motions, starting from a linear posterior, and compute its evidence.
+    """Draw from the posterior with exact motions, starting from that of a linear model, and compute its evidence.
 
-    The draws are in the coordinates of `start`. If the motions of all first draws escape, the log evidence is −∞ and
-    the draws are not trusted.
+    The draws are in the coordinates of `start`. If the motions of all first draws are unbounded, the log evidence is −∞
+    and the draws are not trusted.
 
     Parameters
     ----------
     ratio : callable
         Function that returns the log importance weights, (n,), of draws from `start`, (n, K): log of (exact likelihood
-        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion escapes.
+        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion is unbounded.
     start : Proposal
-        The linear posterior.
+        The posterior of the linear model.
     draws, seed : int
         Number of draws, and the seed of their random stream.
     """
@@ -183,7 +184,7 @@ def _importance_resampled(
     start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> TemperedDraws | None:
-    """Resample draws of the linear posterior by their importance weights, after making more draws if needed.
+    """Resample draws of a linear model's posterior by importance weights, after making more draws if needed.
 
     u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. The result has n draws of
     equal weight. Return None if too many more draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly

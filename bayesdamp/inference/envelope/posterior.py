@@ -47,8 +47,8 @@ class RateDraws:
         Mean (over time) decay rate in 1/s over the first half of the decrease in dB, according to the law without the
         deviation, (n,).
     energy
-        Fraction of the energy dissipated during the decay by each term, (n, terms); 0 for terms that are not in the
-        sum of the draw.
+        Fraction of the energy dissipated during the decay by each term, (n, terms); 0 for terms that are not in the sum
+        of the draw.
     deviation
         Root mean square over time of the relative deviation of the decay rate from the law, (n,).
     candidate

@@ -43,8 +43,8 @@ class Deviation(NoiseModel):
         Orthonormal basis of the changes of the record's m values that deviations at the knots can cause, to first
         order. k is the number of values of g and h together.
     shift : ndarray, shape (m,)
-        Change of the motion that the deviations at the mode cause, to first order, in the record's unit. It is added
-        to residuals, which are then relative to a motion without deviations.
+        Change of the motion that the deviations at the mode cause, to first order, in the record's unit. It is added to
+        residuals, which are then relative to a motion without deviations.
     log_prior : ndarray, shape (c,)
         Log prior probabilities of the combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)

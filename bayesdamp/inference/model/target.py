@@ -38,8 +38,8 @@ DIRECTION_STEP = 1e-6
 """`Scores.retract` measures the direction of a step, in quantities that a record determines well (the restoring law's
 natural coordinates, such as the frequency), by a finite difference over this fraction of the step."""
 EPSILON_RANGE = (0.0005, 0.05)
-"""Ends of the default prior of ε, the width of the velocity in which dry friction changes its sign, as fractions of the
-peak velocity."""
+"""Ends of the default prior of ε, the width of the velocity range in which dry friction changes its sign, as fractions
+of the peak velocity."""
 
 
 class Scores:

@@ -43,9 +43,9 @@ class NoiseModel(ABC):
 
     The arguments of all methods, where (...) stands for any leading axes, such as draws:
 
-    r: residuals in the unit of the record, shape (..., n); the last axis is time.
-    gaps: times between samples in s, shape (n - 1,).
-    p: values of the parameters and constants by name, each a number or an array that broadcasts to the shape (...).
+    r: residuals in the unit of the record, shape (..., n); the last axis is time. gaps: times between samples in s,
+    shape (n - 1,). p: values of the parameters and constants by name, each a number or an array that broadcasts to the
+    shape (...).
     """
 
     name: str
