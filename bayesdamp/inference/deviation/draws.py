@@ -34,8 +34,8 @@ COVERED_PROBABILITY = 0.99
 """`draw_candidates` draws from the most probable candidates, as many of them as are needed for this total
 probability."""
 MOST_DISTINCT_DRAWS = 200
-"""Largest number of different draws of a candidate whose terms have own parameters (such as an exponent), because each
-needs its own integral of the work; the draws are repeated to the wanted number."""
+"""Largest number of different draws of a candidate whose terms have parameters besides their coefficients (such as an
+exponent), because each needs its own integral of the work; the draws are repeated to the wanted number."""
 DRIFT_SDS = 5.0
 """A drift of the midline is significant if it exceeds this many of its standard deviations: one false alarm in 400
 records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
@@ -45,6 +45,7 @@ UNNAMED_DRAWS = 400
 """Number of draws, from all candidates together, from which `unnamed_share` computes the fraction of the energy loss
 that no sum of the compared terms explains."""
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
+"""Displacements of a harmonic motion of amplitude 1 at 16 equidistant phases, for `balanced_frequency`."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
 
 @lru_cache(maxsize=4096)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it would escape.
+    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it is unbounded.
 
     restoring: name of the law. law: values of its parameters, in the order of `RestoringLaw.parameters`. rest: in rad
     or m.

@@ -37,27 +37,28 @@ ASIDE = (0.0, -0.4, 0.4)
 """Exponents at which fits of a power law start, minus the local exponent of the best candidate (that of its damping
 against velocity) at the middle amplitude."""
 NEAR = 1.5
-"""The local exponent at the middle amplitude is computed from the damping at this amplitude times and divided by this
-factor."""
+"""The local exponent (that of the damping force against velocity) at the middle amplitude is computed from the damping
+at two amplitudes: the middle one times and divided by this factor."""
 FIRST = 1.0
 """Distance of the second and third exponent that are tried from the best one, in sds of the exponent in the linear
-posterior. With 1, the resulting sd of the exponent differs by 2 % from that with four times as many exponents; with 2,
-by up to 10 % (measured)."""
+model about the mode. With 1, the resulting sd of the exponent differs by 2 % from that with four times as many
+exponents; with 2, by up to 10 % (measured)."""
 FEW = 1000
 """Number of draws, from the posterior of the linear model about the mode, from which the sd of the exponent is
 computed."""
 NARROWEST, WIDEST = 0.003, 0.5
-"""Smallest and largest distance of the second and third exponent from the best one; they limit the distance from
-`FIRST`."""
+"""Smallest and largest distance of the second and third exponent that are tried from the best one; they limit the
+distance from `FIRST`."""
 FURTHER = 3.0
-"""Factor by which the distance from the best exponent grows from one exponent to the next, going outwards."""
+"""Exponents are added outwards from the best one; this is the factor by which the distance from the best grows from one
+exponent to the next."""
 NEGLIGIBLE = 7.0
 """Exponents are added outwards until the log evidence at the last of them is this many nats below the largest."""
 ALIKE = 0.25
 """Another exponent is added between two neighbouring ones if the posterior probability between them is larger than
 this."""
 ENOUGH = 20
-"""No more exponents are tried once this number is reached."""
+"""No more exponents are tried once this number of them has been fitted; the posterior is interpolated between them."""
 LEVELS = (np.arange(400) + 0.5) / 400
 """Equidistant probabilities at which quantiles of the exponent are returned; the 400 quantiles serve as draws."""
 POINTS = 3001

@@ -44,8 +44,8 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import NORMAL_95, Ratio, sum_probabilities
 
 SENSOR = 0.002
-"""Relative standard deviation of every damping ratio from the sensor's linearity and clock (conventional); the draws
-include it."""
+"""Relative standard deviation of every damping ratio because of the sensor's linearity and clock, which the record does
+not show; posterior draws include it (conventional)."""
 CURVE_AMPLITUDES = 12
 """Number of amplitudes of a record at which its damping ratio is computed for a curve."""
 PROBABLE_RIVALS = 1e-3
@@ -57,9 +57,9 @@ UNDETERMINED_WIDTH = 0.7
 """A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
 interval of its prior (conventional)."""
 TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
-"""Only a combination of two parameters is determined if the absolute correlation of their draws is larger than the
-first value, and for each of them half the 95 % interval is larger than the second value times its mean
-(conventional)."""
+"""A record counts as determining only a combination of two parameters if the absolute correlation of their posterior
+draws is larger than the first value and, for each of them, half the 95 % interval is larger than the second value times
+its mean (conventional)."""
 MOST_PLOTTED = 3000
 """Largest number of samples in a figure. A longer record is cut into stretches, and only the minimum and the maximum of
 each are drawn."""
@@ -427,17 +427,17 @@ def posterior_of(
 
 
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
-    """Return the arrays of the figures of an answer by name.
+    """Return the arrays of an answer's figures, by name.
 
     t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
     any) and their difference record − fit, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high:
     the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). exponent:
     quantiles of the exponent, if there are any. free/ratio and free/lost, if there is a free curve: without a law, the
     damping ratio and the energy lost in a cycle (see `FreeCurve`) against free/amplitude, with the ends of their 95 %
-    intervals in free/ratio_low, free/ratio_high and so on. law/SUM: damping ratio of the fit of each compared sum under
-    exact laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the best
-    sum in this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has the
-    amplitude.
+    intervals in free/ratio_low, free/ratio_high and so on. law/SUM: damping ratio of the fit of each candidate's sum
+    under exact laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the
+    best sum in this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has
+    the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)

@@ -40,10 +40,10 @@ BEHIND = 7.0
 parameters of its own, such as a Stribeck velocity, is tried in place of one of its terms: the posterior probability of
 the result would be below 1 in 1,000."""
 FEW = 1000
-"""Number of posterior draws from which an upper limit is computed."""
+"""Number of posterior draws from which the upper limit of another form of damping is computed."""
 SCORES = (-1.0, 1.0)
-"""Standard normal scores of a form's own parameters (such as an exponent) at which upper limits are computed; the
-largest of the limits is used."""
+"""The upper limit of another form of damping is computed at these standard normal scores of its parameters besides the
+coefficient (such as an exponent); the largest of the limits is used."""
 LEAST_WORK = 1e-6
 """A form of damping counts as dissipating no energy if the absolute value of its net work is at most this fraction of
 the summed absolute works for positions on either side of the equilibrium."""

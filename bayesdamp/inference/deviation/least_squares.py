@@ -17,8 +17,8 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""How Marquardt's parameter λ changes: factor after a successful step; factor after a failed one; least λ to which the
-second factor is applied; and λ from which on no further step is tried (conventional)."""
+"""How Marquardt's damping parameter λ changes in a fit: factor after a successful step; factor after a failed one;
+least λ to which the second factor is applied; and λ from which on no further step is tried (conventional)."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-6
@@ -119,7 +119,7 @@ def fit(
     y : ndarray, shape (n,)
         The record, in the form in which the solver returns motions.
     z : ndarray, shape (d,)
-        Scores from which the search starts.
+        Standard normal scores of the inferred parameters from which the search starts.
     noise : float
         Lower bound of the noise's sd in the record's unit. The sd, estimated from the residual, weights the priors.
     windows : bool

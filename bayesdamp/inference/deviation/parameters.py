@@ -225,9 +225,9 @@ class StraightParameters(Parameters):
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return `new` unchanged: a straight step in these coordinates needs no correction.
+        """Return `new` unchanged, the end of a step from z: in these coordinates a step may be straight.
 
-        The method of the base class corrects a step from z to `new` for a curved ridge of the posterior.
+        In the base class, whose coordinates are scores, the step follows a curved ridge of the posterior.
         """
         return new
 

@@ -34,8 +34,8 @@ AUTOREGRESSION_ORDER = 8
 OSCILLATION_BAND = (0.3, 2.0)
 """Limits of the frequency band that counts as near the oscillation, in units of the oscillation's frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
-"""The noise model of a long record is chosen from this number of stretches of it, with this number of samples in all:
-enough to determine its parameters to one per cent (conventional)."""
+"""The noise model of a long record is chosen from part of its samples: from this number of stretches along the record,
+with this number of samples in all, which determine its parameters to one per cent (conventional)."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:

@@ -249,7 +249,7 @@ class Single:
 
     @property
     def known(self) -> dict[str, float]:
-        """Return, by name, the values of parameters that are not inferred.
+        """Return, by name, the values of the parameters that are not inferred.
 
         They are the known parameters of the motion, the parameters of the noise (for Gaussian noise `noise_sd`), and,
         if a term is dry friction, the width `epsilon` of the velocity range in which it changes its sign.

@@ -24,41 +24,45 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
 
 SLICE_WIDTH = 1.0
-"""Width of a slice, in posterior sds of the sliced parameter's score. At this spacing the sum over slices has no
-visible error: for a normal density the relative error of the sum is 2 exp(−2π²)."""
+"""Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
+score. At this spacing the sum over slices has no visible error: for a normal density the relative error of the sum is 2
+exp(−2π²)."""
 ONE_SLICE_SD = 0.05
-"""If the posterior sd of the parameter's standard normal score is below this, in prior sds, one linear model is enough
-and `slice_proposal` returns None (measured at 0.01: the effective number of draws is 98 %)."""
+"""If the posterior sd of the damping parameter that would be sliced is below this, in prior sds, one linear model is
+enough and `slice_proposal` returns None (measured at 0.01: the effective number of draws is 98 %)."""
 LARGEST_SCORE = 4.0
-"""Largest absolute standard normal score of the sliced parameter at the middle of a slice (conventional)."""
+"""Largest absolute value, at the middle of a slice, of the standard normal score of the sliced damping parameter; there
+are no slices beyond (conventional)."""
 LAST_NATS = 8.0
 """On each side of the mode, slices are added until the log evidence of one, with its prior, is this many nats below the
 best slice (conventional)."""
 MOST_SLICES = 12
 """Largest number of slices on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
-"""Largest change of log t across a slice, where t is the score of the term's size (its coefficient c, or s c / pivot).
-Slopes are reduced to this where the record determines only a combination of the sliced parameter and t
-(conventional)."""
+"""Largest change, across a slice, of the logarithm of t, the standard normal score that stands for the size of the
+damping term with the sliced parameter (`SlicedProposal`). Slopes are reduced to this where the record determines only a
+combination of the sliced parameter and t (conventional)."""
 LEAST_COEFFICIENT = 1e-3
-"""Smallest score c of the coefficient, relative to its value at the mode, for which s = t pivot / c is computed; at
-smaller ones s would overflow (conventional)."""
+"""Smallest standard normal score c of a term's coefficient, relative to its value at the mode, for which s = t pivot /
+c is computed (`SlicedProposal`); at smaller ones s would overflow (conventional)."""
 MOVING_SDS = 3.0
-"""The mode of a coefficient's score is shifted with the score of the sliced parameter only if it is more than this many
-posterior sds above zero (conventional)."""
+"""The mode of a coefficient is shifted with the sliced damping parameter only if it is more than this many posterior
+sds above zero (conventional)."""
 
 
 @dataclass(frozen=True)
 class Slice:
-    """A slice of the range of a parameter's score a, with the linear model at its middle, where a is fixed.
+    """A slice of the range of a damping parameter, such as an exponent, with the linear model at its middle.
+
+    a is the standard normal score of this parameter; it is fixed in the linear model.
 
     Attributes
     ----------
     middle : float
         The value of a at which the motion is linearised.
     model, posterior
-        The linear model as a function of the other d − 1 scores (with t in place of s, if there is an s) and the
-        deviations g and h, and its posterior.
+        The linear model as a function of the other d − 1 standard normal scores (with t in place of s, if there is an
+        s; see `SlicedProposal`) and the deviations g and h from the laws, and its posterior.
     slopes : ndarray, shape (d − 1,)
         Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
         `SlicedProposal`); 0 for coefficients whose mode is near zero (`MOVING_SDS`).
@@ -75,7 +79,7 @@ class Slice:
 
 @dataclass(frozen=True)
 class SlicedProposal:
-    """The mixture of the linear posteriors of all slices, from which sampling starts.
+    """The mixture of the linear posteriors of all slices of a damping parameter's range, from which sampling starts.
 
     u, (K,), are a candidate's standard normal scores and deviations; a is the score of the sliced parameter, which
     belongs to one damping term. Draws are made in other coordinates w, (K,), in which the motion is more nearly linear.
@@ -128,19 +132,21 @@ class SlicedProposal:
 
     @property
     def middle(self) -> np.ndarray:
-        """Posterior mean of w (see the class), (K,), in the most probable component of the most probable slice.
+        """Posterior mean of w, (K,), in the most probable mixture component of the most probable slice.
 
-        It ignores the cut-off of scores at zero.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        The cut-off of coefficients at zero is ignored.
         """
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Split draws w (see the class), (n, K), by slice.
+        """Split draws w, (n, K), by slice.
 
-        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the score a from the
-        middle of the slice, (m,), and the other elements of these draws, (m, K − 1).
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        Yield for each slice that has draws: the indices of its draws, the slice, the distance from its middle of the
+        sliced parameter (as standard normal score), (m,), and the other elements of these draws, (m, K − 1).
         """
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
@@ -149,10 +155,11 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w (see the class), (count, K); return also the index of each draw's component in its slice, (count,).
+        """Draw w, (count, K); return also the index of each draw's mixture component in its slice, (count,).
 
-        In all draws the score a is at the middle of a slice. They are ordered by slice. The components are those of the
-        slice's linear posterior.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice, and the
+        components are those of the posterior of the slice's linear model.
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
@@ -166,11 +173,12 @@ class SlicedProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws w (see the class), (n, K), after a Crank–Nicolson step that leaves the score a unchanged.
+        """Return draws w, (n, K), after a Crank–Nicolson step, which leaves this proposal unchanged as a distribution.
 
-        The step leaves this proposal unchanged as a distribution. u: the draws w before the step. combos: index of each
-        draw's mixture component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores may
-        become negative (see `inside`).
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        The sliced parameter does not move. u: the draws w before the step. combos: index of each draw's mixture
+        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Coefficients may become
+        negative (see `inside`).
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -179,9 +187,10 @@ class SlicedProposal:
         return new
 
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return draws w (see the class), (n, K), in which the score a is drawn again, uniformly in its slice.
+        """Return draws w, (n, K), in which the sliced parameter is drawn again, uniformly in its slice.
 
-        The other elements of w remain. The argument is not changed.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        The other elements remain. The argument is not changed.
         """
         new = w.copy()
         for rows, part, *_ in self._split(w):
@@ -189,16 +198,20 @@ class SlicedProposal:
         return new
 
     def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u, (n, K), that have no negative value in a score that must be ≥ 0."""
+        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:
-        """Convert draws w (see the class) to the candidate's scores and deviations u, both (n, K)."""
+        """Convert draws w to the candidate's standard normal scores and deviations from the laws, both (n, K).
+
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        """
         return self._scores(w)[0]
 
     def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Convert draws w (see the class) to the candidate's scores and deviations u, both (n, K).
+        """Convert draws w to the candidate's standard normal scores and deviations from the laws, u, both (n, K).
 
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
         Return also the log determinant of the Jacobian ∂u/∂w, (n,).
         """
         u, log = w.copy(), np.zeros(len(w))
@@ -221,9 +234,10 @@ class SlicedProposal:
     def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
 
-        Neither density is normalised, so the mean weight is the ratio of the evidences. squares: sums of squared
-        residuals of the exact motions at `scores(w)`, (n,). variance: variance of the noise, in the record's unit
-        squared.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (see the class).
+        Neither density is normalised, so the mean weight is the evidence with exact motions divided by that of the
+        linear models. squares: sums of squared residuals of the exact motions at `scores(w)`, (n,). variance: variance
+        of the noise, in the record's unit squared.
         """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)
@@ -311,19 +325,19 @@ def _product_and_size(
 
 
 def _log_weight(part: Slice) -> float:
-    """Return the log evidence of a slice plus the log prior density of the sliced parameter's score at its middle.
+    """Return the log evidence of a slice plus the log prior density, at its middle, of the sliced parameter.
 
-    In nats, up to a constant.
+    The density is that of the parameter's standard normal score. The result is in nats, up to a constant.
     """
     return part.posterior.log_evidence - 0.5 * part.middle**2
 
 
 @dataclass(frozen=True)
 class _Search:
-    """The search for the slices of a proposal.
+    """The search for the slices of a `SlicedProposal`.
 
-    It finds the mode of all other scores at a fixed score of the sliced parameter. base: priors and names of the
-    scores. The other attributes are those of `SlicedProposal`.
+    At a fixed value of the sliced damping parameter it finds the mode of all other parameters. base: priors and names
+    of the parameters, in the order of their standard normal scores. The other attributes are those of `SlicedProposal`.
     """
 
     comparison: ModelComparison
@@ -337,7 +351,8 @@ class _Search:
     def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
         """Return the slice with its middle at the score a, and the mode of the other unknowns there, (K − 1,).
 
-        These are scores and deviations. start: where the search for the mode starts, (K − 1,). None if no motion can be
+        a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and
+        the deviations from the laws. start: where the search for the mode starts, (K − 1,). None if no motion can be
         linearised there, or if the coefficient is 0 at the mode and has another parameter as a factor (`product`).
         """
         result, data, solver = self.result, self.comparison.data, self.result.solver

@@ -22,8 +22,8 @@ DERIVATIVE_STEP = 1e-4
 derivative of a damping ratio it is multiplied by the parameter's absolute value (at least 1e-3); for the conversion to
 another reference amplitude it is in the parameter's unit."""
 NO_EVIDENCE = -60.0
-"""Least log evidence of a candidate on a record, in nats relative to the best candidate; also that of a candidate that
-could not be evaluated on this record."""
+"""Smallest log evidence, in nats relative to the best candidate, that a candidate can have on one record: smaller ones
+are replaced by it, and a candidate that could not be evaluated on this record gets it."""
 NATS_BEHIND = 25.0
 """A candidate is not fitted jointly to all records if even the product of its maximum likelihoods on the single records
 is this many nats behind the best."""
@@ -142,7 +142,7 @@ class OtherForm:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The evidence of every damping on one record.
+    """The evidence of every damping sum under every restoring law on one record.
 
     Attributes
     ----------
@@ -188,9 +188,9 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence of a damping whose likelihood was not computed on this record.
+        """Return the log evidence of a damping sum whose likelihood was not computed on this record.
 
-        It is the damping's own log evidence if there is one; else that of the sum `limit`, to which it reduces (see
+        It is the sum's own log evidence if there is one; else that of the sum `limit`, to which it reduces (see
         `OtherForm.place`), under the same restoring law; else, or for a `limit` of "", `NO_EVIDENCE`. The result is in
         nats relative to the best candidate, at least `NO_EVIDENCE`.
         """

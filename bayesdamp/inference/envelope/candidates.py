@@ -62,8 +62,9 @@ the other components of the mixture, because the posterior of the whole mixture 
 EXPONENT_GRID = 3001
 """Number of values of the exponent of a power law, from 0 to `MOST_POWER`, at which its distribution is computed."""
 NEGLIGIBLE_WEIGHT = 1e-3
-"""Components of a posterior mixture (combinations of hyperparameters) whose probability is at most this fraction of the
-largest one are left out of curves and of the distribution of an exponent."""
+"""Components of a posterior mixture (combinations of noise, its scale, and size and correlation length of the deviation
+from the law) are left out of curves and of the distribution of an exponent if their probability is at most this
+fraction of the largest one."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Blocks:
 
     @property
     def unit(self) -> float:
-        """The decay rate in 1/s that corresponds to a score of 1 (a score is a rate in this unit).
+        """The decay rate in 1/s that corresponds to a score of 1; scores are the rates in this unit.
 
         It is 0.1 times the angular frequency (a damping ratio of 0.1). If the frequency is not known, it is such that
         the geometric middle of the possible prior scales of a rate is 1/duration.
@@ -140,7 +141,7 @@ class EnvelopeCandidate:
     about
         Normal posteriors of the model linearised about the fit, one for each combination of hyperparameters.
     unit
-        The rate in 1/s that corresponds to a score of 1.
+        The rate in 1/s that corresponds to a score of 1; scores, with a standard normal prior, represent the rates.
     scores
         Standard normal scores of the terms' parameters besides their coefficients; () if there are none.
     log_share
@@ -171,7 +172,7 @@ class EnvelopeCandidate:
         return self.about.apply_priors(self.about.size == 0.0)
 
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw rates in 1/s, (count, d), and the deviation g at the knots, (count, KNOTS), from the posterior.
+        """Draw rates in 1/s, (count, d), and the deviation g at the knots in time, (count, KNOTS), from the posterior.
 
         Rates are the c_i of the law (see `DecayLaw`). g is the relative deviation of the decay rate from the law.
         exact: whether to draw from the posterior under the exact law, where g = 0.
@@ -285,7 +286,9 @@ def fit_candidate(
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
 ) -> EnvelopeCandidate:
-    """Fit a sum of damping terms, and compute its evidence and posterior over the grid of hyperparameters.
+    """Fit a sum of damping terms to an envelope, and compute its evidence and posterior.
+
+    Both are averaged over noises, their scales, and the size and correlation length of the deviation from the law.
 
     Parameters
     ----------
@@ -336,7 +339,7 @@ def power_law_evidence(blocks: Blocks) -> tuple[float, Quantity]:
     log_evidence : float
         Log evidence in nats.
     exponent : Quantity
-        Median and 95 % interval of p, averaged over the hyperparameters.
+        Median and 95 % interval of p, averaged over noises, their scales and the deviation from the law.
     """
     p = fit_power(blocks, blocks.inverse).values
     normals = _posteriors_about(blocks, PowerLaw(), p, np.full(2, WIDE_SD), False)[1].normals
@@ -386,7 +389,8 @@ class FitPosteriors:
     def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
         """Return the posterior with half-normal priors of the rates; their scale is unknown and the same for all rates.
 
-        which: mask of the combinations to use, (c,); by default all.
+        which: mask of the combinations of hyperparameters (noise, its scale, size and correlation length of the
+        deviation from the law) to use, (c,); by default all.
         """
         normals = self.normals
         if which is not None:
@@ -399,7 +403,8 @@ def _posteriors_about(
 ) -> tuple[Motion, FitPosteriors]:
     """Return the decay at parameters p, (d + 1,), with its derivatives, and the normal posteriors linearised about p.
 
-    There is one posterior of all unknowns for each combination of hyperparameters (see `FitPosteriors`).
+    There is one posterior of all unknowns for each combination of hyperparameters: noise, its scale, and size and
+    correlation length of the deviation from the law. Scores represent the parameters and have standard normal priors.
 
     p: the d parameters of the law, then ln(A/A_ref) at the start. units: values of the parameters that correspond to a
     score of 1, (d,). rates: whether the parameters are damping rates, which cannot be negative.

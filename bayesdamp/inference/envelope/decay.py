@@ -26,32 +26,34 @@ from bayesdamp.records.envelope.window import (
 from bayesdamp.types import Refusal
 
 MOST_BLOCKS = 100
-"""Greatest number of blocks in which the readings are averaged; enough for a decay of 40 dB and its noise."""
+"""Greatest number of blocks in which the readings of a decay are averaged; enough for a decay of 40 dB and its
+noise."""
 MOST_WINDOW_CHANGES = 3
 """Greatest number of times that the window of the decay is changed: first because of a constant level at the start,
 then because of readings that do not belong to the decay or are close to the noise floor."""
 LEAST_SHORTENING = 0.05
-"""If the scatter of the readings shows a noise floor, the decay ends where it comes close to the floor, but only if
-this shortens it by at least this fraction of its readings."""
+"""If the scatter of the readings shows a noise floor, the decay is shortened to end where it comes close to the floor,
+but only if at least this fraction of its readings is then left out."""
 FEW_READINGS = 40
 """With fewer readings than this, the window of the decay is only changed because of a constant level at the start."""
 LEAST_BLOCKS_HELD = 12
 """A constant level at the start (the oscillation is still driven) is searched only if there are at least this many
 blocks."""
 FIRST_END, END_STEP = 2, 3
-"""Blocks that are tried as the end of a constant level: from block `FIRST_END` to the middle of the record, in steps of
-`END_STEP`; every block in a record of fewer than `SPARSE_READINGS` blocks."""
+"""Blocks of readings that are tried as the end of a constant level at the start of a record: from block `FIRST_END` to
+the middle of the record, in steps of `END_STEP`; every block in a record of fewer than `SPARSE_READINGS` blocks."""
 HELD_MISFIT = 0.75
 """A constant level at the start is accepted only if the sum of squared residuals of a fit with it is less than this
 fraction of the sum without it (conventional)."""
 LEAST_SCATTER = 0.02
-"""Smallest standard deviation of ln A that the search for a constant level at the start assumes for a block. It allows
-for errors of the damping laws and of the detector (conventional)."""
+"""Smallest standard deviation of ln A (A is the amplitude) of a block of readings that the search for a constant level
+at the start assumes. It allows for errors of the damping laws and of the detector (conventional)."""
 EARLY_FRACTION = 0.1
 """Fraction of the blocks, at the start of the decay, that are tested for whether the later blocks predict them."""
 SURPRISE_SDS = 4.5
-"""An early block does not belong to the decay if it, or a sum of up to eight neighbouring blocks, differs from its
-prediction by more than this many standard deviations. By chance this occurs once in 30,000 records."""
+"""A block of readings early in a decay does not belong to the decay if it, or a sum of up to eight neighbouring blocks,
+differs by more than this many standard deviations from its prediction by the later blocks. By chance this occurs once
+in 30,000 records."""
 
 
 @dataclass(frozen=True, eq=False)

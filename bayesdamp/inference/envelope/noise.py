@@ -34,15 +34,16 @@ LOG_SCATTER_SD = 3.0
 """Prior standard deviation of ln of the standard deviations of the multiplicative scatter and of the white noise. The
 priors are centred on estimates from the residuals of the blocks and from differences of neighbouring ones."""
 LEAST_SCATTER = 1e-4
-"""Smallest standard deviation of the scatter and of the white noise of ln A (1e-4, about 1e-3 dB)."""
+"""Smallest standard deviations that the search for the noise of ln A (A is the amplitude) allows for the multiplicative
+scatter and for the white noise (1e-4 is about 1e-3 dB)."""
 SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
 """Values of the fraction of the floor's fluctuating power that is slow, over which results are averaged; equally
 probable a priori."""
 SLOWER_FACTOR = 4.0
-"""Factor by which `Noise.slower` lengthens the correlation time of the multiplicative scatter."""
+"""Factor by which `Noise.slower` makes the correlation time of the multiplicative scatter of the readings longer."""
 DEVIATION_LENGTH = 0.3
-"""Correlation length of the deviation from the law that is inferred together with the noise, as a fraction of the
-duration."""
+"""Correlation length, as a fraction of the decay's duration, of the deviation from the damping law that is inferred
+together with the noise."""
 
 
 @dataclass(frozen=True)

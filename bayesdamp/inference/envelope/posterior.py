@@ -26,12 +26,13 @@ DRIFT = 0.1
 """Standard deviation, in dB, of the drift or nonlinearity over half of a decay that a detector with readings in dB may
 have and that the record does not show. Conventional: makers of analysers state 0.1 to 0.2 dB."""
 POINTS_ALONG = 257
-"""Number of points along a fit, evenly spaced in ln A, over which averages over the decay are computed."""
+"""Number of points along a fitted decay, evenly spaced in ln A (A is the amplitude), over which averages over the decay
+are computed."""
 LOSS_POINTS = 33
 """Number of amplitudes, evenly spaced in ln A, at which `RateLikelihood.log_losses` is tabulated."""
 WIDE_PRIOR = 3.0
-"""Standard deviation of the normal prior under which the likelihoods for several noises are merged, in units of the sum
-of the fitted rates. The prior is divided out afterwards."""
+"""Standard deviation of a wide normal prior of the rates, in units of the sum of the fitted rates. Under it the
+likelihoods for several noises are merged into one Gaussian; the prior is divided out afterwards."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ class RateLikelihood:
     duration: float
 
     def in_scores(self, log_amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the likelihood as a function of scores: the terms' rates at a given amplitude, divided by a unit.
+        """Return the likelihood as a function of the terms' rates at a given amplitude, divided by a unit (scores).
 
         Several records can have this amplitude and unit in common.
 
@@ -232,19 +233,19 @@ def merge_noises(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Merge the likelihoods for several noises into one Gaussian for each size and length of the deviation.
 
-    A mixture of Gaussians is not a Gaussian. The result has, under a wide normal prior, the same evidence, mean and
-    covariance as the mixture; the prior is then divided out. Negative eigenvalues of the resulting information are set
-    to 0.
+    Size (prior sd) and correlation length are those of the deviation of the decay rate from its law. A mixture of
+    Gaussians is not a Gaussian. The result has, under a wide normal prior, the same evidence, mean and covariance as
+    the mixture; the prior is then divided out. Negative eigenvalues of the resulting information are set to 0.
 
     Parameters
     ----------
     likelihood
-        Likelihoods of the d scores of rates, for all noises and all c sizes and lengths of the deviation, which vary
-        fastest.
+        Likelihoods of d rates in a common unit (scores), for all noises and all c sizes and lengths of the deviation,
+        which vary fastest.
     sizes
         Number of sizes and lengths, c.
     sd
-        Standard deviation of the wide prior, in scores.
+        Standard deviation of the wide prior, in the unit of the scores.
 
     Returns
     -------

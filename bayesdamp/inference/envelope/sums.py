@@ -46,8 +46,8 @@ from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 HOPELESS_NATS = 25.0
-"""The evidence of every sum is computed with one of the possible noises first. If it is then more than this many nats
-below the best sum, the other noises, which change it by a few nats, are not tried."""
+"""The evidence of every damping sum is computed first with only one of the possible noises. If it is then more than
+this many nats below the best sum, the other noises, which change it by a few nats, are not tried."""
 POSTERIOR_POINTS = 24
 """Number of points that represent the posterior of the parameters that a sum's terms have besides their
 coefficients."""
@@ -61,24 +61,29 @@ instead."""
 STEEPEST_POWER = 3.0
 """Exponent p of the term of the package whose decay dA/dt ∝ -A^p is steepest (cubic damping)."""
 TABLE_MARGIN = 1.0
-"""A decay law is tabulated beyond the range of the readings by this difference of ln A at both ends."""
+"""A decay law that has no closed form is tabulated over the range of the readings, and beyond it by this difference of
+ln A (A is the amplitude) at both ends."""
 POINTS_PER_ROUND = 16
-"""Number of points in a round of importance sampling."""
+"""Number of points that are added in each round of importance sampling of the parameters that terms have besides their
+coefficients."""
 MOST_ROUNDS = 12
 """Greatest number of rounds of importance sampling. A posterior that is a thousand times narrower than the prior needs
 eight."""
 ENOUGH_EFFECTIVE = 32.0
-"""Importance sampling ends when the effective number of points reaches this."""
+"""Importance sampling of the parameters that terms have besides their coefficients ends when the effective number of
+points reaches this."""
 VARIANCE_FACTOR = 1.5
-"""Covariance of the normal distribution of the next round, as a multiple of that of the weighted points: it is wider
-than the posterior on purpose."""
+"""The points of the next round of importance sampling are from a normal distribution, whose covariance is that of the
+weighted points times this factor: it is wider than the posterior on purpose."""
 FLATTENING_STEP = 0.8
 """Before the normal distribution of the next round is fitted, the points' weights are raised to a power. Starting from
 1, the power is multiplied by this until the effective number of points suffices for the fit."""
 LARGEST_SCORE = 5.0
-"""Largest absolute value of the points' coordinates, which are parameters as standard normal scores."""
+"""Largest absolute value of the points' coordinates in importance sampling, which are parameters as standard normal
+scores; points beyond are moved to it."""
 MOST_TERMS = 3
-"""Greatest number of terms in a sum; a decay cannot distinguish more."""
+"""Greatest number of terms in a damping sum for an envelope; a decay cannot distinguish more, and a larger sum is
+refused."""
 ASSUMPTIONS = (
     "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
     "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
