@@ -25,27 +25,31 @@ from bayesdamp.priors import shared_precision
 from bayesdamp.types import NORMAL_95, Refusal, Seed
 
 LAST_STEP = 1e-3
-"""A search ends if a step is shorter than this, in posterior sds, and increases the log density by less than the cube
-of this, in nats; the second limit is multiplied by |log density| / 1000 where this is above 1 (conventional)."""
+"""A search for a mode ends with a step that is shorter than this, in posterior sds, and increases the log density by
+less than the cube of this, in nats; the second limit is multiplied by |log density| / 1000 where this is above 1
+(conventional)."""
 ROUGH_LAST_STEP = 0.1
 """Length of the last step, in posterior sds, of a search for a mode that only serves as a start of another search or
 for a comparison; it replaces `LAST_STEP`."""
 SMALLEST_SCORE = 1e-9
-"""Lower bound, in a search, of the score of a parameter with a half-normal prior (a reflected score), instead of 0,
-where the derivative vanishes."""
+"""Lower bound, in the search for a mode, of the standard normal score of a parameter with a half-normal prior (a
+reflected score). It replaces 0, where the derivative vanishes."""
 LONGEST_STEP = 3.0
-"""Largest change of a standard normal score in one step of a search."""
+"""Largest change of a parameter's standard normal score in one step of a search for a mode; a longer step is scaled
+down."""
 HOPELESS_GAIN = 1e-7
-"""After a failed step whose expected gain of the log density is smaller than this, in nats, the search ends instead of
-trying a shorter step."""
+"""The search for a mode ends after a rejected step whose expected gain of the log density was smaller than this, in
+nats, instead of trying a shorter step."""
 MOST_STEPS = 60
-"""Largest number of trial steps of a search, rejected ones included."""
+"""Largest number of trial steps of a search for a mode, rejected ones included; the search then ends without
+convergence."""
 MOST_CHANGE = 0.01
 """Largest allowed change of the log likelihood, in nats, by the numerical error of the ODE solver; the mode is searched
 again with a smaller tolerance if the change is larger. It applies within `NEAR_SDS` posterior sds of the mode; farther
 away the limit grows in proportion to the decrease of the log posterior."""
 NEAR_SDS = 3.0
-"""Distance from the mode within which motions must be accurate (`MOST_CHANGE`), in posterior sds."""
+"""Distance from the mode, in posterior sds, within which the numerical error of motions must change the log likelihood
+by less than `MOST_CHANGE`."""
 FINER_FACTOR = 0.01
 """The numerical error of a motion is measured as its difference from the motion that the ODE solver computes with its
 tolerance multiplied by this factor."""

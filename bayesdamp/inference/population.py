@@ -21,20 +21,23 @@ from bayesdamp.numerics.weights import effective_size, normalise, summarise
 from bayesdamp.types import OK, Refusal
 
 HISTOGRAM_BINS = 150
-"""Number of bins into which the draws of a specimen are sorted."""
+"""Number of bins into which the posterior draws of one specimen's coefficient are sorted."""
 LOCATIONS, SCALES = 121, 81
-"""Numbers of values of the location m and of the scale τ on the grid."""
+"""Numbers of grid values of the location m and of the scale τ, which describe the normal distribution of a coefficient
+over specimens before its truncation at zero."""
 GRID_SDS = 9.0
-"""Half-width of the grid of m at each τ, in standard deviations of m given τ and the records (for a flat prior of
-m)."""
+"""Half-width of the grid of the location m of the distribution over specimens, at each value of its scale τ, in
+standard deviations of m given τ and the records (for a flat prior of m)."""
 LARGEST_TAU = 4.0
-"""Largest τ on the grid, in units of the prior scale of m; the prior probability beyond is below 1e-4."""
+"""Largest scale τ on the grid of distributions over specimens, in units of the prior scale of the location m; the prior
+probability beyond is below 1e-4."""
 FAR_FROM_ZERO = 8.0
 """Near zero, the normal densities of `Kernels` are reflected at zero. A density whose centre is at least this many of
 its standard deviations from zero is not, because this would have no effect."""
 GRID_POINTS, GRID_HALF_WIDTH, HYPER_DRAWS = 801, 6.0, 2000
 """Grid of one specimen's coefficient: number of points, and half-width in standard deviations of its likelihood.
-`HYPER_DRAWS`: number of draws of (m, τ) over which the specimen's posterior is averaged."""
+`HYPER_DRAWS`: number of draws of the location m and scale τ of the distribution over specimens, over which the
+specimen's posterior is averaged."""
 LEAST_EFFECTIVE = 100
 """Each specimen's draws are reweighted for the records of the other specimens. If the effective number of one
 specimen's draws is then below this, the result is unreliable (conventional)."""

@@ -26,18 +26,20 @@ from bayesdamp.physics.kernel.solve import QUANTITIES, Slopes
 from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
-"""Overtones that are tested, as multiples of the frequency of the oscillation."""
+"""Overtones at which the spectrum of the residuals is tested, as multiples of the frequency of the oscillation."""
 BAND_NEIGHBOURS = 2
-"""Number of neighbouring frequencies on either side that are tested together with a frequency, in steps of 1/duration.
-The residual of an oscillation under a wrong damping law is modulated slowly, which spreads its peak over them."""
+"""In the test of the residuals' spectrum, number of neighbouring frequencies on either side that are tested together
+with a frequency, in steps of 1/duration. The residual of an oscillation under a wrong damping law is modulated slowly,
+which spreads its peak over them."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
-"""Low frequencies that are tested, in cycles per duration of the record."""
+"""Low frequencies at which the spectrum of the residuals is tested, in cycles per duration of the record."""
 LEAST_REMAINING_NORM = 0.3
-"""A combination of test waves (sines and cosines) is left out if at most this fraction of its norm remains after the
-fitted directions are projected out."""
+"""The spectrum of the residuals is tested by projections on test waves (sines and cosines). A combination of them is
+left out if at most this fraction of its norm remains after the changes of the residuals by fitted parameters are
+projected out."""
 MOST_SAMPLES = 20_000
-"""Greatest number of values in the search for the largest peak of the spectrum; a longer record is averaged in blocks.
-The frequencies that are lost are far above the tested overtones."""
+"""Greatest number of values in the search for the largest peak of the residuals' spectrum; a longer record is averaged
+in blocks. The frequencies that are lost are far above the tested overtones."""
 
 # Clauses on the largest peak in the spectrum of the residuals; they follow "structure remains in the residuals: ".
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
@@ -56,8 +58,9 @@ REVERSAL_WIDTH = 0.02
 """Width of the velocity range within which the tested form "friction is larger at low velocity" changes its sign, as a
 fraction of the largest velocity."""
 LEAST_REMAINING_LENGTH = 1e-3
-"""A force is not tested if at most this fraction of its direction's length remains after the fitted directions are
-projected out: fitted parameters can then replace the force."""
+"""An additional force is not tested if fitted parameters can replace it: if, of the change that it causes in the
+whitened residuals, at most this fraction (of its norm) remains after the changes by fitted parameters are projected
+out."""
 FORCE_SCALE = 0.5
 """Prior scale of an additional force, as a fraction of the largest damping force in the fit (conventional). The prior
 is half-normal, or normal if the force may have either sign."""

@@ -26,19 +26,20 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 FIRST_STEP, STEP_GROWTH = 0.3, 1.2
-"""`NoiseMap.of` follows the ridge of the posterior (the maximum over all other parameters at each value) in steps of
-the second of the two `tied` noise parameters. The first step away from the mode is `FIRST_STEP` posterior sds, and each
-further one is longer by the factor `STEP_GROWTH`."""
+"""`NoiseMap.of` computes the posterior of a noise parameter, the second of two of which the record mainly determines a
+combination (`NoiseModel.tied`), by maximising over all other parameters at values in steps. The first step away from
+the mode is `FIRST_STEP` posterior sds, and each further one is longer by the factor `STEP_GROWTH`."""
 RIDGE_END_NATS = 16.0
-"""The ridge of the noise parameters is followed until the log density is this many nats below its maximum: 5.7 sds of a
-normal distribution."""
+"""`NoiseMap.of` extends the steps of a noise parameter until the log density is this many nats below its maximum: 5.7
+sds of a normal distribution."""
 MOST_STEPS = 40
-"""Largest number of steps along the ridge of the noise parameters to each side of the mode."""
+"""Largest number of steps of a noise parameter, in `NoiseMap.of`, to each side of the mode."""
 LEAST_STEPS = 4
-"""If no more points than this can be computed on the ridge of the noise parameters, `NoiseMap` is the identity."""
+"""If the posterior of a noise parameter can be computed at no more values than this, `NoiseMap` changes no
+parameter."""
 PARTS_PER_STEP = 8
-"""Number of parts into which each step along the ridge is divided when the log density between the points is
-interpolated and integrated."""
+"""Number of parts into which each step of a noise parameter, in `NoiseMap.of`, is divided when the log density between
+the steps is interpolated and integrated."""
 LARGEST_LEVEL = 4.5
 """`NoiseMap.table` has points up to this absolute value of its argument, the level score of a noise parameter (the
 standard normal quantile of its marginal posterior); beyond, it is continued linearly."""
@@ -46,20 +47,19 @@ LINEAR_END = 1000.0
 """`NoiseMap.table` is continued by straight lines up to this absolute value of its argument, the level score of a noise
 parameter (conventional)."""
 NEWTON_STEPS = 6
-"""Number of Newton steps by which `NoiseMap.level` inverts the map (four are enough)."""
+"""Number of Newton steps by which `NoiseMap.level` inverts its map of a noise parameter (four are enough)."""
 RIDGE_DIMENSIONS = 2
 """Number of wide scores: those standard normal scores of the motion's parameters that have the largest posterior sds. A
 curved ridge of the posterior may extend along them."""
 CURVATURE_SDS = 1.5
-"""Distance from the mode, in posterior sds, at which `shear_of` measures the curvature of the ridge of the motion's
-parameters."""
+"""Distance from the mode, in posterior sds, at which `shear_of` measures how a ridge of the posterior, along which
+parameters of the motion fit about equally well, is curved."""
 VISIBLE_BEND = 0.02
-"""`shear_of` straightens a ridge only if, one sd from the mode, its distance from its tangent is at least this, in
-posterior sds."""
+"""`shear_of` straightens a curved ridge of the posterior only if, one sd from the mode, the ridge is at least this far
+from its tangent, in posterior sds."""
 HESSIAN_STEP = 0.5
-"""Step of the differences of gradients that give Hessians, in posterior sds from the mean of the truncated
-distribution. Where a score must not be negative, zero is about one sd or more from this mean, so that no step crosses
-it."""
+"""Step of the differences of gradients that give Hessians of the log posterior, in posterior sds from the mean. Where a
+coefficient must not be negative, zero is about one sd or more from the mean, so that no step crosses it."""
 LEAST_CURVATURE = 0.1
 """Smallest eigenvalue of the log posterior's negative Hessian that is used, in coordinates in which the Gauss–Newton
 Hessian is the identity; smaller ones are replaced by it."""

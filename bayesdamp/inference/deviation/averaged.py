@@ -32,9 +32,10 @@ decays through the same amplitudes in fewer cycles, `TURNS` per block. For a rec
 oscillation is three times that of the record: a damping ratio of 0.4 % if the amplitude falls to a twentieth over the
 record."""
 PIECES = 20
-"""Number of polynomial pieces of the smooth cubic splines through the logarithm of the amplitude and the phase."""
+"""Number of polynomial pieces of the smooth cubic splines through the logarithm of the amplitude and through the phase,
+against time, of a record of very many cycles."""
 LEAST_SAMPLES = 24
-"""Smallest number of samples in a block."""
+"""Smallest number of samples in a block of cycles; a record with fewer is not reduced to amplitudes and phases."""
 HOLE = 0.4
 """A gap between neighbouring samples of at least this fraction of a block's length is a hole: a block ends before it
 and another begins after it (conventional)."""
@@ -47,16 +48,19 @@ FULL = 0.7
 """A short window in which the record is demodulated is used only if it has enough samples: the sum of their taper
 weights must be larger than this fraction of the median sum over all windows (conventional)."""
 REACH = 2.5
-"""The number of cycles in a hole is computed from polynomials through the phase on either side, which are fitted to the
-windows within this many lengths of the hole from its middle (conventional)."""
+"""The number of cycles in a hole (a long gap in the record) is computed from polynomials through the phase on either
+side. They are fitted to the windows of the demodulation (`WINDOW`) within this many lengths of the hole from its middle
+(conventional)."""
 LEAST_REACH = 10.0
 """Least length of a hole (a long gap in the record) in the rule of `REACH`, in lengths of a window (`WINDOW`); a
 shorter hole counts as this long (conventional)."""
 DEGREE = 3
-"""Largest degree of the polynomials through the phase on either side of a hole (see `REACH`; conventional)."""
+"""Largest degree of the polynomials through the phase on either side of a hole, a long gap in the record (see `REACH`;
+conventional)."""
 UNSURE = 0.25
-"""The number of cycles in a hole counts as known if its distance from the nearest whole number, plus three of its sds,
-is at most this many cycles (conventional)."""
+"""The number of cycles in a hole (a long gap in the record) counts as known if its distance from the nearest whole
+number, plus three of its sds, is at most this many cycles; otherwise the phase after the hole is unknown
+(conventional)."""
 FOLLOWED = 8
 """Number of windows (`WINDOW`) in each piece of the spline that follows a randomly wandering phase; the noise of so
 many windows hardly shifts the spline."""
@@ -73,8 +77,8 @@ ROUNDS = 10
 """Largest number of refits for noise that is not Gaussian. Before each, the residuals are replaced by working residuals
 (`FittedNoise.working_residuals`), with which least squares give the most probable motion."""
 SETTLED = 0.05
-"""The refits of `ROUNDS` end when the last one changed the motion by less than this: norm of the change over all
-samples, in sds of the noise of a sample."""
+"""The refits for noise that is not Gaussian (`ROUNDS`) end when the last one changed the motion by less than this: norm
+of the change over all samples, in sds of the noise of a sample."""
 MOST_SHIFT = 0.1
 """Averaged motions are used if averaging shifts no parameter by more than this, in posterior sds."""
 

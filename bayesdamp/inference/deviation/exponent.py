@@ -53,16 +53,17 @@ FURTHER = 3.0
 """Exponents are added outwards from the best one; this is the factor by which the distance from the best grows from one
 exponent to the next."""
 NEGLIGIBLE = 7.0
-"""Exponents are added outwards until the log evidence at the last of them is this many nats below the largest."""
+"""Exponents are tried farther and farther from the best one until the log evidence at the last is this many nats below
+the largest."""
 ALIKE = 0.25
-"""Another exponent is added between two neighbouring ones if the posterior probability between them is larger than
+"""Another exponent is tried between two neighbouring ones if the posterior probability between them is larger than
 this."""
 ENOUGH = 20
 """No more exponents are tried once this number of them has been fitted; the posterior is interpolated between them."""
 LEVELS = (np.arange(400) + 0.5) / 400
 """Equidistant probabilities at which quantiles of the exponent are returned; the 400 quantiles serve as draws."""
 POINTS = 3001
-"""Number of exponents at which the interpolated posterior is computed."""
+"""Number of exponents at which the posterior, interpolated between the exponents that were tried, is computed."""
 
 
 @dataclass(frozen=True)

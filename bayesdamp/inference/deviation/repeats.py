@@ -33,8 +33,8 @@ SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.i
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
-"""Largest number of Gauss–Newton steps. They end earlier if the predicted gain of the log posterior is below the second
-value, in nats."""
+"""Largest number of Gauss–Newton steps to the joint mode of the specimen's parameters and the records' factors. The
+steps end earlier if the predicted gain of the log posterior is below the second value, in nats."""
 NATS_BEHIND = 18.0
 """A combination of sizes and correlation lengths of the deviations from the laws is left out if its log evidence is
 this many nats below the best, both at the smallest and at the largest spread between records."""

@@ -34,15 +34,17 @@ LARGEST_PARETO_K = 0.7
 """Importance sampling is not used if the Pareto shape of the largest weights is above this, because it is then not
 reliable (Vehtari et al., 2024)."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
-"""Number of moves of every draw at each β < 1, and number at β = 1."""
+"""Sequential Monte Carlo moves the draws through posteriors in which the exact likelihood has the exponent β, which
+grows from 0 to 1. These are the number of moves of every draw at each β < 1, and the number at β = 1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
-"""Initial and smallest step of a Crank–Nicolson move, in posterior standard deviations."""
+"""Initial and smallest size of a Crank–Nicolson move of a draw, in posterior standard deviations."""
 WANTED_ACCEPTANCE = 0.35
 """Acceptance rate of the moves to which their step is adapted."""
 MOST_TEMPERATURES = 30
-"""Largest number of increases of β; if β has not reached 1 by then, the draws are not trusted."""
+"""Largest number of increases of β, the exponent of the exact likelihood, from 0; if β has not reached 1 by then, the
+draws are not trusted."""
 LEAST_RISE = 1e-6
-"""Smallest increase of β from one distribution to the next."""
+"""Smallest increase of β, the exponent of the exact likelihood, from one distribution to the next."""
 LEAST_ACCEPTANCE = 0.05
 """Draws are not trusted if fewer than this fraction of them accepted the last move."""
 

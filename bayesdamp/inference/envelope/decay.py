@@ -201,7 +201,9 @@ def free_decay(
         why[0] = f"starts at {begins}, where the reading before it does not continue the decay"
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
-        why[1] = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
+        why[1] = (
+            f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that the scatter of the readings shows"
+        )
     return Decay(record, replace(chosen, why=tuple(why)), b, reference), asked
 
 

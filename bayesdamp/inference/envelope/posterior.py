@@ -18,7 +18,7 @@ from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
-"""Number of posterior draws of rates, over all candidates together."""
+"""Number of posterior draws of decay rates, over all damping sums together."""
 SENSOR = 0.002
 """Relative standard deviation that every rate has because of errors that the record does not show: of the linearity of
 the detector and of its clock (conventional)."""

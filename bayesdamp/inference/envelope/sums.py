@@ -88,10 +88,10 @@ ASSUMPTIONS = (
     "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
     "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
     f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
-    "rates have the same prior, with the middle of its scales at one over the duration of the decay.",
+    "rates have the same prior, with the geometric middle of its scales at 1/duration of the decay.",
     f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
     f"The law holds exactly with probability {PROBABILITY_EXACT:g}. Otherwise its rate is multiplied by 1 + g, where g "
-    f"has the sd τ, which has an exponential prior with mean {MEAN_G:g}.",
+    f"varies randomly with time, with the sd τ. The prior of τ is exponential with the mean {MEAN_G:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock). Readings in dB may also contain "
     f"{DRIFT:g} dB of drift or nonlinearity of the detector over half of the decay.",
     f"Readings down to {ABOVE_FLOOR:g} dB above the noise floor are used. The quoted Q and rate are those of the law, "

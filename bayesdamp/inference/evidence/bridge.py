@@ -84,10 +84,11 @@ class Bridge(EvidenceMethod):
         apart = abs(estimates[0].log_evidence - estimates[1].log_evidence) / stderr
         overlap, outcome = min(s.overlap for s in estimates), OK
         if draws.outcome != OK:
-            outcome = f"not to be trusted: its posterior draws are {draws.outcome}"
+            outcome = f"not to be trusted: its posterior draws are unreliable ({draws.outcome})"
         elif not overlap > OVERLAP_LIMIT:
             outcome = (
-                f"not to be trusted: posterior and fit overlap by {overlap:.2f}, less than {OVERLAP_LIMIT}"
+                f"not to be trusted: posterior and fitted distribution overlap by {overlap:.2f} (1 if they are equal), "
+                f"less than {OVERLAP_LIMIT}"
             )
         elif not apart < SE_APART:
             outcome = f"not to be trusted: the two halves of the draws are {apart:.1f} standard errors apart"
@@ -96,7 +97,7 @@ class Bridge(EvidenceMethod):
             method=self.name,
             log_evidence=0.5 * sum(s.log_evidence for s in estimates),
             stderr=0.5 * stderr,
-            diagnostic=f"overlap {overlap:.2f}, halves {apart:.1f} standard errors apart",
+            diagnostic=f"overlap {overlap:.2f}, two halves of the draws {apart:.1f} standard errors apart",
             evaluations=evaluations,
             outcome=outcome,
         )

@@ -182,7 +182,8 @@ class Deviation(NoiseModel):
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Raise Refusal: residuals are independent only given the deviations, so none has a density of its own."""
         raise Refusal(
-            "with deviations from the laws, samples have no separate densities: their errors are correlated"
+            "with deviations from the laws the errors of samples are correlated, so that no sample has a density of "
+            'its own; use deviation "none"'
         )
 
 

@@ -27,12 +27,12 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings, compare_cha
 from bayesdamp.types import OK, ChainStart, Posterior
 
 MOST_DOUBLINGS = 7
-"""Greatest number of times that a trajectory is doubled; it then has at most 2⁷ points."""
+"""Greatest number of times that NUTS doubles a trajectory, which then has at most 2⁷ points."""
 DIVERGENCE_NATS = 1000.0
 """A trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
 MOST_REFLECTIONS = 4
-"""Greatest number of reflections in a leapfrog step, per wall (4 k in total for k walls); a step with more is
-rejected."""
+"""Greatest number of reflections in a leapfrog step for each wall (a bound where a coefficient is zero), 4 k in total
+for k walls; a step with more is rejected."""
 LEAPFROG_STEP = 1.05
 """Length of a leapfrog step in whitened coordinates, in which the posterior is nearly standard normal and trajectories
 are nearly circles with a period of 2π. With slightly more than π/3, four points span half of a circle, after which a
@@ -41,8 +41,8 @@ LEAST_ACCEPTANCE = 0.5
 """If the mean acceptance probability is below this, sampling is repeated with a curved ridge straightened, with shorter
 steps, or with the exact gradient (conventional)."""
 MOST_DIVERGENT = 0.002
-"""If a larger fraction of the transitions diverges, sampling is repeated. (The outcome reports divergences only above 1
-%.)"""
+"""If a larger fraction than this of the NUTS transitions diverges, sampling is repeated with other coordinates, a
+shorter step or the exact gradient. (The outcome reports divergences only above 1 %.)"""
 ATTEMPTS = ((False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125))
 """Repetitions of sampling that are tried in turn while the draws are poor (`is_poor`). Each is a pair: whether the
 force is the exact gradient, and the factor by which `LEAPFROG_STEP` is multiplied (conventional). If the force is the
