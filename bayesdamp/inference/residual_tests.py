@@ -350,13 +350,13 @@ def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, f
         rest = float(np.mean(motion.states[:, 0]))
     # Derivatives of position and velocity by the angle and by the velocity at the start.
     by_angle, by_velocity = np.stack(
-        [slopes_at_times(nodes, slopes, starts, grid, order) for order in (0, 1)], axis=1
+        [slopes_at_times(nodes, slopes, starts, grid, 1, order) for order in (0, 1)], axis=1
     ).T
     wronskian = by_angle[0] * by_velocity[1] - by_angle[1] * by_velocity[0]
     wronskian[wronskian == 0.0] = np.nan  # friction has ended the motion
     unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
     order = QUANTITIES.index(signal.quantity)
-    first, second = slopes_at_times(nodes, slopes, starts, times, order).T
+    first, second = slopes_at_times(nodes, slopes, starts, times, 1, order).T
     effects = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)

@@ -29,7 +29,14 @@ from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
 from bayesdamp.serial import join, split
-from bayesdamp.store.contents import AnswerContent, ComparedCandidate
+from bayesdamp.store.contents import (
+    AnswerContent,
+    CandidatePriors,
+    ComparedCandidate,
+    NoiseEvidence,
+    SampledPosterior,
+    StoredFit,
+)
 from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict import thresholds
@@ -278,42 +285,39 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
     terms = next(iter(comparison.solvers.values())).terms
     priors, posteriors, laws, fits = [], [], [], {}
     for r in comparison.results:
-        damping, law = "+".join(r.candidate.damping), r.candidate.restoring
-        name = {"damping": damping, "restoring": law}
-        priors.append({**name, "priors": {n: p.describe() for n, p in r.fit.parameters.priors.items()}})
+        name = damping, law = "+".join(r.candidate.damping), r.candidate.restoring
+        described = {n: p.describe() for n, p in r.fit.parameters.priors.items()}
+        priors.append(CandidatePriors(*name, described))
         if set(r.candidate.damping) == set(terms):  # the fit of all terms under this restoring law
             fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
-            table, draws = posterior_of(comparison, r, r.sampled)
-            further[f"draws/{damping}@{law}"] = draws
-            posteriors.append({**name, **table})
+            table, further[f"draws/{damping}@{law}"] = posterior_of(comparison, r, r.sampled)
+            posteriors.append(SampledPosterior(*name, **table))
         if r.linearisation is not None and r.approximate_posterior is not None:
-            laws.append({**name, "found": split(state_of(comparison, r), further, law_prefix(damping, law))})
+            laws.append(StoredFit(*name, split(state_of(comparison, r), further, law_prefix(*name))))
+    compared = [_row(comparison, r) for r in comparison.results if comparison.compares(r)]
     refused = [
         ComparedCandidate("+".join(c.damping), c.restoring, outcome=why)
         for c, why in comparison.refused.items()
     ]
     rivals = [r for r in comparison.forms if comparison.compares(r)]
-    content = {
-        "verdict": verdict.to_dict(),
-        "candidates": [
-            *(_row(comparison, r) for r in comparison.results if comparison.compares(r)),
-            *refused,
-        ],
-        "rivals": [
+    content = AnswerContent(
+        verdict.to_dict(),
+        candidates=(*compared, *refused),
+        fits=fits,
+        priors=tuple(priors),
+        posteriors=tuple(posteriors),
+        laws=tuple(laws),
+        rivals=tuple(
             replace(_row(comparison, r), place="+".join(replaced_sum(r.candidate.damping))) for r in rivals
-        ],
-        "fits": fits,
-        "priors": priors,
-        "posteriors": posteriors,
-        "laws": laws,
-        "noise": comparison.noise.name,
-        "noises": comparison.noise.weighed,
-        "terms": terms,
-        "epsilon": None if comparison.epsilon_known else comparison.epsilon,
-        "frictions": comparison.frictions,
-    }
-    return Answer(AnswerContent.of_meta(split(content)), arrays, further)
+        ),
+        noise=comparison.noise.name,
+        noises=tuple(NoiseEvidence(n.name, n.log_evidence, n.values) for n in comparison.noise.weighed),
+        terms=terms,
+        epsilon=None if comparison.epsilon_known else comparison.epsilon,
+        frictions=comparison.frictions,
+    )
+    return Answer(content, arrays, further)
 
 
 def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:

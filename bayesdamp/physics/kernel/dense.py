@@ -120,15 +120,16 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
 
 @interruptible
 @compiled
-def slopes_at_times(times, slopes, columns, t, order):
-    """Return the order-th time derivative (0 to 2) of tangents at increasing times t, (n,): shape (n, columns.size).
+def slopes_at_times(times, slopes, columns, t, size, order):
+    """Return means over windows of the order-th time derivative (0 to 2) of tangents: shape (n, columns.size).
 
     A tangent is the derivative of the motion by one parameter. times: times of the nodes, (s,). slopes: value, slope,
     curvature and factor k (see `quintic`) of all p tangents at the nodes, (s, p, 4). columns: indices of the
-    tangents to evaluate.
+    tangents to evaluate. t: increasing times, (n × size,): `size` for each of n windows; with size 1 the means are the
+    values at t.
     """
-    k = columns.size
-    values, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
+    k, share = columns.size, 1.0 / size
+    means, c, first = np.zeros((t.size // size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):
         end = end_of_step(times, node, t, first)
         if end == first:
@@ -140,14 +141,20 @@ def slopes_at_times(times, slopes, columns, t, order):
                 c[j, p] = slopes[node, q, j]
             for j in range(3):
                 c[4 + j, p] = slopes[node + 1, q, j]
-        for i in range(first, end):
-            u = (t[i] - begun) / step
-            u2, u3 = u * u, u * u * u
-            w0, w1, w2, w3, w4, w5, w6 = node_factors(1.0, u, u2, u3, u2 * u2, u2 * u3, u3 * u3, step, order)
+        while first < end:
+            row = first // size
+            stop = min(end, (row + 1) * size)
+            m0, m1, m2, m3, m4, m5, m6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(first, stop):
+                u = (t[i] - begun) / step
+                u2, u3 = u * u, u * u * u
+                m0, m1, m2, m3 = m0 + share, m1 + share * u, m2 + share * u2, m3 + share * u3
+                m4, m5, m6 = m4 + share * u2 * u2, m5 + share * u2 * u3, m6 + share * u3 * u3
+            w0, w1, w2, w3, w4, w5, w6 = node_factors(m0, m1, m2, m3, m4, m5, m6, step, order)
             for p in range(k):
-                values[i, p] = (
+                means[row, p] += (
                     w0 * c[0, p] + w1 * c[1, p] + w2 * c[2, p] + w3 * c[3, p]
                     + w4 * c[4, p] + w5 * c[5, p] + w6 * c[6, p]
                 )  # fmt: skip
-        first = end
-    return values
+            first = stop
+    return means

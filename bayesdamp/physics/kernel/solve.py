@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
@@ -36,83 +35,28 @@ SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
 
 
 @dataclass(frozen=True)
-class Windows:
-    """Two points and two weights for each of n windows of samples, from which the mean over the window is computed.
-
-    The weighted sum of a function's values at the two points is the mean over the samples: exactly for a cubic
-    polynomial (it is the two-point Gauss rule for the sample times), and within 1e-8 of the amplitude for an
-    oscillation if a window is at most 1/80 of a cycle.
-
-    Attributes
-    ----------
-    times : ndarray, shape (n, 2)
-        The points in s, increasing.
-    weights : ndarray, shape (n, 2)
-        Their weights, which sum to 1 in each window.
-
-    References
-    ----------
-    G. H. Golub and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23, 221 (1969).
-    """
-
-    times: np.ndarray
-    weights: np.ndarray
-
-    @classmethod
-    def of(cls, t: np.ndarray) -> Self:
-        """Return points and weights for windows with the given sample times.
-
-        Parameters
-        ----------
-        t : ndarray, shape (n, m)
-            The times of the m samples in each of n windows, in s.
-        """
-        middle = t.mean(axis=1)
-        off = t - middle[:, None]
-        sd = np.sqrt(np.mean(off**2, axis=1))
-        scale = np.where(sd > 0, sd, 1.0)
-        skewness = np.mean((off / scale[:, None]) ** 3, axis=1)
-        root = np.sqrt(skewness**2 + 4)
-        low, high = 0.5 * (skewness - root), 0.5 * (skewness + root)
-        times = middle[:, None] + sd[:, None] * np.column_stack([low, high])
-        return cls(times, np.column_stack([high, -low]) / root[:, None])
-
-    def first(self, count: int) -> Windows:
-        """Return the points and weights of only the first `count` windows."""
-        return Windows(self.times[:count], self.weights[:count])
-
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the weighted mean in each window, (n, ...).
-
-        values: values at the two points of the first window, then of the second, and so on, (2n, ...).
-        """
-        first, second = self.weights.T.reshape(2, -1, *(1,) * (values.ndim - 1))
-        return first * values[::2] + second * values[1::2]
-
-
-@dataclass(frozen=True)
 class Slopes:
     """Tangents (derivatives of a motion by parameters) at the nodes of the integration, for interpolation.
 
     times: of the s nodes, in s, (s,). slopes: tangents by all k parameters of the kernel, with their first and second
     time derivative and a correction (see `dense`), (s, k, 4). columns: indices of the solver's own p parameters among
-    these k, (p,). t: times at which the tangents are evaluated. windows: the windows of which `t` are the points; None
-    if `t` are the samples. order: 0 for tangents of the angle, 1 of the velocity, 2 of the acceleration.
+    these k, (p,). t: times of the samples, (n, m), over each row of which tangents are averaged. order: 0 for tangents
+    of the angle, 1 of the velocity, 2 of the acceleration.
     """
 
     times: np.ndarray
     slopes: np.ndarray
     columns: np.ndarray
     t: np.ndarray
-    windows: Windows | None
     order: int
 
     def at_samples(self) -> np.ndarray:
-        """Return the tangents at each of n samples, (n, p), by interpolation, or their means over each of n windows."""
+        """Return the means of the tangents over the samples of each row of `t`, (n, p), by interpolation."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
-        values = slopes_at_times(self.times, self.slopes, self.columns, self.t, self.order)
-        return values if self.windows is None else self.windows.mean(values)
+        return slopes_at_times(
+            self.times, self.slopes, self.columns, self.t.ravel(), self.t.shape[1], self.order
+        )
 
 
 @dataclass(frozen=True)
@@ -122,7 +66,7 @@ class Motion:
     Attributes
     ----------
     y : ndarray, shape (n,)
-        Values of the recorded quantity at the samples, or its means over the windows of the solver.
+        Values of the recorded quantity at the samples, or its means over the `Solver.samples` of each.
     slopes : ndarray, shape (n, k), or Slopes
         Derivatives of y by the k parameters, or an object from which `tangents` computes them.
     times : ndarray, shape (s,)
@@ -181,9 +125,9 @@ class Solver:
         discontinuous, and the body may stick.
     knots
         Times in s between which the deviations g and h are interpolated linearly, (k,).
-    windows
-        n windows of samples. If given, values are means over these windows instead of values at t, and the last knot
-        must not be before the last sample.
+    samples
+        Times in s of the m samples in each of n windows, (n, m), increasing. If given, values are means over these
+        windows instead of values at t, and the last knot must not be before the last sample.
     """
 
     terms: tuple[str, ...]
@@ -194,7 +138,7 @@ class Solver:
     frequency: float
     epsilon: float
     knots: np.ndarray
-    windows: Windows | None = None
+    samples: np.ndarray | None = None
 
     @property
     def slowness(self) -> float:
@@ -202,11 +146,11 @@ class Solver:
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver without windows for another quantity at other times t in s, (n,).
+        """Return a solver for another quantity at other times t in s, (n,), which does not average.
 
         The times must not be after the last knot. quantity: one of `QUANTITIES`.
         """
-        return replace(self, t=t, quantity=quantity, windows=None)
+        return replace(self, t=t, quantity=quantity, samples=None)
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -299,19 +243,18 @@ class Solver:
         Returns
         -------
         Motion
-            Its values are means over the windows if the solver has windows. Its derivatives are by p, in the order of
-            `names`, and with `ALL` also by g and h at the knots.
+            Its values are means over `samples` if these are given. Its derivatives are by p, in the order of `names`,
+            and with `ALL` also by g and h at the knots.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
-        windows = None if self.windows is None else self.windows.first(self.t[:stop].size)
         # Writable copies: Numba would compile again for an array that is read-only.
-        t = np.array(self.t[:stop], float) if windows is None else windows.times.flatten()
-        knots = self.knots
-        if g is None and h is None and t[-1] < knots[-1]:
-            knots = np.array([0.0, float(t[-1])])
+        t = np.array((self.t[:, None] if self.samples is None else self.samples)[:stop], float)
+        knots, end = self.knots, float(t[-1, -1])
+        if g is None and h is None and end < knots[-1]:
+            knots = np.array([0.0, end])
         g, h = (np.zeros(knots.size) if d is None else np.asarray(d, float) for d in (g, h))
-        most = int(MAX_STEPS_PER_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
+        most = int(MAX_STEPS_PER_CYCLE * max(1.0, end * self.frequency / (2 * np.pi)))
         every, switched = np.zeros(self._sections[-1] + 2), np.zeros(len(self.kernel.terms), bool)
         every[self._places], switched[self._places[: len(self.terms)]] = p, active
         m, first_of_law, first_of_start = self._sections.tolist()
@@ -324,12 +267,11 @@ class Solver:
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
-        y = at_times(times, states, t, order)
-        y = y if windows is None else windows.mean(y)
+        y = at_times(times, states, t.ravel(), order).reshape(t.shape).mean(axis=1)
         if not tangents:
             return Motion(y, np.zeros((y.size, 0)), times, states)
         columns = np.append(self._places, np.arange(every.size, slopes.shape[1]))
-        return Motion(y, Slopes(times, slopes, columns, t, windows, order), times, states)
+        return Motion(y, Slopes(times, slopes, columns, t, order), times, states)
 
     def works(
         self,

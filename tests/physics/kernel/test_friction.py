@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES, Windows
+from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.physics.independent import LAWS, trajectory, with_coulomb
@@ -132,16 +132,16 @@ def test_a_deviation_releases_a_body_that_is_held() -> None:
     assert np.all(solved(made, p, 0 * h, 0.15 * h).y == p["theta0"])
 
 
-def test_windows() -> None:
-    """Means of samples over an eightieth of a cycle. In a window with a turning point the acceleration jumps, and two
-    points are right to a hundredth of the jump times the window's length squared."""
-    count, long = 500, 2 * math.pi / W / 80
-    times = np.linspace(0.0, 9.9 - long, count)[:, None] + long * np.linspace(0, 1, 12)
-    made = Solver(("coulomb",), "linear", times.mean(axis=1), "angle", 0.3, W, 0.0, KNOTS, Windows.of(times))
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_means_over_windows(quantity: str) -> None:
+    """Means of the motion and of its tangents over windows of 12 samples, in which friction may change its sign."""
+    long, order = 2 * math.pi / W / 32, QUANTITIES.index(quantity)
+    times = np.linspace(0.0, 9.9 - long, 200)[:, None] + long * np.linspace(0, 1, 12)
+    made = Solver(("coulomb",), "linear", times.mean(axis=1), quantity, 0.3, W, 0.0, KNOTS, times)
     p = {**BASE, "omega0": 1.3}
-    truth = with_coulomb(p, times.ravel())[:, 0].reshape(times.shape)
-    motion = solved(made, p, tangents=NONE)
-    error = np.abs(motion.y - truth.mean(axis=1))
-    assert np.max(error) < 5e-8 + 0.02 * 2 * p["mu_c"] * long**2
-    assert np.median(error) < 5e-8
-    assert np.max(np.abs(motion.y - truth[:, 0])) > 1e-3  # control
+    truth = with_coulomb(p, times.ravel())[:, order].reshape(times.shape)
+    motion = solved(made, p)
+    assert np.max(np.abs(motion.y - truth.mean(axis=1))) < 5e-8 * W**order
+    assert np.max(np.abs(motion.y - truth[:, 5:7].mean(axis=1))) > 1e-4  # control: the middle of the window
+    each = solved(made.at(times.ravel(), quantity), p).tangents
+    assert motion.tangents == pytest.approx(each.reshape(*times.shape, -1).mean(axis=1), rel=1e-8)
