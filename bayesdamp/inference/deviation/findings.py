@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -387,7 +388,7 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: TemperedDraws
-) -> tuple[dict[str, object], np.ndarray]:
+) -> tuple[dict[str, Any], np.ndarray]:
     """Summarise the draws of a candidate that `sampling` has made with exact motions.
 
     Returns
