@@ -21,7 +21,8 @@ from bayesdamp.types import Reference, Signal
 A_CYCLE = 32
 """If neighbouring samples are averaged, at least this many means remain in a cycle. Motions are averaged over the same
 windows, so that only information is lost: 0.3 % of that on a sinusoid, whose mean over 1/32 of a cycle is 0.16 %
-smaller."""
+smaller, and more of that in the jumps of an acceleration under dry friction (measured: the interval of the frequency
+became up to a third wider, those of damping ratios hardly)."""
 HOLE = 2.0
 """Samples on both sides of a gap longer than this many lengths of an averaging window (1/`A_CYCLE` of a cycle) are not
 averaged together (conventional)."""
