@@ -34,7 +34,7 @@ COMMANDS = {
         "bayesdamp init rig.csv",
     ),
     "study": (
-        "Run the tasks of a study that are not done yet, and write its report.",
+        "Run the tasks of a study file that have no stored result yet, and write the report.",
         "bayesdamp study quickstart",
     ),
     "compare": (
@@ -42,11 +42,11 @@ COMMANDS = {
         "bayesdamp compare rig.csv --quick",
     ),
     "calibrate": (
-        "Check the intervals: simulate records with parameters from the study's prior, and compare with the truth.",
+        "Check the credible intervals on simulated records, whose true parameters are drawn from the study's prior.",
         "bayesdamp calibrate studies/calibration.toml --records 100",
     ),
     "check": (
-        "Read a study and its records; show what it asks for, or the first error. Nothing is run.",
+        "Check a study file and its records: show what the study asks for, or the first error. Nothing is run.",
         "bayesdamp check rig.toml",
     ),
     "simulate": (
@@ -58,7 +58,7 @@ COMMANDS = {
         "bayesdamp report reports/rig",
     ),
     "claims": (
-        "Test each claim of the paper about the eleven estimators, and report whether it holds.",
+        "Test a published paper's claims about eleven damping estimators, and report which of them hold.",
         "bayesdamp claims --paper reports/paper --noise reports/noise",
     ),
     "doctor": (
@@ -85,7 +85,8 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the name of the command to run, the command with its options, and the arguments after its name.
 
-        An unknown name is an error of the command line; while a shell completes one, name and command are None.
+        An unknown name raises a usage error; but while the shell completes a partly typed name, name and command are
+        None.
         """
         name, _, rest = super().resolve_command(ctx, args)
         return name, command(name) if name else None, rest
@@ -95,7 +96,7 @@ class Commands(TyperGroup):
 def command(name: str) -> Any:
     """Return the Click command of this name, whose options follow from the signature of its function.
 
-    It is cached because tests run hundreds of commands in one process.
+    The result is cached, because tests run hundreds of commands in one process.
     """
     function = getattr(import_module(f"bayesdamp.cli.commands.{name}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=SETTINGS)

@@ -22,7 +22,7 @@ from bayesdamp.types import Refusal
 from bayesdamp.units import UNITS
 
 MOST_GAPS = 4
-"""Largest number of gaps in a record that are listed one by one."""
+"""Largest number of gaps in a record that are listed one by one; of more, only the number is given."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Unicode braille patterns, by row and column of the dot."""
 
@@ -140,7 +140,7 @@ def view_envelope(
             f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
             f"The oscillation's frequency is {record.frequency:.9g} Hz."
             if record.frequency is not None
-            else f"Q needs the frequency: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
+            else f"To get Q, give the frequency: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",
         ]
     y = level if record.logarithmic else np.array([record.amplitude(float(x))[0] for x in level])
     what = f"{t.size} readings from {time_span(t[0], t[-1])}"

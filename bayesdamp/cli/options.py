@@ -34,9 +34,16 @@ def option(group: str, text: str, *names: str, **more: Any) -> Any:
 StudyFile = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]
 Plugins = Annotated[
     list[Path] | None,
-    option(COMPARED, "A Python file with plug-ins of your own; may be repeated.", "--plugin"),
+    option(
+        COMPARED,
+        "A Python file with your own damping terms, readers or other plug-ins; may be repeated.",
+        "--plugin",
+    ),
 ]
-Out = Annotated[Path | None, option(RUNNING, "The folder to write; by default reports/NAME.")]
+Out = Annotated[
+    Path | None,
+    option(RUNNING, "The folder for the results; by default reports/NAME, with the study's name."),
+]
 Workers = Annotated[int | None, option(RUNNING, "Number of processes; by default one for each core.", min=1)]
 Scheduler = Annotated[
     str | None, option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
@@ -48,7 +55,7 @@ Quick = Annotated[
     bool,
     option(
         RUNNING,
-        "Compute only the answer from linearised motions, without sampling; takes seconds.",
+        "Compute only the answer from linearised motions, without sampling the posterior; takes seconds.",
         "--quick",
     ),
 ]

@@ -23,13 +23,15 @@ if TYPE_CHECKING:
     from bayesdamp.config.compare import RecordOptions
 
 MAYBE_ENVELOPE = "If these values are the amplitudes of an envelope, use --quantity envelope."
+"""Hint for a record without an oscillation and without negative values."""
 _VALID = {
     "unit": tuple(UNITS),
     "quantity": ("angle", "velocity", "acceleration"),
     "clock": ("auto", "as_logged", "uniform"),
     "time_unit": ("s", "ms", "us", "ns", "ps", "min", "h", "d"),
 }
-"""Valid values of options. `time_unit` may also be any name in `SECONDS`, such as "sec"."""
+"""Valid values of the options for reading files, by option. `time_unit` may also be any name in `SECONDS`, such as
+"sec"."""
 LONGEST_SUGGESTION = 290
 """Number of characters to which an error with a suggested command is shortened. The command, and 60 characters of the
 error, are kept even if this is longer."""
@@ -37,7 +39,7 @@ _OPTIONS = {"value": "angle", "rate": "rate"}
 """Map from an argument of `read_records` that is missing in an error to the option with which a user can provide it."""
 _PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
 """Placeholders in a suggested command for values that are not known."""
-_INTRODUCTION = "all of this in one command (check its values): "
+_INTRODUCTION = "to specify all missing or doubtful settings in one command (check its values): "
 MOST_SUGGESTED_OPTIONS = 3
 """Largest number of times that a file is read on trial, each time with one more missing option filled in, to suggest a
 single command that provides all of them."""
@@ -45,24 +47,28 @@ single command that provides all of them."""
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """The options of the command line on how to read files, with their help (`with_reading_options`).
+    """The command-line options for reading files; each annotation contains the option's help text.
 
-    None for an option that is not given. start, stop: times in s as numbers, or "auto". A wrong value raises
-    InputError.
+    An option that is not given is None, or "auto" for clock, start and stop. start, stop: limits of the free decay in
+    s. A wrong value raises InputError.
     """
 
     angle: Annotated[
         str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")
     ] = None
     time: Annotated[str | None, option(READING, "Column of the times, by name or number.")] = None
-    time_unit: Annotated[str | None, option(READING, "Unit of the times: s, ms, us, ns or min.")] = None
+    time_unit: Annotated[
+        str | None,
+        option(READING, "Unit of the times: s, ms, us, ns, ps, min, h or d; by default from the file."),
+    ] = None
     rate: Annotated[float | None, option(READING, "Sampling rate in Hz, for a file without times.")] = None
     unit: Annotated[
         str | None,
         option(
             READING,
-            "Unit of the displacement: rad, deg, m, mm, V and others (a wrong one lists them), or g, rpm, dps. By "
-            "default from the file; otherwise rad, or deg or counts where the values are too large for rad.",
+            "Unit of the displacement: rad, deg, m, mm, V and others (the error for an unknown unit lists them), or "
+            "g, rpm, dps. By default from the file; otherwise rad, or deg or counts if the values are too large for "
+            "rad.",
         ),
     ] = None
     quantity: Annotated[
@@ -77,8 +83,8 @@ class ReadingOptions:
         str,
         option(
             READING,
-            "How the times of samples are found: as_logged (the time stamps), uniform (equal steps, rebuilt from the "
-            "time stamps), or auto.",
+            "Times of the samples: as_logged (the time stamps), uniform (equal steps, fitted to the time stamps), or "
+            "auto (uniform if stamps are rounded or come in bursts, else as_logged).",
         ),
     ] = "auto"
     start: Annotated[
@@ -148,9 +154,10 @@ class ReadingOptions:
 
 
 def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
-    """Give a command the options of `ReadingOptions`, which it gets as further keyword arguments.
+    """Give a command the options of `ReadingOptions`, which are passed to it as further keyword arguments.
 
-    The last parameter of the command, **reading, is replaced by them in its signature. The command itself is returned.
+    In the signature of the command, from which Typer builds the command line, the options replace the last parameter,
+    **reading. Return the same function.
     """
     *own, _ = signature(command, eval_str=True).parameters.values()
     added = signature(ReadingOptions, eval_str=True).parameters.values()
@@ -388,9 +395,10 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
 
 
 def _with_command(error: InputError, path: Path, options: ReadingOptions) -> InputError:
-    """Return an error of reading a file with a command in its message, which gives all that the file lacks.
+    """Return an error of reading a file, with a command in its message that specifies everything the file lacks.
 
-    If no option would help, the error is returned as it is.
+    Placeholders such as HZ stand for values that are not known. If no option would help, the error is returned as it
+    is.
     """
     answers: dict[str, str] = {}
     refused, trial = error, options
@@ -422,10 +430,10 @@ def _with_command(error: InputError, path: Path, options: ReadingOptions) -> Inp
 
 
 def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
-    """Return a line for each file with doubts that two or more options would settle.
+    """Return a line for each file whose reading is doubtful in points that two or more options would settle.
 
-    The records may be of several files. The line contains a command with all these options, each with its most likely
-    value.
+    The line contains a command with all these options, each with its most likely value. The records may be of several
+    files.
     """
     by_path: dict[Path, dict[str, str]] = {}
     for record in records:

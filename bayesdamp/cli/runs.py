@@ -21,7 +21,8 @@ from bayesdamp.report.terminal import PipeSafeConsole, VerdictPrinter, print_con
 from bayesdamp.types import InputError
 
 MOST_ANSWERS = 100
-"""Largest number of folders of runs with the same NAME: NAME, NAME-2, NAME-3, ... (conventional)."""
+"""Largest number of folders that are tried for the runs of studies with the same NAME: NAME, NAME-2, NAME-3, ...; if
+all contain other studies, --out is required (conventional)."""
 FEW_RECORDS = 5
 """Largest number of records in one command for which each verdict is printed as soon as it is available."""
 
@@ -63,7 +64,7 @@ def choose_folder(study: Study) -> Path:
 
 
 def compilation_notice() -> str:
-    """Return a notice if nothing is compiled yet, so that this run takes longer; empty otherwise."""
+    """Return a notice that this run takes longer, if no equations of motion are compiled yet; else an empty text."""
     if any((cache_folder() / "kernels").glob("*")):
         return ""
     return "compiling the equations of motion for this machine; this first run takes 10 to 20 s longer"

@@ -15,10 +15,11 @@ from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 _KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
-"""Arguments of `read` that have other names as keys of a study file."""
+"""Arguments of `bayesdamp.read` that have other names in a study file: the key of [[signal]] for each of them."""
 _PRIORS: Mapping[str, type[BaseModel]] = {
     kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
 }
+"""The class of each prior that a study file can specify, by its name, such as "normal"."""
 
 
 class StudyError(Exception):
@@ -149,7 +150,7 @@ def check_distinct(names: Iterable[str], key: str, what: str) -> None:
 
 @contextmanager
 def in_keys() -> Iterator[None]:
-    """Make InputErrors name the keys of a study file instead of the options of the command."""
+    """Context manager in which InputErrors name the keys of a study file instead of command-line options."""
     try:
         yield
     except InputError as error:

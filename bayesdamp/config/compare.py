@@ -1,6 +1,7 @@
-"""Build the study behind the command `compare`, which infers all parameters and takes none as known.
+"""Build the study that the command `compare` runs; all parameters are inferred, and none is taken as known.
 
-By default it compares all damping sums under all restoring laws.
+By default the study compares all damping sums (sums of damping terms, such as viscous+coulomb) under all restoring
+laws.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ METHODS = ("laplace", "importance", "bridge")
 JOINT_METHODS = ("laplace", "importance")
 """Methods by which the evidence on single records is computed if the records are also fitted jointly."""
 SPECIMEN = "specimen"
-"""Name of the specimen if all records belong to the same one."""
+"""Name of the specimen (the tested object) if all records are repeats on the same one."""
 
 
 RecordOptions = Mapping[str, Any]

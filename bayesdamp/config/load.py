@@ -94,10 +94,10 @@ def study_file(given: Path) -> Path:
 
 
 def record_question(study: Study, folder: Path) -> dict[str, Any]:
-    """Return the part of run.json (`asked`) from which the study can be run again.
+    """Return the entry `asked` of run.json, from which the study can be run again.
 
-    `tables` has the tables of the study file, `beside` the folder of the study's files. This path is relative to
-    `folder`, the folder of the run, so that both folders can be moved together.
+    Its key `tables` contains the tables of the study file, `beside` the path of the folder of the study's files. This
+    path is relative to `folder`, the folder of the run, so that both folders can be moved together.
     """
     beside = Path(os.path.relpath(study.source.parent.resolve(), folder.resolve())).as_posix()
     return {"tables": dict(study.tables), "beside": beside}

@@ -45,13 +45,20 @@ START = ("theta0", "omega0")
 """Names of the initial conditions of a motion: displacement (rad or m) and velocity (rad/s or m/s) at the first
 sample."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
+"""Names of the noise parameters: standard deviation in the record's unit, correlation time in s, and degrees of freedom
+of Student's t."""
 REFERENCE = ("amplitude", "frequency", "inertia")
+"""Keys of [system] that are not inferred: amplitude (rad or m) and frequency (rad/s) by which priors are scaled, and
+inertia (kg m² or kg), with which forces and energies get physical units."""
 LARGEST_VALUE = 1e24
-"""Largest true value of a parameter of a simulation, in its unit (conventional)."""
+"""Largest true value of a parameter of a simulation, in the parameter's unit; a larger one is an error of the study
+(conventional)."""
 LEAST_CYCLES, MOST_CYCLES = 0.01, 1e6
-"""Smallest and largest number of cycles of a simulated record (conventional)."""
+"""Smallest and largest number of cycles of a simulated record; other numbers are an error of the study
+(conventional)."""
 MOST_SIGNALS = 100_000
-"""Greatest number of signals after the expansion of sweeps (conventional)."""
+"""Greatest number of signals after each is repeated for all values of the sweeps; more are an error of the study
+(conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
 _NOT_OF_ENVELOPES = (
@@ -342,7 +349,7 @@ def resolve_signal(
         _check_translation(source.unit, name, unit_key)
     unit, inertia = UNITS[source.unit], reference.get("inertia")
     if unit.quantity not in (None, source.quantity):
-        right = f'it goes with quantity = "{unit.quantity}"'
+        right = f'this unit needs quantity = "{unit.quantity}"'
         raise StudyError(unit_key, f"is {unit.name!r} with quantity {source.quantity!r}; {right}")
     if inertia is not None and not unit.physical:
         what = f"is {unit.name!r}, in which forces have no unit; remove inertia, or use rad or m"

@@ -1,4 +1,4 @@
-"""The classes of a checked study file and of its tables."""
+"""Define the classes of a checked study file and of its tables."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from bayesdamp.types import InputError, System, candidate_name, candidate_parts
 from bayesdamp.units import UNITS
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
+"""Regular expression of valid names of studies, signals, specimens and variants of estimators."""
 
 
 def _tuple_of(value: object) -> object:
@@ -36,11 +37,13 @@ DEVIATIONS: tuple[str, ...] = get_args(Deviation)
 """Valid values of the setting `deviation`: laws hold exactly ("none") or with deviations ("law"). "auto" allows
 deviations for measured records only."""
 MOST_SAMPLES = 10_000_000
-"""Greatest number of samples of a record, and of draws of a chain (conventional)."""
+"""Greatest number of samples of a simulated record, and of draws of a Markov chain, that a study may ask for; a larger
+number is an error (conventional)."""
 MOST_RECORDS = 1_000_000
-"""Greatest number of records, and of repeats of a record (conventional)."""
+"""Greatest number of simulated records, and of repeats of a record, that a study may ask for; a larger number is an
+error (conventional)."""
 MOST_CHAINS = 1000
-"""Greatest number of chains (conventional)."""
+"""Greatest number of Markov chains that a study may ask for; a larger number is an error (conventional)."""
 MOST_COLUMNS = 100_000
 """Largest number, counted from 1, by which a study may select a column of a file (conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
@@ -60,8 +63,9 @@ class StudySection(BaseModel):
 class Header(StudySection):
     """The keys at the top of the file, outside all tables.
 
-    version: of the format, always 1. name: of the study; by default that of the file. seed: of all random numbers.
-    description: shown in the report. published: path of a CSV file with published results.
+    version: version of the format, always 1. name: name of the study; by default that of the file. seed: seed of all
+    random numbers. description: text that the report shows. published: path of a CSV file with published results, which
+    the report compares with those of the study.
     """
 
     version: int = Field(ge=1, le=1, description="1, the version of this format")
@@ -74,13 +78,15 @@ class Header(StudySection):
 
 
 class FileTable(StudySection):
-    """How the file of a record is read; keys that are not given follow from the file.
+    """The keys of [[signal]] on how the file of a record is read; None: as the file states, or chosen automatically.
 
     time, angle: columns of the times and of the recorded quantity (also if it is not an angle), by name or number from
-    1. unit: of the displacement. rate: sampling rate in Hz, for a file without times. frequency: that of an envelope's
-    oscillation in Hz. start, stop: ends of the free decay in s of the record's clock; "auto" searches them.
-    least_noise: standard deviation of the noise that is added to a record without noise, as a fraction of its
-    amplitude.
+    1. unit: unit of the displacement. quantity: the recorded quantity. frequency: frequency of the oscillation in Hz,
+    for an envelope. rate: sampling rate in Hz, for a file without times. clock: times of the samples: "as_logged" (the
+    time stamps), "uniform" (equal steps, fitted to the stamps), or "auto" to choose. run, channel: the record to use of
+    a file with several. time_unit: unit of the file's times. start, stop: limits of the free decay in s, in the times
+    of the record; "auto" finds them. least_noise: standard deviation of the noise that is added to a record without
+    noise, as a fraction of its amplitude.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -96,7 +102,8 @@ class FileTable(StudySection):
     )
     rate: float | None = Field(None, gt=0, description="the sampling rate in Hz, a positive number")
     clock: Literal["auto", "as_logged", "uniform"] = Field(
-        "auto", description='"auto", "as_logged" or "uniform" (rebuilt from stamps that come in bursts)'
+        "auto",
+        description='"auto", "as_logged" (the time stamps) or "uniform" (equal steps, fitted to the stamps)',
     )
     run: RunName | None = Field(
         None, description="the number of one of the file's runs, or its label in quotes"
@@ -118,9 +125,10 @@ class FileTable(StudySection):
 class SignalTable(FileTable):
     """A table [[signal]]: a record that is simulated or read.
 
-    It has either `simulate` or `file`. system: what is known of the oscillator, in addition to [system]. compare,
-    restoring: damping sums and restoring laws instead of those of [models]. estimate: the sums under which estimators
-    run; all by default. specimen: name that repeats of one specimen have in common.
+    It has either `simulate` or `file`. system: known or free parameters of the oscillator, which replace or complete
+    those of the table [system]. compare, restoring: damping sums (such as viscous+coulomb) and restoring laws to
+    compare instead of those of [models]. estimate: the damping sums whose coefficients the estimators estimate; all
+    by default. specimen: name of the tested object, the same for all repeats on it; such records are fitted jointly.
     """
 
     name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
@@ -146,9 +154,11 @@ class SignalTable(FileTable):
 class SimulateTable(StudySection):
     """The table `simulate` of a signal, without the true values of the parameters.
 
-    duration: in s. repeats: number of records, which differ only in their random numbers (noise, outliers and gaps).
-    noise: the noise model. outliers: their number, or below 1 their fraction of the samples. gaps: number of gaps.
-    quantum: step to which values are rounded, in the record's unit; 0 for none.
+    duration: length of the record in s. samples: number of samples before gaps are removed. repeats: number of records,
+    which differ only in their random numbers (noise, outliers and gaps). noise: name of the noise model. outliers:
+    number of spikes, or their fraction of the samples if it is below 1. gaps: number of missing stretches. quantum:
+    step to which values are rounded, in the record's unit; 0 for none. quantity: the simulated quantity. unit: unit of
+    the displacement.
     """
 
     duration: float = Field(
@@ -167,7 +177,11 @@ class SimulateTable(StudySection):
 
 
 class SweepTable(StudySection):
-    """A table [[sweep]]: all signals to which the key applies (see `expand`) are repeated for each of its values."""
+    """A table [[sweep]]: the signals of the study are repeated for each of its values.
+
+    key: the key of [[signal]] that gets the values. A key `simulate.*` applies to simulated signals, `system.*` to all,
+    any other key to signals that are read from files; other signals are not repeated.
+    """
 
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
     values: Annotated[tuple[Any, ...], BeforeValidator(_tuple_of), Field(min_length=1)] = Field(
@@ -176,7 +190,7 @@ class SweepTable(StudySection):
 
 
 class PluginsTable(StudySection):
-    """[plugins]: the user's modules of plug-ins."""
+    """[plugins]: Python files with the user's own plug-ins, such as damping terms; paths start at the study file."""
 
     modules: SomeNames | None = Field(
         None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
@@ -184,10 +198,11 @@ class PluginsTable(StudySection):
 
 
 class EstimatorsTable(StudySection):
-    """[estimators] without the tables of single estimators.
+    """[estimators]: which estimators of damping coefficients run; without the tables of options of single estimators.
 
-    use: names of estimators and variants, or "all". stages: "initial" (the estimate of the method itself), "refined"
-    (the trajectory fit that starts there). repeats: by name, the largest number of repeats on which it runs.
+    use: names of estimators and of their variants, or "all". stages: "initial" (the estimate of the method itself),
+    "refined" (a least-squares fit of the motion that starts from this estimate). repeats: for a name, the largest
+    number of repeats of a signal on which this estimator runs.
     """
 
     use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
@@ -224,9 +239,12 @@ class ModelsTable(StudySection):
 class PosteriorTable(StudySection):
     """[posterior]: samplers, noise models, deviations and numbers of draws.
 
-    noise: a noise model, several, or "auto" for all, of which the most probable is used. best: number of the most
-    probable models of a record whose posterior is sampled; None for all. deviation: see `DEVIATIONS`. sensor: relative
-    linearity error of the sensor (standard deviation). warmup, draws: numbers for each chain.
+    samplers: names of the MCMC samplers. noise: name of a noise model, or several names; "auto" means all. If there are
+    several, the most probable one on each record is used. best: number of the most probable models of a record whose
+    posterior is sampled; None for all. deviation: whether the damping and restoring laws hold exactly ("none") or only
+    approximately ("law"); "auto" allows deviations for measured records only. sensor: relative linearity error of the
+    sensor (standard deviation). chains: number of Markov chains. warmup, draws: numbers of discarded and of stored
+    draws of each chain.
     """
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
@@ -264,7 +282,7 @@ class EvidenceTable(StudySection):
 
 
 class CalibrationTable(StudySection):
-    """[calibration]: settings of `calibrate`.
+    """[calibration]: settings of `calibrate`, which checks credible intervals by simulation-based calibration.
 
     records: number of usable simulated records for each model. samplers: samplers whose intervals are checked. draws:
     number of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of
@@ -284,7 +302,7 @@ class CalibrationTable(StudySection):
 
 
 class RecoveryTable(StudySection):
-    """[recovery]: settings of `calibrate --models`.
+    """[recovery]: settings of `calibrate --models`, which checks the probabilities of models on simulated records.
 
     records: number of simulated records. noise, noise_sigma: the noise sd of a record has a log-normal prior; its
     median is one of the values of noise, in fractions of the reference amplitude, and noise_sigma is the standard
@@ -330,7 +348,8 @@ class Simulation(SimulateTable):
 class Recording(FileTable):
     """A record to read.
 
-    file: the path as written in the study. path: the resolved path. unit: empty for an envelope if its file states it.
+    file: the path as written in the study. path: the absolute path. unit: unit of the displacement; empty for an
+    envelope whose study does not state the unit, so that the file's unit is used.
     """
 
     file: str
@@ -417,7 +436,7 @@ class Estimators:
     variants: Mapping[str, str] = field(default_factory=dict)
 
     def method(self, name: str) -> str:
-        """Return the estimator that a name in `use` stands for."""
+        """Return the estimator that a name in `use` stands for: that behind a variant, else the name itself."""
         return self.variants.get(name, name)
 
     def on(self, repeat: int) -> tuple[str, ...]:
@@ -496,7 +515,10 @@ class Study:
 
     @property
     def likelihood(self) -> str:
-        """ "law" if samplers and evidence methods allow deviations from the laws, else "none", also with "auto"."""
+        """Whether samplers and evidence methods allow deviations from the damping and restoring laws.
+
+        "law" if the study sets deviation = "law"; "none" if it sets "none" or "auto" (which concerns only the answer).
+        """
         return "law" if self.posterior.deviation == "law" else "none"
 
     @property
@@ -530,7 +552,7 @@ class Study:
 
     @property
     def noises(self) -> tuple[str, ...]:
-        """The noise models of the study; "auto" means all that ship or were added.
+        """The names of the noise models of the study; "auto" means all that are available, with the user's plug-ins.
 
         If there are several, the answer on each record chooses the one with the largest evidence.
         """

@@ -17,13 +17,18 @@ def calibrate(
     file: o.StudyFile,
     out: o.Out = None,
     models: Annotated[
-        bool, typer.Option("--models", help="Check the probabilities of the models instead of the intervals.")
+        bool,
+        typer.Option(
+            "--models",
+            help="Check the probabilities of the damping models instead of the intervals of parameters.",
+        ),
     ] = False,
     records: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="Number of records of each model (with --models of all models together); by default as in the study.",
+            help="Number of simulated records for each model (with --models: for all models together); by default as "
+            "in the study.",
         ),
     ] = None,
     workers: o.Workers = None,
@@ -33,7 +38,7 @@ def calibrate(
         typer.Option("--no-report", help="Do not write report.html; `bayesdamp report` writes it later."),
     ] = False,
 ) -> int:
-    """Check the intervals: simulate records with parameters from the study's prior, and compare with the truth."""
+    """Check the credible intervals on simulated records, whose true parameters are drawn from the study's prior."""
     loaded = read_study(file)
     folder = check_folder(out, loaded.name)
     status = run_calibration(

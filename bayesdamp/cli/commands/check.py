@@ -17,7 +17,7 @@ from bayesdamp.store.results import TaskName
 
 
 def check(file: o.StudyFile, plugin: o.Plugins = None) -> int:
-    """Read a study and its records; show what it asks for, or the first error. Nothing is run."""
+    """Check a study file and its records: show what the study asks for, or the first error. Nothing is run."""
     loaded = read_study(file, plugin)
     with in_keys():
         read_records(loaded)

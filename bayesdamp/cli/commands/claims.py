@@ -1,4 +1,4 @@
-"""Define `bayesdamp claims`, which tests the claims of the paper."""
+"""Define `bayesdamp claims`, which tests a published paper's claims about damping estimators on runs of studies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def claims(
     ] = None,
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
-    """Test each claim of the paper about the eleven estimators, and report whether it holds."""
+    """Test a published paper's claims about eleven damping estimators, and report which of them hold."""
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(
@@ -36,7 +36,7 @@ def claims(
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
         if not error_series(RunFolder(folder)):
-            what = "has no series of errors over noise, sampling or length (as studies/noise*.toml has)"
+            what = "has no errors for a series of noise levels, sampling rates or lengths (as studies/noise*.toml has)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     page.write(write_page(judge_all(CLAIMS, runs), runs))
     typer.echo(out)

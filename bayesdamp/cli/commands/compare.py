@@ -27,11 +27,12 @@ from bayesdamp.verdict.units import in_unit
 
 SENSOR = 0.002
 """Default of --sensor, the relative linearity error (standard deviation) of the sensor; `bayesdamp.compare` has the
-same."""
+same default."""
 MOST_EARLY_LINES = 5
 """Largest number of records in one command for which lines are printed before anything is fitted (`early_lines`)."""
 MOST_ENVELOPES_HERE = 6
-"""Largest number of envelopes that are computed in this process: starting a second process takes longer (measured)."""
+"""Largest number of envelope records that are computed in this process. More are shared among several processes; for
+fewer, starting a second process takes longer than the computation (measured)."""
 
 
 @r.with_reading_options
@@ -85,9 +86,9 @@ def compare(
         bool,
         o.option(
             RUNNING,
-            "Also check the answer by MCMC chains (NUTS) and bridge sampling, assuming that laws hold exactly; takes "
-            "minutes. With --deviation law, these allow the same deviations as the answer. With --repeats, also fit "
-            "all records jointly.",
+            "Also check the answer by MCMC chains (NUTS) and bridge sampling, which takes minutes. Both assume that "
+            "the laws hold exactly, or with --deviation law only as closely as the answer assumes. With --repeats, "
+            "also fit all records jointly.",
             "--exact",
         ),
     ] = False,
@@ -169,7 +170,8 @@ def compare(
     if folder.name != study.name and out is None and not quiet:
         before = folder.with_name(study.name)
         typer.echo(
-            f"{before} contains the answer to a different question; this answer goes to {folder}", err=True
+            f"{before} contains a run with other records or settings; this run is written to {folder}",
+            err=True,
         )
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
@@ -180,7 +182,7 @@ def compare(
 def _envelopes(
     paths: Sequence[Path], unit: str | None, **options: Any
 ) -> tuple[list[RecordOptions], list[InputError]]:
-    """Convert files of envelopes to entries [[signal]] of a study, and return the errors of files that are unreadable.
+    """Return files of envelopes as entries [[signal]] of a study, and the errors of the files that cannot be read.
 
     Parameters
     ----------
@@ -209,10 +211,10 @@ def _envelopes(
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
-    """Return the records in which a missing free decay is filled in, read as the run of the study will read it.
+    """Return copies of the records, each with its free decay (`signal`), read as the run of the study will read it.
 
-    `records` are the records of the study's signals, in the same order. The given records are not changed. A record
-    whose free decay cannot be read stays without one; the run then reports the error.
+    `records` are the records of the study's signals, in the same order. A record that already has a `signal` keeps it.
+    A record whose free decay cannot be read stays without one; the run then reports the error.
     """
     read = []
     for record, spec in zip(records, study.signals, strict=True):

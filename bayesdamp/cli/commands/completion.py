@@ -12,6 +12,7 @@ from bayesdamp.types import InputError
 
 SHELLS = ["bash", "zsh", "fish"]
 VARIABLE = "_BAYESDAMP_COMPLETE"
+"""Environment variable with which the shell asks the program to complete a command line."""
 
 
 def completion(

@@ -24,9 +24,10 @@ from bayesdamp.records.opening import read_contents
 from bayesdamp.types import InputError
 
 MOST_COLUMNS, MOST_PLOTS, MOST_FACTS = 24, 4, 12
-"""Largest numbers of columns, plots and facts on the file that are shown."""
+"""Largest numbers of a file's columns, of plots of its records, and of facts from its header that are shown in the
+terminal; the others are left out."""
 NARROWEST_PLOT = 10
-"""Smallest width of a plot in characters."""
+"""Smallest width of a plot in characters, used if the terminal is narrower."""
 
 
 @with_reading_options

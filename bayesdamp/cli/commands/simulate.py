@@ -77,7 +77,8 @@ def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], rest
 def suggest_option(option: str) -> str:
     """Return a hint for an unknown option whose name is that of a damping term or of a parameter.
 
-    For example, the hint for `--viscous` is "; it is --damping viscous=NUMBER". It is empty for other unknown options.
+    For example, the hint for `--viscous` is "; it is --damping viscous=NUMBER". The hint is empty for other unknown
+    options.
     """
     name = option.lstrip("-").replace("-", "_")
     if name in TERMS.names():

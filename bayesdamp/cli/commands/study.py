@@ -34,7 +34,7 @@ def study(
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
 ) -> int:
-    """Run the tasks of a study that are not done yet, and write its report."""
+    """Run the tasks of a study file that have no stored result yet, and write the report."""
     loaded = read_study(file, plugin)
     folder = check_folder(out, loaded.name)
 

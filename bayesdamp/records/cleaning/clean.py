@@ -1,4 +1,4 @@
-"""Convert a raw record to a signal: SI units, times, the window of the free decay, and notes on what was done.
+"""Convert a raw record to a signal: base units, times, the window of the free decay, and notes on what was done.
 
 The zero of a velocity or acceleration sensor is estimated from the fact that over whole cycles of a free decay the mean
 of these quantities is zero.
@@ -28,7 +28,8 @@ OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
 (conventional)."""
 HARMONICS = 3
-"""Number of harmonics in the model of `sensor_offset`, from which the zero of a sensor is estimated (conventional)."""
+"""Number of harmonics of the oscillation in the model that `sensor_offset` fits to estimate the zero of a sensor
+(conventional)."""
 MOST_POWERS = 6
 """In the model of `sensor_offset`, the coefficients of the harmonics are polynomials of time. Their degree is half the
 number of cycles, but at most this (conventional)."""
@@ -36,8 +37,8 @@ OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
 deviations of the noise."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
-"""The user is warned that values which are read as angles may have another unit, if the largest angle exceeds this many
-turns to either side of the midline. `MAX_TURNS_NAMED` applies if the column's name states the unit (conventional)."""
+"""If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
+another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 """Words for values of each quantity, in messages."""
 CLIPPED = (
@@ -61,12 +62,13 @@ PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""
 ATTENUATION = 90.0
-"""Attenuation of the filter in dB above the new Nyquist frequency. Its ripple in the pass band is as small: 3e-5."""
+"""Attenuation of the decimation filter in dB above the new Nyquist frequency. The filter's ripple in the pass band is
+equally small: 3e-5."""
 PRESERVED_DENSITY = 1e-3
 """Decimation preserves all frequencies at which the spectral density is more than this fraction of its maximum (−30 dB;
 conventional)."""
 MAX_STEPS_OFF = 2.0
-"""A record is decimated only if all of its time stamps differ from a uniform clock by at most this many sampling
+"""A record is decimated only if all of its time stamps differ from equally spaced times by at most this many sampling
 steps."""
 
 
@@ -96,10 +98,10 @@ def recording_step(y: np.ndarray) -> float:
 def sensor_offset(signal: Signal, features: Features) -> float:
     """Return the zero offset of a velocity or acceleration sensor, in the unit of y; 0 if it is not significant.
 
-    It is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of time.
-    signal, features: the record and its features (`features`). The midline of the turning points would not do, because
-    an asymmetric force shifts it. For a displacement the offset is 0, because its equilibrium may be anywhere; also if
-    there are too few midline crossings or samples for the fit.
+    The offset is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of
+    time. signal, features: the record and its features (`features`). The midline of the turning points is not used as
+    the offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
+    anywhere, and if there are too few midline crossings or samples for the fit.
     """
     t, crossings = signal.t, features.crossing_times
     if signal.quantity == "angle" or crossings.size < 3:
@@ -145,8 +147,8 @@ def clean(
 
     With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
     where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
-    (`sensor_offset`). Outliers are counted but not removed. Angles are not unwrapped (see `unwrap`), and samples are
-    not reduced (see `decimate`).
+    (`sensor_offset`). Outliers are counted but not removed. Wrapped angles and very long records must be treated
+    before, with `unwrap` and `decimate`.
 
     Parameters
     ----------
@@ -160,7 +162,8 @@ def clean(
     quantity
         "angle", "velocity" or "acceleration".
     clock
-        "auto", "as_logged" or "uniform", see `clock_times`.
+        How the times follow from the time stamps: "as_logged" (unchanged), "uniform" (equal steps, fitted to them), or
+        "auto" (uniform if the stamps are rounded or come in bursts).
     start, stop
         Start and stop in s of the file's times (from 0 if the file has no times or counts them from an epoch), or
         "auto" for the start and the stop of the free decay.
@@ -228,20 +231,20 @@ def clean(
     turns = measured.amplitude / (2 * np.pi)
     if base == "rad" and turns > (MAX_TURNS if named is None else MAX_TURNS_NAMED):
         warnings.append(
-            f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
-            "(but in degrees, or volts), give the unit."
+            f"it swings by {turns:.2g} turns to either side when its values are read in {unit}; if they have another "
+            "unit (such as degrees or volts), give the unit."
         )
     if step:
         notes.append(f"The values are rounded to steps of {step / scale:.4g} {label}.")
     if offset:
         notes.append(
-            f"The sensor's zero, {offset / scale:.4g} {label}, is subtracted: over whole cycles of a free decay the "
-            "mean is zero."
+            f"The sensor's zero, {offset / scale:.4g} {label}, is subtracted: it follows from the values, because "
+            "their mean over whole cycles of a free decay is zero."
         )
     if outliers:
         notes.append(
             f"{outliers} sample{'s are' if outliers > 1 else ' is'} further than {OUTLIER_SIGMAS:g} standard "
-            "deviations from a local fit; they are not removed."
+            "deviations of the noise from a local fit; outliers are not removed."
         )
     periods = float(t[-1] - t[0]) / period
     clear = f", of which {cycles:.1f} are above the noise" if periods > cycles + 1 else ""
@@ -278,10 +281,10 @@ def clean(
 
 
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
-    """Return the factor that multiplies a value in `unit` to give its base unit, and the name of the base unit.
+    """Return the factor that converts a value in `unit` to its base unit, and the name of the base unit.
 
-    Raises InputError for an unknown unit or quantity; the quantity has no other effect. where: name of the record for
-    the message.
+    For "deg" these are π/180 and "rad". Raises InputError for an unknown unit or quantity; the quantity has no other
+    effect. where: name of the record for the message.
     """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)

@@ -14,8 +14,8 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 BURST_REPEATS = 0.05
-"""If at least this fraction of the time stamps repeat the one before, the clock "auto" assumes that the samples were
-taken at equal steps and only stamped in bursts. Fewer repeated stamps are refused as faults of the file
+"""If at least this fraction of the time stamps equal the one before, the clock "auto" assumes that the samples were
+taken at equal time steps, but got their stamps in bursts. Fewer repeated stamps are refused as faults of the file
 (conventional)."""
 EVEN_STEPS_RATIO = 1.5
 """If the times of a file go back, the message advises to sort the rows if the sorted times have nearly even steps: mean
@@ -25,8 +25,9 @@ MIN_PAUSES, SHORT_STEP = 8, 0.3
 at least as many are not, and the median step is at most `SHORT_STEP` times the mean step (conventional).
 `_rows_are_missing` also needs `MIN_PAUSES` longer and as many other steps."""
 JUMP_RATIO = 2.0
-"""Where some steps of the times are multiples of the others, rows count as missing if the mean squared change of the
-recorded values across the longer steps is more than this factor times that across the other steps (conventional)."""
+"""If some time steps are multiples of the others, rows of the file count as missing at the longer steps if the mean
+squared change of the recorded values across them is more than this factor times that across the other steps
+(conventional)."""
 MULTIPLE_TOLERANCE = 1e-3
 """Rows count as missing only if every step of the times is a multiple of the smallest step, within this fraction of the
 smallest step (conventional)."""
@@ -42,9 +43,9 @@ MOST_STEPS_OFF = 8
 """A uniform clock is not chosen automatically if a stamp is further from it than this many times the median of the
 steps above zero; then the record may contain a pause (conventional)."""
 MIN_ROUNDED_STEPS = 8
-"""Time stamps count as rounded only if at least this many steps differ from the median step, because a single missing
-or repeated row also changes a step. Rounding does so at even distances; eight faults at random are as evenly
-distributed, one in each eighth of the record, with a probability of only 0.24 % (8!/8⁸)."""
+"""Time stamps count as rounded only if at least this many time steps differ from the median step. Rounding changes
+steps at even distances along the record; missing or repeated rows change steps at random. Eight random faults are
+evenly distributed, one in each eighth of the record, with a probability of only 0.24 % (8!/8⁸)."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +142,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             )
     if is_auto and 0 < repeated_fraction < BURST_REPEATS:
         raise InputError(
-            f"the time {raw.t[first_repeat]:.10g} s repeats, as do {share} of the times; these are too few for bursts. "
-            'Correct the file, or use the clock "uniform"',
+            f"the time {raw.t[first_repeat]:.10g} s repeats the one before, as do {share} of the times; these are too "
+            'few for stamps in bursts. Correct the file, or use the clock "uniform"',
             name,
             _describe_row(raw, first_repeat),
             ["clock"],
@@ -168,7 +169,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         )
     why = f"{share} of the time stamps repeat (they come in bursts)" if repeated_fraction else "As requested"
     anchors = "bursts begin" if in_bursts else "stamps are"
-    note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {anchors} within {largest_misfit:.2g} s of that."
+    note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {anchors} within {largest_misfit:.2g} s of these times."
     return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
 
 
@@ -178,11 +179,11 @@ def _describe_uniform(start: float, step: float) -> str:
 
 
 def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether rows are missing at the longer steps of times t (n,), in s.
+    """Return whether rows of the file are missing at the longer steps of times t (n,), in s.
 
-    These steps are then multiples of the smallest one, and the values y (n,) change more across them than across the
-    other steps. If the stamps are only rounded to about their step, the values do not. The result is False if there are
-    fewer than `MIN_PAUSES` longer or other steps.
+    If rows are missing, the longer steps are multiples of the smallest one, and the values y (n,) change more across
+    the longer steps than across the others. If the stamps are only rounded to about their step, the values change
+    equally across both. The result is False if there are fewer than `MIN_PAUSES` longer or other steps.
 
     rows: row numbers of the samples in the file, (n,).
     """

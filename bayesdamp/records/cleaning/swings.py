@@ -1,4 +1,4 @@
-"""Find stretches of a record that may be one free decay, and test whether a half cycle fits to the later ones.
+"""Find stretches of a record that may be one free decay, and test whether a half cycle agrees with the later ones.
 
 A swing is the half cycle from one turning point to the next. A stretch is a series of swings that are in phase, above
 the noise, and without a jump of the amplitude. No damping law is assumed.
@@ -18,21 +18,22 @@ from bayesdamp.records.oscillation.turning import TurningPoints, local_median, t
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
-"""The property in which a swing does not fit to the later ones."""
+"""The property of a swing (half cycle) that disagrees with that of the later swings."""
 
 # These thresholds were set on simulated and measured records with hands, hits and releases (tests/records/hands.py).
 MAX_RISE = 0.25
-"""A second release or a push is assumed if the range of a swing (maximum minus minimum) grows by more than this
-fraction within a cycle; in beats the growth is as gradual as the fall before."""
+"""A second release or a push is assumed if the range (maximum minus minimum) of the half cycles grows by more than this
+fraction within a cycle. Beats are not confused with this, because their growth is as gradual as the fall before
+(`JUMP_RATIO`)."""
 MAX_FALL = 0.35
-"""A hand that stops the motion is assumed if the range of a swing falls by more than this fraction within a cycle,
-unless it already fell so fast before."""
+"""A hand that stops the motion is assumed if the range (maximum minus minimum) of the half cycles falls by more than
+this fraction within a cycle, unless it already fell so fast before (`JUMP_RATIO`)."""
 JUMP_RATIO = 3.0
-"""A rise above MAX_RISE or a fall above MAX_FALL counts only if it is more than this many times larger than the changes
-of the range in the cycles before."""
+"""A rise of the range of the half cycles by more than MAX_RISE, or a fall by more than MAX_FALL, counts only if it is
+more than this many times larger than the changes in the cycles before."""
 SWINGS_PER_WINDOW = 4
 """To find a sudden change (break) of the decay rate, the rates in two windows before it and two windows after it are
-compared. This is the number of swings in each window."""
+compared. This is the number of swings (half cycles) in each window."""
 MIN_RATE_CHANGE = 0.4
 """At a break, the part of the change of the decay rate that no power of the amplitude (see `LARGEST_POWER`) explains
 must exceed this fraction of the larger of the two rates."""
@@ -40,28 +41,29 @@ LARGEST_POWER = 1.2
 """The decay rate of a free decay is assumed to change with the amplitude like a power between minus this and plus this:
 −1 is dry friction, 0 viscous damping, 1 drag."""
 LATER_SWINGS = 10
-"""Number of later swings with which a swing is compared."""
+"""Largest number of later swings (half cycles) with which a swing is compared."""
 EXCEEDANCE = 1e-3
-"""Probability that a swing of an undisturbed free decay is outside the prediction interval that the later swings give
-(`_predict_before`). A swing outside counts as disturbed."""
+"""Probability that a swing (half cycle) of an undisturbed free decay is outside the prediction interval from the later
+swings (`_predict_before`). A swing outside counts as disturbed, by a hand or a hit."""
 MAX_MISFIT = 5.0
-"""A swing has another shape than the later swings if its misfit (see `Swings.misfit`) is more than this many times
-their median misfit."""
+"""A swing (half cycle) has another shape than the later swings if its misfit, the residual of a sinusoid fitted to it
+(`Swings.misfit`), is more than this many times their median misfit."""
 PERIOD_TOLERANCE, MIDLINE_TOLERANCE, SHAPE_TOLERANCE = 0.02, 0.03, 0.01
-"""Deviations of a swing from the later ones that are always allowed: of the duration (relative), of the midline (as a
-fraction of the range), and of the shape (rms misfit as a fraction of half the range)."""
+"""Deviations of a swing (half cycle) from the later ones that do not count as a disturbance: of the duration
+(relative), of the midline (as a fraction of the range), and of the shape (rms misfit as a fraction of half the
+range)."""
 MAX_LOG_FALL = 0.9
-"""The decay rate of the largest swing is predicted from swings whose ln range is at most this much smaller. Smaller
-swings are not used: with dry friction the rate increases without bound towards the end."""
+"""The decay rate of the largest swing (half cycle) is predicted from swings whose ln range is at most this much
+smaller. Smaller swings are not used: with dry friction the rate increases without bound towards the end."""
 STILL_FRACTION = 0.02
-"""A part of the record counts as moving if its range exceeds the effects of noise and rounding by more than this
-fraction of the range of the first or last swing (see `Series.moves`)."""
+"""The body counts as moving in a part of the record if the range of the values exceeds the effects of noise and
+rounding by more than this fraction of the range of a nearby half cycle (`Series.moves`)."""
 NOISE_ERRORS = 4.0
 """Noise may explain a movement whose range is below this many standard deviations of the noise, and a turning point
 that is closer to the midline than this many standard errors of its value."""
 TEMPLATE_TOLERANCE = 0.02
-"""In `Series.reach`, the samples before the first turning point may differ from a later swing, scaled to their size and
-period, by this fraction of the range of a swing."""
+"""The samples before the first turning point agree with a later swing (half cycle), scaled to their size and period, if
+they differ from it by at most this fraction of the range of the first swing, apart from noise (`Series.reach`)."""
 
 
 def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
@@ -112,10 +114,11 @@ def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
 
 
 def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
-    """Return a measure of how much information a stretch contains about the damping.
+    """Return a measure of how much information a stretch of half cycles contains about the damping; no unit.
 
-    It is the number of swings times (0.02 + ln of a ratio): the larger of the first two ranges divided by the smaller
-    of the last two, at least 1. stretch: index of its first turning point, and that after its last.
+    It is n (0.02 + ln r) for n half cycles. r is the larger of the first two ranges (maximum minus minimum) divided by
+    the smaller of the last two, or 1 if this is less. stretch: index of its first turning point, and that after its
+    last.
     """
     ranges = np.abs(np.diff(turns.values[slice(*stretch)]))
     few = min(2, ranges.size)
@@ -166,7 +169,7 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices at which k swings are cut into a part that rises, a part that falls and one that rises again.
+    """Return the indices at which k half cycles are cut into a rising part, a falling part and one that rises again.
 
     The first index is 0, the last is k. The index between two parts is left out if the ranges do not rise at the start
     (or at the end) by more than the fraction `MAX_RISE` and by more than 4 `floor`.
@@ -212,11 +215,11 @@ def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
 
 
 def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices of swings at which the decay rate changes suddenly.
+    """Return the indices of swings (half cycles) at which the decay rate changes suddenly (breaks).
 
-    The change must be larger than a dependence of the rate on a power of the amplitude explains. The decay rates in two
-    windows before the break and two after it are compared, because in a beat they change steadily. The change must also
-    exceed `MIN_RATE_CHANGE` of the larger rate, and noise. The list is empty for fewer than 16 swings.
+    The decay rates in two windows before a break and two after it are compared, because in a beat they change steadily.
+    The change must be larger than a rate that depends on a power of the amplitude can explain, larger than
+    `MIN_RATE_CHANGE` times the larger rate, and larger than noise. The list is empty for fewer than 16 swings.
 
     ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
     in the same unit.
@@ -274,7 +277,7 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
 
 @dataclass
 class Swings:
-    """The k − 1 swings of a stretch of k turning points.
+    """The k − 1 swings (half cycles) between the k turning points of a decay.
 
     Besides the fields below it has the ranges of the swings (`ranges`, maximum minus minimum) and their durations in s
     (`gaps`), each (k − 1,), and the midline at each turning point except the first and the last (`midlines`, (k − 2,)).
@@ -302,9 +305,10 @@ class Swings:
         self.midlines = (values[:-2] + 2 * values[1:-1] + values[2:]) / 4
 
     def reason_not_continuing(self, i: int) -> Reason | None:
-        """Return the first property of "period", "midline" and "shape" in which swing i does not fit to later swings.
+        """Return the first property of "period", "midline" and "shape" in which swing i disagrees with later swings.
 
-        Return None if it fits. A property is not tested if there are too few later swings for it.
+        Return None if it agrees in all three. The period needs two later swings and the midline three; a property with
+        fewer is not tested.
         """
         later = self.gaps[i + 1 : i + 1 + LATER_SWINGS]
         if later.size >= 2:  # a swing that a hand stops is shorter than predicted
@@ -490,10 +494,11 @@ class Series:
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
-    """Extrapolate by how much ln of the range fell from the swing before the given ones to the second given one.
+    """Predict by how much ln of the range falls over the cycle that begins one half cycle before the given ones.
 
-    logs: ln of the ranges of successive swings, (k ≥ 2,). Return this fall over a cycle (positive if the ranges become
-    smaller), and an allowance for its error. Raises InputError if k < 2.
+    logs: ln of the ranges (maximum minus minimum) of successive half cycles, (k ≥ 2,). The cycle is from the half cycle
+    before the first of them to the second of them. Return this fall (positive if the ranges become smaller), and an
+    allowance for its error. Raises InputError if k < 2.
     """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])

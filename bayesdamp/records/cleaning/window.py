@@ -28,54 +28,58 @@ from bayesdamp.types import FreeDecay, InputError
 
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 MIN_STEPS = 2.0
-"""Turning points closer to the midline than this many recording steps (steps to which the values are rounded) are not
+"""A turning point closer to the midline than this many recording steps (steps to which the values are rounded) is not
 used."""
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
 MIN_VARIANCE_SHARE = 0.3
-"""Smallest fraction of the record's variance that an oscillation must explain."""
+"""Smallest fraction of the record's variance that an oscillation must explain; with less, the record is refused."""
 FEWEST_A_CYCLE = 4.0
-"""Smallest number of samples in a cycle with which an oscillation can be followed."""
+"""Smallest number of samples in a cycle with which an oscillation can be followed. A record without a free decay is
+reported as sampled too coarsely if it has fewer."""
 CLEAR_SHARE = 0.85
 """If an oscillation with one of the possible periods explains more than this fraction of the record's variance, no
 weaker period is tried."""
 MOST_HEAD_SWINGS = 24
-"""Largest number of swings at the start of a stretch that are tested for a disturbance by comparison with later ones;
-at most half of the stretch's swings are tested."""
+"""Largest number of swings (half cycles) at the start of a decay that are tested for a disturbance by comparison with
+later ones; at most half of the decay's swings are tested."""
 START_MARGIN = 0.2
-"""If the body is released by hand within a swing, the used part starts later than the release by this fraction of a
-swing."""
+"""If the body is released by hand in the middle of a swing (half cycle), the part that is used starts later than the
+release by this fraction of the duration of a swing."""
 HAND_REACH = 0.25
-"""If a hand moves the body within this fraction of a swing from a turning point, it may have shifted the turning point,
-which is then not used."""
+"""If the samples agree with the free decay over less than this fraction of a half cycle before its first (or after its
+last) turning point, and the body moves there, a hand may have shifted this turning point, which is then not used."""
 LEAST_TURNS = 6
-"""The first and the last swing of a decay are tested for the effect of a hand or a stop only if the decay has more than
-this many turning points. After a start that the user gives, a short decay counts only if it has more."""
+"""The first and the last swing (half cycle) of a decay are tested for the effect of a hand or a stop only if the decay
+has more than this many turning points. A decay with little `information` on the damping that begins soon after a start
+which the user gives counts only if it has more than this many."""
 OTHER_INFORMATION = 0.1
-"""Another stretch counts as a free decay if its `information` is at least this fraction of that of the used one;
-smaller ones may be a hum in the noise."""
+"""Another part of the record counts as a free decay if its `information` on the damping (number of half cycles × ln of
+the fall) is at least this fraction of that of the part that is used; with less it may be a hum in the noise."""
 MIN_POWER_SHARE = 0.01
-"""A record is refused if the swings of its decay have less than this fraction of the power (sum of squared ranges) of
-all swings, except those of other free decays in the record (conventional)."""
+"""A record is refused if the half cycles of its decay have less than this fraction of the power (sum of squared ranges)
+of all half cycles, except those of other free decays in the record (conventional)."""
 LISTED_DECAYS = 3
 """Largest number of other free decays in the record whose times a note lists."""
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
-"""After a start that the user gives, a free decay must begin within this many periods; before the decay the body counts
-as at rest if its swings are below this fraction of the first swing of the decay."""
+"""After a start that the user gives, a record is refused if the free decay begins more than `MAX_DELAY` periods later
+and the body is at rest until then: if the half cycles before have less than `REST_FRACTION` of the range of the first
+half cycle of the decay."""
 FEW_TURNS = 30
-"""In a decay with at most this many turning points, the start may lie between two turning points, to use half a swing
-more."""
+"""In a decay with at most this many turning points, the used part may start between two turning points, so that up to
+0.8 of a half cycle more is used; a longer decay starts at a turning point, or at the release."""
 AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
-"""In `_largest_rise`, the number of successive swings whose ranges are averaged, and the limit above which a rise of
-this average is not caused by noise, as a fraction of the largest average."""
+"""To measure narrow-band noise, the ranges of this many successive half cycles are averaged. A later rise of the
+average is attributed to noise only if it is below `MAX_NOISE_RISE` times the largest average (`_largest_rise`)."""
 SECOND_SIZE = 0.05
 """A motion that is not the free decay of one oscillator (`OtherMotion`) is used without a search for a free decay if
-its `size` is at least this; for two oscillations `size` is the ratio of their amplitudes."""
+its `size` is at least this: for two oscillations, the ratio of the second amplitude to the first; for a growing one,
+the relative growth of the amplitude."""
 BEGIN_ANYWHERE = ("steady", "excited")
 """Values of `OtherMotion.kind` for which the used part need not begin at the largest value of the record."""
 LATE_PEAK = 0.5
-"""Motions that are not the free decay of one oscillator are sought from the largest value of the record on; if it comes
-after this fraction of the samples, they are sought in the whole record."""
+"""A motion that is not the free decay of one oscillator is searched for from the largest value of the record on; but if
+this value comes after this fraction of the samples, in the whole record."""
 
 
 @dataclass(frozen=True)
@@ -169,9 +173,9 @@ def free_decay(
     seek_stop: bool,
     name: str,
 ) -> DecayWindow:
-    """Return the window of the free decay in a record; of several free decays, the one with the most `information`.
+    """Return the window of the free decay in a record; of several, the one with the most `information` on the damping.
 
-    If only the start is given, the window ends before the next hit or release.
+    If the user gives only the start, the window ends before the next hit or release.
 
     Parameters
     ----------
@@ -205,9 +209,9 @@ def free_decay(
         share = own / max(float(power.sum()), 1e-300)
         if share < MIN_POWER_SHARE:
             raise InputError(
-                f"its largest half cycles, near {times[loudest]:.4g} s, are not the decay of one oscillation; the "
-                f"decay from {time_span(times[a], times[b - 1])} has only {100 * share:.1g} % of the power; if "
-                "there are several modes, band-pass filter the record around one, else give start and stop",
+                f"its largest half cycles, near {times[loudest]:.4g} s, are not part of a free decay; the decay from "
+                f"{time_span(times[a], times[b - 1])} has only {100 * share:.1g} % of the power; if there are several "
+                "modes, band-pass filter the record around one, else give start and stop",
                 name,
             )
     if not seek_start and seek_stop:
@@ -366,19 +370,26 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     spans = ", ".join(time_span(d.start, d.stop) for d in others[:LISTED_DECAYS])
     more = len(others) - LISTED_DECAYS
     if len(others) == 1:
-        return f"Another free decay is in the record and not used: {spans}; start and stop choose it."
+        return (
+            f"Another free decay is in the record and not used: {spans}; to use it, give its start and stop."
+        )
     tail = f" and {more} more" if more > 0 else ""
-    return f"{len(others)} other free decays are in the record and not used: {spans}{tail}; start and stop choose one."
+    return (
+        f"{len(others)} other free decays are in the record and not used: {spans}{tail}; to use one, give its start "
+        "and stop."
+    )
 
 
 def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
-    """Return how many turning points to leave out at the start of the best stretch, and the reason for the last one.
+    """Return how many turning points to leave out at the start of the best decay, and the reason for the last one.
 
-    They are left out because swings there do not fit to the later ones: the number is the first index from which two
-    successive swings fit (`Swings.reason_not_continuing`). Only half of the swings, at most `MOST_HEAD_SWINGS`, are
-    tested; the result is (0, None) if none of these fits, or if the first two fit. After a filtered hit, as many swings
-    as grew before it, minus one, are left out untested; if the next one fits, the reason is None. step: recording step
-    in the unit of y.
+    They are left out because the swings (half cycles) there disagree with the later ones: the number is the first index
+    from which two successive swings agree with them (`Swings.reason_not_continuing`). Only half of the swings, at most
+    `MOST_HEAD_SWINGS`, are tested; the result is (0, None) if none of these agrees, or if the first two agree.
+
+    After a hit that a filter has smeared, the number starts at that of the growing swings before the hit, minus one; if
+    this is the result, the reason is None. t, y: times in s and values, (n,). decays: the decays in the record. step:
+    recording step in the unit of y.
     """
     # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]
@@ -406,11 +417,12 @@ def _find_start(
 ) -> int:
     """Return the index of the first sample of the free decay.
 
-    series: the record. swings: those of the decay without disturbed ones. The index is that of the record, the release,
-    a point within the swing before the first of `swings` from which on it agrees with them, or their first turning
-    point (the second one if a hand may have moved the first). why: property in which the swing before does not fit to
-    the later ones. before: time (s) of the turning point at which that swing begins, if any; else None. Unless the
-    decay begins with the record, a note on the choice is appended to `notes`.
+    series: the record. swings: the half cycles of the decay without disturbed ones. The decay begins with the record,
+    at the release, at a point within the half cycle before the first of `swings` from which on this half cycle agrees
+    with them, or at their first turning point (the second one if a hand may have moved the first). why: property in
+    which the half cycle before disagrees with the later ones. before: time (s) of the turning point at which that half
+    cycle begins, if any; else None. Unless the decay begins with the record, a note on the choice is appended to
+    `notes`.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])
@@ -423,7 +435,10 @@ def _find_start(
         if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW_TURNS and far.share > 0.5:
-            at, what = far.at + START_MARGIN * gap, "where it begins to follow its later swings"
+            at, what = (
+                far.at + START_MARGIN * gap,
+                "where the motion begins to agree with the later half cycles",
+            )
     touched = not far.whole and far.share < HAND_REACH and decay.times.size > LEAST_TURNS
     if (
         at == decay.times[0]
@@ -434,7 +449,7 @@ def _find_start(
     first = int(np.searchsorted(t, at - 1e-12))
     notes.append(
         f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
-        "before it there is rest, a hand or a disturbed release, which the later swings do not continue."
+        "before it the record shows rest, a hand or a disturbed release, which is not part of the free decay."
     )
     return first
 
@@ -453,7 +468,9 @@ def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int,
     still = max(2 * series.step + 4.5 * series.noise, 0.1 * before)
     left = float(t[-1] - times[k])
     if left > 0.8 * gap and k >= 3 and before > 4 * floor and np.abs(after - values[k]).max() <= still:
-        why = "the last turning point from which it swings back; in the next half cycle it comes to rest."
+        why = (
+            "the last turning point from which the body swings back; in the next half cycle it comes to rest."
+        )
         return _last_sample(t, times[k - 1]), why
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
     reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
