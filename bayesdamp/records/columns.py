@@ -27,7 +27,7 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 MIN_SAMPLES = 10
-"""Smallest number of samples of a record (conventional)."""
+"""Smallest number of samples of a record; shorter ones are refused (conventional)."""
 MAX_STILL_LEVELS = 3
 """A column with at most this many different values does not count as changing: it is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
@@ -36,15 +36,16 @@ displacement."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 # The following limits are conventional.
 _MAX_BACKWARD = 0.02
-"""In a column of times, at most this fraction of the steps goes back in time."""
+"""A column is not taken for times if more than this fraction of its steps decrease."""
 _MUCH_LARGER = 10.0
-"""Among columns without units, one whose oscillation is this many times larger than the next is the record."""
+"""Among columns without units, one whose oscillation is at least this many times larger than that of the next is used
+as the record, and the others are left out."""
 _MAX_COMPARED = 40
-"""At most this many columns are compared with each other by correlation."""
+"""Columns that are copies of others are recognised by correlation only if there are at most this many columns."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""A column may contain gravity if its mean differs from g by less than the first number, relatively (large amplitudes
-lower the mean). An axis oscillates at twice the frequency of another one if the ratio of their periods differs from 2
-by less than the second number, relatively."""
+"""A column of accelerations may contain gravity if its mean differs from 9.81 m/s² by less than the fraction `_ABOUT_G`
+(large amplitudes of a pendulum lower the mean). An axis of the accelerometer oscillates at twice the frequency of
+another one if the ratio of their periods differs from 2 by less than the fraction `_ABOUT_TWICE`."""
 _MIN_RELATIVE_SIZE = 1 / 3
 """Among several columns with the same unit and quantity, those whose oscillation is smaller than this fraction of the
 largest one are not used as records."""
@@ -54,16 +55,16 @@ MIN_POWER_FRACTION = 0.3
 MIN_CYCLES = 2.5
 """Smallest number of periods of a column that oscillates; with fewer it may be a drift."""
 MAX_FINAL_SIZE = 0.8
-"""In a decay the oscillation at the end is smaller than this fraction of the largest."""
+"""A column decays if the size of its oscillation at the end is less than this fraction of the largest size."""
 MAX_REGROWTH = 0.2
-"""In a free decay the size of the oscillation, after it has fallen, does not grow by more than this fraction of its
-largest value."""
+"""A column grows again, unlike a free decay, if the size of its oscillation, after it has fallen, grows by more than
+this fraction of its largest value."""
 SMOOTHING_PERIODS = 3
-"""Number of periods over which the size is averaged before its growth is measured."""
+"""Number of periods over which the size of an oscillation is averaged before its growth is measured."""
 SAME_SIGNAL = 0.9999
 """Two columns with a larger correlation are the same signal in two units."""
 LARGEST_VALUE = 1e100
-"""Largest absolute value that is accepted, so that squares do not overflow."""
+"""Largest absolute value of a record that is accepted, so that squares do not overflow; larger values are refused."""
 
 
 @dataclass(frozen=True)
@@ -183,9 +184,10 @@ class _Block:
 
     @property
     def values(self) -> list[Column]:
-        """Return the columns that contain neither times nor sample numbers, and have a rate or as many values as times.
+        """Return the columns that may contain recorded values.
 
-        If the block has no times, the number of values does not matter.
+        They contain neither times nor sample numbers, and have as many values as the column of times or a sampling rate
+        of their own. If the block has no times, the number of values does not matter.
         """
         size = self.time.values.size if self.time is not None else None
         return [
@@ -199,7 +201,10 @@ class _Block:
 
     @property
     def candidates(self) -> list[Column]:
-        """Return the columns of `values` with ≥ `MIN_SAMPLES` numbers and more than `MAX_STILL_LEVELS` levels."""
+        """Return the columns of `values` that change.
+
+        They have at least `MIN_SAMPLES` numbers, of which more than `MAX_STILL_LEVELS` are different.
+        """
         return [c for c in self.values if _is_not_constant(c)]
 
     def record(
@@ -265,7 +270,7 @@ def choose_columns(
             chosen.append(_with_clock(record, content))
         if not chosen:
             raise InputError(
-                "the column that you gave is not in the runs that you gave; leave out one of the two"
+                "the selected column is not in the selected runs; leave out the column or the runs"
             )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
@@ -290,8 +295,9 @@ def choose_columns(
         return [_with_clock(record, content) for record in left]
     column = chosen[0].value
     raise InputError(
-        f"{selector(columns, column)!r} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
-        "swings at twice the frequency; give the axis along the swing, or this one if it moves up and down",
+        f"{selector(columns, column)!r} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum such an "
+        "axis oscillates at twice the frequency; give the axis along the swing, or this one if the body moves up and "
+        "down",
         arguments=["value"],
     )
 
@@ -418,9 +424,9 @@ def _is_sample_numbers(y: np.ndarray) -> bool:
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
-    """Return the record with times or a sampling rate; without both, use the rate that the column states.
+    """Return the record, which must have times or a sampling rate; without both, add the rate that its column states.
 
-    Raises InputError if there is no such rate; content has no other use than its message.
+    Raises InputError if the column states no rate. content: contents of the file, of which the message names columns.
     """
     if record.time is not None or record.rate is not None:
         return record
@@ -436,7 +442,7 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Choose the columns of values in each block (one run and group), and return one `RecordColumns` for each of them.
+    """Choose the columns of values in each block (the columns of one run and group); each gives a `RecordColumns`.
 
     The records of all blocks are in one list, in the order of the blocks. If there are several runs, the columns that
     most of them would choose are used in each run that has them.

@@ -18,21 +18,23 @@ _ASSUMED = {
     "deg": ("degrees", "--unit rad, mm, V ... if they are not"),
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if that is known"),
 }
-"""For values without a stated unit that are too large for radians: by the unit that is assumed, its description, and
-the command-line option that changes it."""
+"""For each unit that is assumed for values which have no stated unit and are too large for radians: its description,
+and the command-line option that changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
-"""Longest and shortest period of the oscillation in s; a sampling rate that gives a period outside these is doubted."""
+"""Longest and shortest plausible period of an oscillation in s; the user is warned if a sampling rate gives a period
+outside these limits."""
 RATE_TOLERANCE = 0.01
 """A sampling rate that differs by more than this fraction from that which the file states is reported to the user."""
 SLOW_PERIOD = 30.0
-"""Times without a stated unit are doubted if they step by at least COARSE_STEP and the period is longer than this, in
-s."""
+"""Times without a stated unit are probably not in s if they step by at least COARSE_STEP and the period would be longer
+than this many s; the user must then state their unit."""
 LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
-"""The unit of the times is doubted if the velocity would be larger than this, in rad/s and m/s: the balance wheel of a
-watch reaches about 130 rad/s, sound 340 m/s."""
+"""Largest plausible velocity in rad/s and m/s: the balance wheel of a watch reaches about 130 rad/s, sound 340 m/s. If
+the velocity would be larger, the user must confirm the unit of the times."""
 COARSE_STEP = 0.5
-"""Smallest step of the times, in s, from which a period longer than `SLOW_PERIOD` raises a doubt about their unit."""
+"""Times without a stated unit are probably not in s if they step by at least this, read as s, and the period is longer
+than `SLOW_PERIOD`."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 """Ranges (lowest, highest) of numbers that may count days and stand for a date between about 1970 and 2060: in
 spreadsheets or as modified Julian days, in MATLAB, and as Julian days."""
@@ -114,7 +116,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     size = half_swing(raw)
     if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
         turns = size / (2 * math.pi)
-        why = f"no unit given, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
+        why = f"no unit is given, and an amplitude of {size:.3g} would be {turns:.2g} turns if it were in radians"
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit)))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
@@ -142,13 +144,14 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
     if used is not None and by_file is not None and abs(used / by_file[0] - 1) > RATE_TOLERANCE:
         sentence = f"its file states {by_file[0]:.6g} Hz, but it is read at {used:.6g} Hz"
-        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} uses the file's"))
+        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} uses the stated rate"))
     still = raw.provenance.constant_columns
     if still:
         names = ", ".join(repr(str(name)[:40]) for name in still[:4])
         more = f" and {len(still) - 4} more" if len(still) > 4 else ""
-        sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
-        doubts.append(Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column"))
+        columns = "columns that do" if len(still) > 1 else "a column that does"
+        sentence = f"{columns} not change {'are' if len(still) > 1 else 'is'} left out: {names}{more}"
+        doubts.append(Finding(Kind.CONSTANT, sentence, "--angle NAME uses another column"))
     return tuple(doubts)
 
 

@@ -33,11 +33,12 @@ TIME_LIMIT = 300.0
 HEAD_BYTES = 65536
 """Number of bytes at the start of a file by which its format is recognised."""
 LONGEST_MESSAGE = 280
-"""Largest number of characters of an error message."""
+"""Largest number of characters of an error message about a file; longer messages are cut."""
 MOST_LISTED = 5000
-"""Most names in a folder that are searched for one that is similar to a missing file's."""
+"""Largest number of files in a folder that are examined to suggest one: a name similar to that of a missing file, or
+the most frequent kind of readable file if the user gives the folder."""
 FALLBACK = "text"
-"""Name of the reader that is tried last."""
+"""Name of the reader that is tried last, because it accepts any text."""
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for `warnings.catch_warnings`, which changes a state of the whole process and is not thread-safe."""
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
@@ -162,7 +163,7 @@ def read_contents(path: Path | str, isolate: bool = True) -> Contents:
                 content = reader.read(path)
         if not content.columns:
             right = "give a file with times and values"
-            raise InputError(f"contains no column of numbers (read as {reader.format}); {right}")
+            raise InputError(f"contains no column of numbers (it was read as {reader.format}); {right}")
         return content
     except InputError as error:
         raise file_error(path, error.what, error.arguments) from error.__cause__

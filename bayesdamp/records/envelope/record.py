@@ -1,4 +1,7 @@
-"""Read a record of an envelope from a file, convert it to levels in dB, and get the scale of its amplitude."""
+"""Read an envelope record (amplitude, power or level of an oscillation against time), and convert it to levels in dB.
+
+The amplitude (rad or m) and the frequency are determined too, for damping terms that depend on them (`scale_of`).
+"""
 
 from __future__ import annotations
 
@@ -25,14 +28,14 @@ LARGEST_LEVEL = 1000.0
 """Levels beyond ±1000 dB (50 decades of the amplitude) are refused, and linear readings this far below the largest
 count as zero (conventional)."""
 HEAD_BYTES = 8192
-"""Number of bytes at the start of a file that are searched for the names of its columns."""
+"""Number of bytes at the start of a file in which the names of its columns are searched for a unit in dB."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 """Hz in each unit of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
 class EnvelopeRecord:
-    """A record of an envelope: the level of an oscillation against time. Instances compare by identity.
+    """An envelope record: the level (amplitude in dB) of an oscillation against time. Instances compare by identity.
 
     Parameters
     ----------
@@ -41,7 +44,8 @@ class EnvelopeRecord:
     t
         Times in s, shape (n,), increasing.
     level
-        20 log10 of the amplitude (10 log10 of the power) in dB of `unit`, shape (n,); as recorded for a unit in dB.
+        Level in dB, shape (n,): 20 log10 of the amplitude in `unit`, 10 log10 of the power in `unit`, or the recorded
+        value itself if `unit` is one of DECIBELS.
     unit
         Unit of the recorded values.
     frequency
@@ -100,8 +104,8 @@ def make_record(
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
 
-    Readings that have the same time as the one before are left out. Of amplitudes and powers, those that are zero are
-    left out too, and the absolute value of small negative ones is used. Notes say so.
+    Readings that have the same time as the one before are left out. Amplitudes and powers of zero are left out too, and
+    of small negative ones the absolute value is used. The record's notes say how many readings this concerns.
 
     Parameters
     ----------
@@ -144,7 +148,7 @@ def make_record(
         if np.any(y < -MAX_NEGATIVE * size.max()):
             raise InputError(
                 f"{name}: readings have both signs ({y.min():g} to {y.max():g}), so they are not amplitudes; "
-                "give --unit dB for levels, or leave out --quantity envelope for an oscillation"
+                "give --unit dB if they are levels, or leave out --quantity envelope if they are an oscillation"
             )
         if np.any(y < 0):
             remarks.append(
@@ -161,8 +165,9 @@ def make_record(
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
     """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS.
 
-    The unit is `unit` if given; else that in the name `value` (a number has no effect); else that in the last line with
-    two successive letters in the first `HEAD_BYTES` bytes of the file. A file that cannot be opened is not an envelope.
+    The unit is `unit` if given; else that in the column name `value` (a column number has no effect); else that in the
+    file's header: the last line with two successive letters in its first `HEAD_BYTES` bytes. The result is False for a
+    file that cannot be opened.
     """
     if unit is not None:
         return unit in DECIBELS
@@ -185,9 +190,9 @@ def are_envelopes(
     unit: str | None = None,
     quantity: str | None = None,
 ) -> bool:
-    """Return whether all files are envelopes: whether `quantity` is "envelope"; if it is None, by `is_envelope`.
+    """Return whether files are envelopes: whether the user's `quantity` is "envelope"; if it is None, by their units.
 
-    value, unit: as in `is_envelope`, for all files.
+    value, unit: column name and unit of the readings that the user gives for all files, or None (see `is_envelope`).
 
     Raises
     ------

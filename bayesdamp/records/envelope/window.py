@@ -1,6 +1,6 @@
-"""Find the free decay in a record of an envelope, between the end of the drive and the noise floor.
+"""Find the free decay in an envelope record, between the end of the drive and the noise floor.
 
-The decay is described by dA/dt ∝ −A^p with unknown exponent p.
+The decay of the amplitude A is described by a power law: dA/dt ∝ −A^p, with unknown exponent p.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ NEPER = 20.0 / np.log(10.0)
 """dB in a neper, 20/ln 10."""
 # Unless a comment says otherwise, the following thresholds are conventional.
 FITTED_BLOCKS = 80
-"""Number of blocks to which a decay and its noise floor are fitted."""
+"""Largest number of blocks in which the readings are averaged before a decay and a noise floor are fitted to them."""
 LEAST_DROP = 3.0
-"""Smallest fall of a decay in dB from which its rate is determined; half the amplitude is 6 dB."""
+"""Smallest fall of the level in dB for a decay; with less, the record is refused. Half the amplitude is −6 dB."""
 LEAST_POINTS = 6
-"""Smallest number of readings of a decay."""
+"""Smallest number of readings of a decay; with fewer, the record is refused."""
 MISFIT_RATIO = 2.0
 """Short straight lines are fitted to the level; the readings of a line do not belong to the decay if the rms misfit is
 more than this many times the usual misfit of the lines after it. A power law does not describe the levels if its rms
@@ -36,8 +36,8 @@ LEAST_LENGTHENING = 0.15
 decay becomes larger by LEAST_DROP in dB, and the added part is at least this fraction of the decay's duration or of its
 fall in dB."""
 LEAST_DEVIATION = 0.15
-"""Deviations of a level from a fit below this, in dB, are not significant, because the nonlinearity of detectors is as
-large."""
+"""Deviations of a level from a fit of at most this, in dB, are not significant, because the nonlinearity of detectors
+causes deviations of this size."""
 ABOVE_FLOOR = 10.0
 """A decay ends where its level is this many dB above the mean power of the noise floor. Above this, the scatter of the
 level caused by the floor is still nearly Gaussian, and the floor shifts the mean of ln amplitude by less than 1e-5 (for
@@ -47,29 +47,30 @@ LAG_IN_DECAY_TIMES = 0.1
 amplitude. Thermal motion of the mode itself is correlated over its decay time and hardly changes between the two
 readings; detector noise does."""
 FLOOR_PARTS = 8
-"""Number of parts into which the readings of the noise floor are divided; standard errors follow from the scatter of
-the parts' means."""
+"""Number of parts into which the readings of the noise floor are divided. Their standard errors follow from the scatter
+of the parts' means, which takes into account that successive readings are correlated."""
 LEAST_FLOOR_READINGS = 24
-"""Smallest number of readings from which the fluctuation of the floor is measured."""
+"""Smallest number of readings from which the fluctuation of the noise floor is measured; from fewer, only its mean
+power is."""
 CONSTANT_FLOOR_SD = 0.3
 """Relative standard deviation that is assumed for the constant part of the noise floor's power. The floor is measured
 after the decay, and may have been different during it."""
 MOST_BLOCKS = 600
-"""Largest number of blocks into which a record is averaged."""
+"""Largest number of blocks in which the readings of a record are averaged before the decay is searched for."""
 COARSE_BLOCKS = 72
-"""Largest number of blocks among which `_straightest` searches the part of the record that falls most like a straight
-line in dB."""
+"""Largest number of blocks, averages of readings, among which the part of the record is searched that falls most like a
+straight line in dB (`_straightest`)."""
 LEAST_REMAINING = 0.4
-"""A start of the decay from the search with short lines is rejected if less than this fraction of the fall in dB of the
-straightest descent would remain after it."""
+"""A start of the decay from the search with short straight lines is rejected if the level falls, between this start and
+the end of the straightest descent, by less than this fraction of the fall in dB of the straightest descent."""
 SURE_DROP = 8.0
 """A fall of the level by more than this, in dB, is certainly a decay, and not a fluctuation or a drift."""
 SPARSE_READINGS = 60
-"""A record with fewer readings is taken for a table of a decay: the decay begins at the highest reading. Readings at
-the end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
+"""A record with fewer readings is taken for a table of a decay, which begins at the highest reading. The readings at
+its end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
 FALLING_SDS = 3.0
-"""Readings of a table fall if the slope of a straight line through them is negative by more than this many standard
-errors (conventional)."""
+"""The last readings of a record with few readings fall, and are not a noise floor, if the slope of a straight line
+through them is negative by more than this many standard errors (conventional)."""
 MISFIT_WEIGHT = 20.0
 """The straightest descent is the part of the record with the largest fall in dB minus this factor times the rms misfit
 of a straight line in dB."""
@@ -90,9 +91,9 @@ NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
 """The decay ends where the level scatters from block to block by more than `NOISE_SCATTER` dB (standard deviation) over
 `SCATTER_BLOCKS` blocks, as noise does: by 5.6 dB if its phase is random."""
 LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
-"""`_steepens` tests at least the first number of readings at the end of a record. They belong to a noise floor if their
-scatter from reading to reading is at least the second number times that in the first eighth of the decay (noise of
-random phase scatters by 5.6 dB)."""
+"""At least `LEAST_LAST_READINGS` readings at the end of a record are tested for being a noise floor or a part of the
+decay that steepens. They are a floor if their scatter from reading to reading is at least `ROUGHNESS_RATIO` times that
+in the first eighth of the decay (noise of random phase scatters by 5.6 dB)."""
 LEVEL_RATE = 0.15
 """A short line that falls at less than this fraction of the rate of the lines after it is not part of the decay,
 whatever `SLOPE_CHANGES` says."""
@@ -124,9 +125,10 @@ class NoiseFloor:
 
         The fluctuating part is circular Gaussian noise of power F with autocorrelation R. With the rest of the decay,
         of power D = `decay`, half of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured
-        value, `semivariance`, gives F; the rest of `power` is constant. The weight is that of the given `slow`, for a
-        uniform prior of the constant fraction of the power. If `semivariance` is larger than F = `power` allows, all of
-        `power` is fluctuating, and the weight decreases with the excess, in units of the standard error `error`.
+        value, `semivariance`, gives F; the rest of `power` is constant. The returned weight is the likelihood of
+        `slow`, for a uniform prior of the constant fraction of the power. If `semivariance` is larger than F = `power`
+        allows, all of `power` is fluctuating, and the weight decreases with the excess, in units of the standard error
+        `error`.
 
         Parameters
         ----------
@@ -233,11 +235,12 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class DecayFit:
-    """A power law and a noise floor, fitted to the levels from a block on.
+    """A power-law decay plus a noise floor, fitted to the levels from a block on.
 
-    x: ln of the amplitude at each block from the first fitted one on; floor: power of the floor; floor_at: first block
-    in which the decay is below the floor, or the number of blocks; stop: index after the last reading that was fitted;
-    scale: level in dB to which amplitude and floor are relative.
+    x: ln of the decay's amplitude at each block from the first fitted one on; floor: power of the floor, linear;
+    floor_at: first block in which the power of the decay is below that of the floor, or the number of blocks if there
+    is none; stop: index after the last reading that was fitted; scale: level in dB to which amplitude and floor are
+    relative.
     """
 
     x: np.ndarray
@@ -371,9 +374,9 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
 class EnvelopeWindow:
     """The free decay in a record.
 
-    start, stop: index of its first sample, and of the sample after its last one. why: two clauses, on how the start and
-    the stop were chosen. floor: noise floor after the decay, in powers 10^(dB/10); None if the record does not reach
-    it.
+    start, stop: index of its first reading, and of the reading after its last one. floor: noise floor after the decay,
+    in powers 10^(dB/10); None if the record does not reach it. why: two clauses for a sentence, on how the start and
+    the stop were chosen, such as "starts with the record"; "" if nothing was chosen.
     """
 
     start: int
@@ -433,15 +436,15 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     begins = "starts with the record"
     if broken:
         at = t[int(levels.edges[begin])]
-        begins = f"starts at {at:.4g} s, where the reading before it does not continue the decay"
+        begins = f"starts at {at:.4g} s, because the readings before are not part of the decay"
     return _window_of(levels, begin, end, floor, begins)
 
 
 def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str) -> EnvelopeWindow:
     """Return the window of the blocks `begin` to `end` − 1 of `levels`.
 
-    floor: the noise floor, None if the record does not reach it. begins: the clause on its start. Raises Refusal if it
-    has too few readings or its level falls too little.
+    floor: the noise floor, None if the record does not reach it. begins: clause on how the start was chosen. Raises
+    Refusal if the window has too few readings or its level falls too little.
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
@@ -464,9 +467,9 @@ def _refuse_small(drop: float) -> None:
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
     """Return the window from start to stop (both included), in s of the record's times.
 
-    t, y: times in s and levels in dB, (n,). A start or stop that is None is that of `find_window`. So is the noise
-    floor, which is None if no decay is found. Raises Refusal if too few readings are between start and stop, or if one
-    of them is None and no decay is found.
+    t, y: times in s and levels in dB, (n,). For a start or stop that is None, that of the automatic search is used
+    (`find_window`). The noise floor is always from this search; it is None if no decay is found. Raises Refusal if too
+    few readings are between start and stop, or if one of them is None and no decay is found.
     """
     try:
         window = find_window(t, y)

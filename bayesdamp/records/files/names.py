@@ -32,8 +32,8 @@ _JOINED = re.compile(
     r"|(?:time|elapsed|zeit) (min|h)$",
     re.IGNORECASE,
 )
-"""Pattern of a column name of times that ends in its unit without a separator, as ArduPilot's `TimeUS`, or after a
-blank in a unit that other names do not end in, as `Time min`."""
+"""Pattern of names of columns of times that end in the unit: without a separator, as ArduPilot's `TimeUS`, or after a
+blank for units that count only after a word for time, as `Time min`."""
 TIMES = re.compile(
     r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
     re.IGNORECASE,
@@ -69,9 +69,11 @@ _INDEX = re.compile(
 )
 _BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
 MOST_NAMES, LIST_WIDTH = 12, 110
-"""Most names in a list in a message, and most characters of the list (conventional)."""
+"""Largest number of names in a list in a message, and largest number of characters of this list; the message says how
+many more there are (conventional)."""
 MOST_FACTS, LONGEST_FACT = 60, 200
-"""Most facts of a file that are stored, and most characters of one (conventional)."""
+"""Largest number of facts (named numbers and texts in a file's header) that are stored, and largest number of
+characters of each; further facts and characters are dropped (conventional)."""
 _PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S.*?)\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
@@ -113,9 +115,10 @@ def _normalise_time_unit(text: str) -> str:
 
 
 def _unit_candidates(name: str) -> list[str]:
-    """Return the parts of a column's name that may be a unit: all in brackets, else the end after "/", " in " or "_".
+    """Return the parts of a column's name that may be a unit; empty if there are none.
 
-    Without these, a known unit may also follow a blank or be the whole name.
+    These are all texts in brackets; without brackets, the end of the name after "/", " in " or "_"; without these, a
+    last word or a whole name that is a known unit.
     """
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
@@ -226,8 +229,8 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
 def split_run(column: Column) -> tuple[str, str]:
     """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
 
-    The label is the column's `run`, else that in its name, else that in its group (`Run 2`). With a run the name is
-    also without its group. Without a run the name is unchanged, and the label "".
+    The label is the column's `run`, else that in its name, else that in its group (`Run 2`). If there is a run, the
+    returned name is also without the group. Without a run, the name is unchanged and the label is "".
     """
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:
@@ -382,8 +385,10 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
         selected = [label for label in labels if label == part or (label.isdigit() and int(label) in numbers)]
         if not selected:
             more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
-            choice = f"give numbers such as 1,3-5; there are runs {', '.join(labels[:MOST_NAMES])}{more}"
-            choice = choice if labels else "there are none to choose from"
+            choice = (
+                f"give numbers such as 1,3-5; the file has the runs {', '.join(labels[:MOST_NAMES])}{more}"
+            )
+            choice = choice if labels else "the file has no runs to choose from"
             raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
         wanted += selected
     return list(dict.fromkeys(wanted))
@@ -437,7 +442,8 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
     Parameters
     ----------
     facts
-        Facts by name, such as `Sample rate` (in Hz, if it has no unit) or `Sample interval (ms)` (else in s).
+        Facts (named numbers and texts in the file's header), such as `Sample rate`, in Hz if it has no unit, or `Sample
+        interval (ms)`, in s if it has no unit.
 
     Returns
     -------

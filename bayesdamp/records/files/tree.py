@@ -12,9 +12,9 @@ from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
 from bayesdamp.types import Fact, InputError
 
 WIDEST_MATRIX = 64
-"""A matrix with more columns than this is ignored (conventional)."""
+"""A matrix of which both dimensions are larger than this is ignored (conventional)."""
 DEEPEST_LEVEL = 20
-"""Deeper levels of nesting are ignored (conventional)."""
+"""Data nested in a file more deeply than this many levels are ignored (conventional)."""
 _NUMBERS = "fiub"
 """Kinds of NumPy data types that are numbers."""
 
