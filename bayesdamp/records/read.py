@@ -31,11 +31,11 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Provenance
 
 SLOWEST_RATE, FASTEST_RATE = 1e-9, 1e12
-"""Smallest and largest sampling rate in Hz that is accepted (conventional)."""
+"""Smallest and largest sampling rate in Hz; others are refused (conventional)."""
 
 FAR = 10.0
-"""A number of nines counts as a mark of missing values if its distance from the median of all other values is more than
-this many times their range (conventional)."""
+"""A repeated value of nines, such as −9999, is taken for a mark of missing values, and the record is refused, if its
+distance from the median of all other values is more than this many times their range (conventional)."""
 
 FIRST_DATE = 1e4
 """Times in days from this number on are dates; times are then counted from midnight of the first day (conventional)."""
@@ -145,7 +145,10 @@ def read_records(
 
 
 def _record(content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None) -> RawRecord:
-    """Return the record in the chosen columns. Raises InputError if its times or values cannot be used."""
+    """Return the record in the chosen columns of a file. Raises InputError if its times or values cannot be used.
+
+    content: contents of the file. time_unit: unit of the times that the user gives; None for that of the file.
+    """
     value, time = chosen.value, chosen.time
     value_name = selector(content.columns, value)
     time_name = None if time is None else selector(content.columns, time)
@@ -264,9 +267,10 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
 
 
 def _refuse_unusable(y: np.ndarray) -> None:
-    """Raise InputError for values that are too large, constant, or change too little to compute with.
+    """Raise InputError for values y (n,) that are too large, constant, or change too little to compute with.
 
-    Also for marks of missing values: a repeated number of nines, such as −9999, that is far from all other values.
+    It is also raised if some values mark missing ones: a repeated value of nines, such as −9999, that is far from all
+    other values.
     """
     largest = float(np.abs(y).max())
     if largest > LARGEST_VALUE:

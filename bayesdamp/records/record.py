@@ -27,14 +27,15 @@ _ANGLE = re.compile(
 MIN_JUMPS = 3
 """Values count as a wrapped angle only if they have at least this many jumps by a turn."""
 JUMP_TOLERANCE = 0.1
-"""A step counts as a jump if it differs from a turn by less than this fraction of a turn."""
+"""The step from one value to the next counts as a jump if it differs from a turn by less than this fraction of a
+turn."""
 MAX_SPAN = 1.001
 """Largest range of the values of a wrapped angle, in turns."""
 MAX_STEP = 0.25
 """Largest step of a wrapped angle other than the jumps, in turns."""
 MAX_EXCESS = 1.5
-"""A jump differs from a turn by at most this multiple of the largest other step, because the angle also changes between
-the two samples."""
+"""A jump of a wrapped angle must differ from a turn by at most this multiple of the largest step other than the jumps;
+the difference is the change of the angle between the two samples."""
 MIN_SPAN = 3.0
 """An unwrapped angle must span more than this multiple of its largest step other than the jumps. A signal that is noise
 about two levels spans less."""
@@ -85,7 +86,7 @@ class RawRecord:
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:
-        """Return the `OscillationMeasure` of y: period in samples, size in the unit of y, and whether it decays etc."""
+        """Return coarse measures of the oscillation in y: period in samples, size in the unit of y, and its kind."""
         return measure_oscillation(self.y)
 
 
@@ -93,8 +94,8 @@ def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) 
     """Return unit and quantity of a record: those that the user gives, else those of the file, else an angle in rad.
 
     unit, quantity: given by the user, None if not given. stated, what: unit and quantity that the file states, "" if it
-    states none. If the given unit belongs to only one quantity (as the unit g to acceleration), this quantity has
-    priority over the file's. A file's unit that is not in UNITS is not used.
+    states none. If the given unit belongs to only one quantity, as g to acceleration, this quantity is used instead of
+    the file's. A unit of the file that is not in UNITS is not used: rad is returned instead.
     """
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")
@@ -152,8 +153,8 @@ def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     for turn in turns:
         if many := count_jumps(raw.y, turn):
             note = (
-                f"The angle was wrapped: it jumps by a turn ({turn:.6g}) {many} times, and is unwrapped; give the "
-                "unit if it is not an angle."
+                f"The angle was wrapped: it jumps by a turn ({turn:.6g}) {many} times. The jumps are removed; if the "
+                "values are not angles, give their unit."
             )
             before = raw.provenance
             y = np.unwrap(raw.y, period=turn)

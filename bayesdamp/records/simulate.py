@@ -11,9 +11,9 @@ from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import InputError, Provenance, Signal
 
 NOISES = ("gaussian", "correlated", "student_t")
-"""Names of the noise models."""
+"""Names of the noise models that can be simulated."""
 GAP = 0.02
-"""Length of one gap as a fraction of the record (conventional)."""
+"""Length of one gap (missing samples) in a simulated record, as a fraction of the record (conventional)."""
 
 
 def simulate_signal(

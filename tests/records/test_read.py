@@ -54,9 +54,9 @@ def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path):
     """Separators at its end, more names, and facts beside the first rows."""
     for separator, head, said in (
         (",", "t (ms){0}phi (deg){0}{0}", []),
-        (";", "t (ms){0}phi (deg){0}comment", ["its head names 3 columns and its rows have 2"]),
+        (";", "t (ms){0}phi (deg){0}comment", ["its header names 3 columns, but its rows have 2"]),
         ("\t", "t (ms){0}phi (deg){0}name{0}value", [
-            "its head names 4 columns and its rows have 2", "line 2 has 4 cells where the table has 2 (and 1 more",
+            "its header names 4 columns, but its rows have 2", "line 2 has 4 cells where the table has 2 (and 1 more",
         ]),
     ):  # fmt: skip
         lines = rows(separator)
@@ -75,11 +75,11 @@ def test_a_head_shorter_than_the_rows_is_told_of(tmp_path):
     """Decimal commas that also separate cells make more cells than names; a column without a name does not."""
     split = [f"{1000 * t:.0f},{y:.4f}".replace(".", ",") for t, y in zip(T, Y)]
     for head, lines, said in (
-        ("t (ms),x (mm)", split, ["its head names 2 columns and its rows have 3"]),
+        ("t (ms),x (mm)", split, ["its header names 2 columns, but its rows have 3"]),
         (
             "t (ms),x,v",
             [f"{i},{row},1.5" for i, row in enumerate(rows())],
-            ["its head names 3 columns and its rows have 4"],
+            ["its header names 3 columns, but its rows have 4"],
         ),
         (",t,x", [f"{i},{row}" for i, row in enumerate(rows())], []),
         ("t,x", [f"{row},," for row in rows()], []),

@@ -385,10 +385,8 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
         selected = [label for label in labels if label == part or (label.isdigit() and int(label) in numbers)]
         if not selected:
             more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
-            choice = (
-                f"give numbers such as 1,3-5; the file has the runs {', '.join(labels[:MOST_NAMES])}{more}"
-            )
-            choice = choice if labels else "the file has no runs to choose from"
+            choice = f"give numbers such as 1,3-5; there are runs {', '.join(labels[:MOST_NAMES])}{more}"
+            choice = choice if labels else "there are none to choose from"
             raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
         wanted += selected
     return list(dict.fromkeys(wanted))

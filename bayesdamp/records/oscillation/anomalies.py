@@ -21,23 +21,25 @@ point and so two half cycles."""
 MIN_FLAT_SAMPLES = 3
 """Smallest number of successive samples at the extreme value of a clipped peak, if values are not rounded."""
 FLAT_RATIO = 1.5
-"""A rounded record counts as clipped if it stays at its extreme this many times longer than a sinusoid does; a pendulum
-at 2.8 rad also stays longer."""
+"""A record of rounded values counts as clipped only if it stays at its extreme value more than this many times longer
+than a sinusoid does; an unclipped pendulum at 2.8 rad also stays somewhat longer."""
 # For rectified records, all conventional:
 MIN_HALF_CYCLES = 6
 """A record with fewer half cycles does not count as rectified."""
 MIN_PEAK = 0.3
-"""Half cycles are used as long as their peak is above this fraction of the largest; below are noise and offsets."""
+"""To decide whether a record is rectified, half cycles are used as long as their peak is above this fraction of the
+largest one; smaller ones may be noise and offsets."""
 MAX_MINIMUM = 0.15
-"""Between its peaks a rectified record must fall below this fraction of each peak, as it does if it has at least eleven
+"""Between its peaks a rectified record must fall below this fraction of each peak; it does if it has at least eleven
 samples in a half cycle."""
 MAX_LAST_PEAK = 0.8
-"""In a rectified decay the last peak must be below this fraction of the first; pulses or a counter do not decay."""
+"""The last peak of a rectified decay must be below this fraction of the first; otherwise the record may be pulses or a
+counter, which do not decay."""
 MAX_UNDERSHOOT = 0.1
-"""Noise may change the sign of values of a rectified record up to this fraction of the largest peak."""
+"""Largest opposite value, as a fraction of the largest peak, of a rectified record, in which noise may change signs."""
 MIN_MEDIAN = 0.3
-"""In a rectified record the median of a half cycle is above this fraction of its peak: it is 0.71 for |sin|, 0.5 for
-sin², 0 for pulses."""
+"""In a rectified record, the median of the values in a half cycle must be above this fraction of the peak: it is 0.71
+for |sin|, 0.5 for sin², and 0 for pulses."""
 ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
 """`is_tone_burst` computes the envelope from about the first number of samples in a period, and from at most the second
 number in total."""
@@ -105,11 +107,11 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
 
 
 def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
-    """Return whether y leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops there.
+    """Return whether y (n,) leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops.
 
-    Return False also if the flat part is too near an end of the record, or too long, to decide. begin, end: first
-    sample of the flat peak, and that after its last. step: usual distance of neighbouring values, in the unit of y.
-    per_cycle: samples in a cycle.
+    Return False also if the flat part is too near an end of the record, or too long, to decide. begin, end: index of
+    the first sample of the flat peak, and of that after its last. per_cycle: number of samples in a cycle. step:
+    usual difference of neighbouring levels, in the unit of y.
     """
     flat = end - begin
     phase = np.pi * flat / per_cycle  # half of the duration of the flat part

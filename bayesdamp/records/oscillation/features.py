@@ -24,25 +24,27 @@ from bayesdamp.records.oscillation.turning import (
 from bayesdamp.types import FeatureValues, Refusal, Signal
 
 MAX_CHANGE_RATIO = 0.7
-"""A record does not oscillate if the mean square change over a period is larger than this fraction of that over half a
-period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping ratio of 0.3, and 2/3
-for two equal modes whose frequencies differ by a fifth."""
+"""A record does not oscillate if the variance of the changes of its values over a period is larger than this fraction
+of that over half a period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping
+ratio of 0.3, and 2/3 for two equal modes whose frequencies differ by a fifth."""
 HOLE_IN_LAG = 0.25
-"""A change of the values from a time t to t + lag is not used if t + lag is in a gap of the samples that is longer than
-this fraction of the lag."""
+"""To test whether a record oscillates, changes of the values from each time t to t + lag are compared. A change is not
+used if t + lag is in a gap of the samples that is longer than this fraction of the lag."""
 GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
-"""A gap is longer than the first number of periods and than the second number of usual sampling intervals. Turning
-points within the third number of periods of a gap are not used (conventional)."""
+"""Samples are missing (a gap) where the time between two samples is longer than `GAP_PERIODS` periods and longer than
+`GAP_INTERVALS` median sampling intervals. Turning points within `GAP_MARGIN` periods of a gap are not used
+(conventional)."""
 TESTED_MARGIN = 1.5
-"""`features` tests, with `reason_not_oscillating`, the samples between the first and the last turning point and up to
-this many periods before and after them."""
+"""The test whether a record oscillates (`reason_not_oscillating`) uses the samples between the first and the last
+turning point, and up to this many periods before and after these."""
 LEAST_SHARE = 0.3
-"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain (as
-`coarse_period` returns it)."""
+"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain
+(computed by `coarse_period`); with less, the record is refused."""
 
 
 MAX_CACHED = 16
-"""Number of records whose results are cached (conventional)."""
+"""Number of results of a function that are cached, one for each record and set of options; the oldest are dropped
+(conventional)."""
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
 
@@ -50,10 +52,11 @@ Result = TypeVar("Result")
 def once_per_record(
     compute: Callable[Concatenate[Signal, Options], Result],
 ) -> Callable[Concatenate[Signal, Options], Result]:
-    """Return a version of a function of a signal that caches the results for the last `MAX_CACHED` different records.
+    """Decorate a function of a signal so that its last `MAX_CACHED` results are cached.
 
-    The key is made from the samples, because the same record occurs under several names. The function runs with one
-    BLAS thread, which is fastest for its small matrices.
+    The key of a result consists of the samples, quantity, unit and recording step of the signal and of the other
+    arguments, but not of the signal's name, because the same record occurs under several names. The function runs with
+    one BLAS thread, which is fastest for its small matrices.
     """
     cache: dict[tuple[object, ...], Result] = {}
 
@@ -77,8 +80,8 @@ def once_per_record(
 def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
     """Return why values do not oscillate with a given period, as a clause for a message; "" if they do.
 
-    They do not if the mean square change over a period is more than `MAX_CHANGE_RATIO` times that over half a period,
-    each without that of noise. The result is "" also if too few values can be compared.
+    They do not if the variance of their changes over a period is more than `MAX_CHANGE_RATIO` times that over half a
+    period, each without the contribution of noise. The result is "" also if too few values can be compared.
 
     Parameters
     ----------
@@ -105,7 +108,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
     whole = variance_of_changes(period) - 2 * noise**2
     half = variance_of_changes(0.5 * period) - 2 * noise**2
     if np.isfinite(whole) and half > 0 and whole > MAX_CHANGE_RATIO * half:
-        return "after a whole period it is no closer to its earlier values than after half a period"
+        return "after a whole period the record is no closer to its earlier values than after half a period"
     return ""
 
 
@@ -130,9 +133,10 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> TurningPoints:
-    """Return the turning points that are not in a gap (see `holes`) or within `GAP_MARGIN` periods of one.
+    """Return the turning points without those in a gap of the samples (`holes`) or within `GAP_MARGIN` periods of one.
 
-    Interpolation would create false ones there. t: times of the samples in s, (n,). period: in s.
+    Interpolation across a gap would create false ones. t: times of the samples in s, (n,). period: period of the
+    oscillation in s.
     """
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
@@ -155,8 +159,8 @@ class Features(FeatureValues):
         Times in s at which the record crosses its midline, between successive turning points, (k − 1,); the middle
         between these where no crossing is found.
     swing_times, swing_sizes
-        Middle time in s and half range of each half cycle, in the longest run and in those that only gaps in the
-        samples separate from it, each (m,).
+        Middle time in s and half of the range (maximum minus minimum) of each half cycle, each (m,); of the longest
+        regular run, and of runs that only gaps in the samples separate from it.
     """
 
     turning_times: np.ndarray
@@ -169,7 +173,10 @@ class Features(FeatureValues):
 
 @once_per_record
 def features(signal: Signal) -> Features:
-    """Return the features of a signal. Raises Refusal with a reason if it has < 10 samples or does not oscillate."""
+    """Return the features of a signal: period, amplitude, noise, turning points and others.
+
+    Raises Refusal with a reason if the signal has fewer than ten samples or does not oscillate.
+    """
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
         raise Refusal(f"the record has {t.size} samples; at least 10 are needed")

@@ -28,25 +28,27 @@ from bayesdamp.types import NORMAL_95, Refusal, Signal
 from bayesdamp.units import Unit
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
-"""A window has this fraction of the record's cycles, but at least `SHORTEST_WINDOW` and at most `LONGEST_WINDOW`
-periods (conventional)."""
+"""A window, in which a sinusoid is fitted, has the fraction `WINDOW_FRACTION` of the record's cycles, but at least
+`SHORTEST_WINDOW` and at most `LONGEST_WINDOW` periods (conventional)."""
 STARTS_PER_WINDOW = 4
 """Windows overlap: this many start within the length of one (conventional)."""
 MOST_WINDOWS, FEWEST_WINDOWS = 100, 3
-"""Largest and smallest number of windows; in long records they are further apart (conventional)."""
+"""Largest and smallest number of windows. In records that are long enough for more, the windows are further apart; a
+record with fewer is refused (conventional)."""
 SAMPLES_PER_CYCLE = 64
 """Neighbouring samples are averaged to about this many samples a cycle; this reduces all amplitudes by 0.04 %."""
 FEWEST_SAMPLES = 8
-"""Smallest number of samples in a window."""
+"""Smallest number of samples in a window; windows with fewer are left out."""
 LEAST_COVERAGE = 0.6
-"""Smallest fraction of a window's total weight at which there are samples; windows over gaps have less and are left
+"""Smallest fraction of a window's total weight that its samples must have; windows over gaps have less and are left
 out."""
 OUTLIER_SDS = 6.0
 """Samples further than this many robust standard deviations from a window's fit are left out (conventional)."""
 ROUNDING_SD = 0.29
 """Standard deviation of a rounding error, as a fraction of the recording step: 1/√12."""
 LEAST_ERROR = 1e-5
-"""Smallest relative error of an amplitude: the error of the fitted sinusoid as a model (conventional)."""
+"""Smallest relative standard error of a fitted amplitude, because the motion is not exactly a sinusoid
+(conventional)."""
 NUGGET = 1e-3
 """Fraction of an amplitude's error variance that is assumed independent between windows, so that the correlation matrix
 is regular."""
@@ -54,22 +56,25 @@ POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Powers of the amplitude (0: its log) that may be a straight line in time (Box and Cox 1964): the first one for drag,
 the middle one for viscous damping, the last one for dry friction."""
 WALKS = np.concatenate([[0.0], np.geomspace(1.0, 1e8, 9)])
-"""Possible variances of the random walk over the whole record, relative to the error variance of the amplitudes."""
+"""Possible variances of the integrated random walk that lets the decay rate vary, relative to the error variance of the
+amplitudes; the result is averaged over them. 0 means no walk."""
 NOISE_WEIGHT = 4.0
 """In the estimate of the error variance of the amplitudes, the noise measured within the windows counts as much as this
 many amplitudes (conventional)."""
 PROBABILITY_NO_WALK = 0.2
-"""Prior probability of no walk; the other variances share the rest. With 0.5 and smaller walks, the intervals at the
-ends of a record were too narrow, because no power of the amplitude is a straight line under a sum of dampings (measured
-on 104 records: the worst by a factor of 7; with the present values, 3.5)."""
+"""Prior probability that no random walk is added to the straight line; the other variances in `WALKS` share the rest
+equally. With 0.5 and smaller walks, the intervals at the ends of a record were too narrow, because no power of the
+amplitude is a straight line under a sum of dampings (measured on 104 records: the worst by a factor of 7; with the
+present values, 3.5)."""
 RATE_ERROR = 5e-4
-"""Relative systematic error of decay rates, from averaging over a window."""
+"""Relative systematic error (standard deviation) of decay rates, because the amplitudes are averages over windows."""
 FREQUENCY_ERROR = 1.0
 """Relative systematic error of a frequency, in units of the squared damping ratio. The phase of a decaying sinusoid is
 slower than the natural frequency by 0.5 of this unit for viscous damping, and by 2 for dry friction, whose alternating
 offset 4 δ / π is in quadrature with the sinusoid and grows relative to it."""
 DEGREE = 5
-"""Highest degree of the polynomial of the log amplitude in time, from which the time of a given amplitude follows."""
+"""Largest degree of the polynomial in time that approximates the log amplitude, to find the time of a given amplitude
+(`LawFree.line`)."""
 AVERAGING_ROUNDS = 2
 """Number of rounds that correct the amplitudes for the averaging over windows."""
 CONSTANT_ERRORS = (0.0, 0.03, 0.1, 0.3, 1.0)
@@ -82,7 +87,8 @@ ESTIMATES_PER_WINDOW = 1.5
 """Number of statistically independent estimates of the amplitude that overlapping windows give within the length of one
 window (for windows that are raised cosines)."""
 MOST_HARMONIC = 0.05
-"""Limit of the third harmonic, relative to the first, that corrects amplitudes (conventional)."""
+"""Largest size of the third harmonic, relative to the first, by which amplitudes are corrected; a larger one is set to
+this (conventional)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 
@@ -126,10 +132,11 @@ class Sinusoids:
 
 
 def sinusoids(signal: Signal) -> Sinusoids:
-    """Fit a sinusoid with linearly changing amplitude and midline in each of many overlapping windows.
+    """Fit a sinusoid with linearly changing amplitude and midline in each of many overlapping windows of a record.
 
-    The sinusoids are those of the recorded quantity. Raises Refusal if the record does not oscillate, or if fewer than
-    three windows have enough samples.
+    A window is at least two periods long (less in very short records). The amplitudes are those of the recorded
+    quantity, not converted to a displacement. Raises Refusal if the record does not oscillate, or if fewer than three
+    windows have enough samples.
     """
     measured = features(signal)
     block = max(int(measured.samples_per_cycle / SAMPLES_PER_CYCLE), 1)
@@ -257,9 +264,9 @@ class Curves:
     Attributes
     ----------
     amplitude
-        Amplitude of the displacement, in rad or m.
+        Amplitude of the displacement, in its base unit (rad, m, V, ...).
     ratio, ratio_sd
-        Equivalent viscous damping ratio, and its standard error.
+        Equivalent viscous damping ratio (see `DampingAt`), and its standard error.
     frequency, frequency_sd
         Angular frequency in rad/s, and its standard error.
     """
@@ -273,14 +280,15 @@ class Curves:
 
 @dataclass(frozen=True)
 class LawFree:
-    """The smoothed amplitude and frequency of a record, from which `at` evaluates curves.
+    """The smoothed amplitude and frequency of a record; the method `at` evaluates them and the damping ratio.
 
     Attributes
     ----------
     windows
-        Sinusoids fitted in windows, with the phases of the displacement and the amplitudes of the recorded quantity.
+        Sinusoids fitted in windows. Their amplitudes are still those of the recorded quantity, but their phases are
+        those of the displacement.
     sizes
-        ln of the amplitudes of the displacement (rad or m) in the windows, (k,).
+        ln of the amplitudes of the displacement (rad or m) in the middle of the windows, (k,).
     backbone
         Frequency as a polynomial in the squared amplitude of the displacement.
     line
@@ -337,10 +345,10 @@ class LawFree:
 
 @once_per_record
 def law_free(signal: Signal) -> LawFree:
-    """Return the smoothed amplitude and frequency of a record's displacement.
+    """Return the smoothed amplitude and frequency of the displacement in a record.
 
-    Those of a velocity or acceleration are converted to it. Raises Refusal if the record does not oscillate or has too
-    few cycles.
+    The amplitudes and phases of a recorded velocity or acceleration are converted to those of the displacement. Raises
+    Refusal if the record does not oscillate or has too few cycles.
     """
     windows = sinusoids(signal)
     # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
@@ -442,9 +450,10 @@ class Backbone:
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return, at amplitudes (k,), the frequency ω (rad/s), the ratio q (s), and the sd of q, (k,) each.
+        """Return, at amplitudes (k,), the frequency ω (rad/s), the factor q (s), and the sd of q, (k,) each.
 
-        q is the damping ratio divided by the decay rate −Ȧ/A (1/s). Amplitudes are in the unit of `largest`.
+        q times the decay rate −Ȧ/A (1/s) is (−dE/dt)/(2ωE) with the energy E: for light damping, the damping ratio.
+        Amplitudes are in the unit of `largest`.
         """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
@@ -618,8 +627,9 @@ def _smooth_power(
 class DampingAt:
     """The equivalent viscous damping ratio at an amplitude (rad or m), and its standard error.
 
-    The ratio is the energy lost in a cycle, divided by 4π times the energy of the oscillation; for a linear spring this
-    is −(dA/dt)/(ωA).
+    The ratio is r/√(1 + r²), where r is the rate of energy loss divided by 2ω times the energy of the oscillation; for
+    a linear spring, r is −(dA/dt)/(ωA). For light damping the ratio is the energy lost in a cycle, divided by 4π times
+    the energy; for viscous damping it is exactly the usual damping ratio.
     """
 
     amplitude: float
@@ -634,7 +644,7 @@ class DampingAt:
 
 @dataclass(frozen=True)
 class FirstWords:
-    """Frequency and damping of a record without a damping law, which are printed before any model is fitted.
+    """Frequency and damping of a record, measured without assuming a damping law and printed before models are fitted.
 
     Attributes
     ----------
@@ -648,7 +658,7 @@ class FirstWords:
     start, stop
         Start and stop of the part used, in s of the record's times.
     unit
-        Unit of the amplitudes, "rad" or "m".
+        Unit of the amplitudes: the base unit of the record, such as "rad", or the unit chosen with `in_unit`.
     """
 
     frequency: float

@@ -20,7 +20,7 @@ LEAST_AVERAGED = 1500
 averaged before the fit, so that fewer than twice as many remain, or about `PER_CYCLE` samples in a period, whichever is
 more (conventional)."""
 PER_CYCLE = 12
-"""Smallest number of samples in a period after averaging (conventional)."""
+"""Smallest number of samples in a period that averaging of neighbouring samples leaves (conventional)."""
 MIN_SEPARATION = 0.6
 """A search for a new mode starts only at frequencies that differ from those of the modes already in the fit by at least
 this, in units of 1 / (duration of the record)."""
@@ -31,12 +31,12 @@ MOST_SEARCHED = 6_000
 avoids aliasing); the fit that the search gives is then judged on all samples (conventional)."""
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
 MIN_EXPLAINED = 0.95
-"""Smallest fraction of the variance that two damped sinusoids must explain for a record of two oscillations, and one
-damped sinusoid for a record of one."""
+"""Fraction of the variance that two damped sinusoids must explain before a record counts as two oscillations, and that
+one damped sinusoid must explain before it counts as one that grows or stays constant."""
 GROWTH_SIGMAS = 6.0
-"""An oscillation grows if its decay rate is below zero by more than this many standard errors."""
+"""An oscillation counts as growing only if its decay rate is below zero by more than this many standard errors."""
 MIN_GROWTH = 1.05
-"""Smallest factor by which a growing oscillation grows over the record."""
+"""An oscillation counts as growing only if its amplitude grows by more than this factor over the record."""
 CLOSE_FREQUENCIES = 0.2
 """If two frequencies differ by less than this, relatively, they may be one oscillator whose frequency changes with its
 amplitude; then only a rising amplitude shows that they are two."""
@@ -68,15 +68,16 @@ HOLE_IN_PERIOD = 0.2
 MIN_CYCLES = 3.0
 """With fewer cycles of the slower (or only) mode, a record counts neither as two oscillations nor as steady."""
 DRIFT_CYCLES = 8.0
-"""A smaller, slower oscillation that does not decay and has fewer cycles than this is a drift of the baseline."""
+"""A second oscillation that is smaller and slower than the first, does not decay and has fewer cycles than this counts
+as a drift of the baseline, not as an oscillation."""
 RATE_SIGMAS = 3.0
 """A decay rate below this many of its standard errors does not show that an oscillation decays."""
 MAX_SUSTAINED_FALL = 0.05
 """An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
 a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
 MIN_FALL = 2.0
-"""A decay together with a sustained oscillation is found only if the amplitude falls by at least this factor before it
-stays constant."""
+"""A decay together with a sustained oscillation of close frequency is recognised only if the amplitude falls by at
+least this factor before it stays constant."""
 RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
 """In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
 of times, and each time over at least the third number of periods."""
@@ -84,8 +85,8 @@ MIN_RISING_FRACTION = 0.25
 """A record counts as excited throughout only if the amplitude rises in at least this fraction of its duration. Under
 random excitation it rises half of the time, after repeated releases only during a small part."""
 MIN_RANGE_SIGMAS = 20.0
-"""An oscillation that stays constant must have a range of at least this many standard deviations of a sample's
-noise."""
+"""An oscillation that stays constant after a decay is recognised only if its range (maximum minus minimum) is at least
+this many standard deviations of a sample's noise."""
 
 
 @dataclass(frozen=True)

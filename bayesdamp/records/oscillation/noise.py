@@ -7,11 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 ENOUGH_WINDOWS = 512
-"""Largest number of windows from which the median noise is computed; with so many it is known to 1 % or better."""
+"""Largest number of windows of a record from which the median noise is computed; with this number the noise is known to
+1 % or better."""
 TALL_WINDOW = 200
-"""From this number of samples in a window, the least-squares problem is solved by its (faster) normal equations."""
+"""In windows of at least this many samples, least-squares problems are solved by their normal equations, which is
+faster."""
 BLOCK_SAMPLES = 200_000
-"""Number of samples that are fitted at once, which limits the memory to about 40 MB."""
+"""Approximate largest number of samples, in windows of one size, that are fitted at once; this limits the memory to
+about 40 MB."""
 
 
 class _Fits:

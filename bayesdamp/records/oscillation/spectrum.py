@@ -1,16 +1,17 @@
-"""Estimate the period of a decaying oscillation coarsely: that whose sinusoids explain most of the record."""
+"""Estimate the period of a decaying oscillation coarsely: that of the sinusoids which explain most of the record."""
 
 from __future__ import annotations
 
 import numpy as np
 
 MOST_SAMPLES = 16384
-"""Most samples for the search; longer records are averaged in blocks (conventional)."""
+"""Largest number of samples in which a period is searched for; longer records are averaged in blocks first
+(conventional)."""
 SHORTEST_PERIOD = 4.0
-"""Number of samples in the shortest period that is searched."""
+"""Number of samples in the shortest period that is searched for."""
 LEAST_VARIANCE = 0.5
-"""If block averages have less than this fraction of the variance of the samples, averaging may have removed the
-oscillation, and the samples themselves are searched too."""
+"""If averages of the samples in blocks have less than this fraction of the variance of the samples, averaging may have
+removed the oscillation, and the samples themselves are searched too."""
 SURE_FRACTION = 0.5
 """An oscillation in block averages is accepted if it has at least this fraction of their variance, and a spectral line
 if it has at least this fraction of the power."""
@@ -20,7 +21,8 @@ blocks."""
 LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
 WEAK_POWER = 0.1
-"""A period with less than this fraction of the strongest period's power is ignored."""
+"""A period whose sinusoids explain less than this fraction of the power that those of the strongest period explain is
+ignored."""
 
 
 def block_means(values: np.ndarray, block: int) -> np.ndarray:
@@ -40,10 +42,10 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the number of samples in a cycle of the strongest spectral line with at least two cycles.
+    """Return the number of samples in a cycle of the strongest spectral line with at least two cycles in the record.
 
-    It is NaN if the line has less than half of the power. With fewer than 4 a cycle, a record is too coarse to follow
-    its oscillation.
+    The result is NaN if the line has less than half of the power. With fewer than 4 samples a cycle, the oscillation in
+    a record cannot be followed.
 
     Parameters
     ----------

@@ -10,10 +10,12 @@ import scipy  # loads its modules when they are used
 from bayesdamp.records.oscillation.noise import group_by_size
 
 PER_CYCLE = 48
-"""Number of samples a cycle for the first search of turning points, which are then refined on all samples."""
+"""Largest number of samples a cycle to which a record is reduced for the first search of turning points, which are then
+refined with all samples."""
 FEW_TURNS = 7
-"""If fewer turning points than this are found, the search is repeated and requires only half the return after an
-extremum (see `zigzag`), because under heavy damping each half cycle may be less than half of the one before."""
+"""If fewer turning points than this are found, the search is repeated, and an extremum counts if the values then return
+from it by half the distance that was required before. Under heavy damping a half cycle may be less than half of the one
+before."""
 LEAST_SAMPLES = 9
 """The window of samples around a turning point is widened until it has this many samples, which are enough to determine
 a sinusoid with changing amplitude, phase and midline."""
@@ -220,8 +222,9 @@ def refine(
 def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Return phase, value and noise gain of the extremum nearest to phase 0 in each window, (w, 3); NaN if it has none.
 
-    See `refine`. x: phases of the samples, (w, n); values: of the samples, (w, n); kind: 1 for a maximum, −1 for a
-    minimum, (w,); width: half width of the window as a phase, (w,).
+    The extremum is that of a sinusoid fitted to the samples (`refine`). The noise gain is the sd of the value for noise
+    of sd 1 in each sample. x: phases of the samples in rad, (w, n); values: their values, (w, n); kind: 1 for a
+    maximum, −1 for a minimum, (w,); width: half width of the window as a phase in rad, (w,).
     """
     n = x.shape[1]
     columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]

@@ -58,9 +58,10 @@ class _GroupWalk(Walk):
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
-        """Collect the columns and facts of a group or dataset. Raises InputError for data that is not read.
+        """Collect the columns and facts of a group or dataset, and of all below it.
 
-        path, run, depth: as in `Walk.add`.
+        Raises InputError for data in another file, packed numbers, and more than LARGEST_FILE bytes. path: path of the
+        item in the file, with dots; run: run to which it belongs, "" for none; depth: number of levels above it.
         """
         if depth > DEEPEST_LEVEL:
             return

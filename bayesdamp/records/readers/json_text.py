@@ -14,7 +14,7 @@ from bayesdamp.records.files.tree import Walk, join_path
 from bayesdamp.records.readers.text import make_column, read_text
 
 LARGEST_JSON = 2**28
-"""Largest size of a JSON file in bytes (conventional)."""
+"""Largest size of a JSON file in bytes; larger files are refused (conventional)."""
 
 
 class JsonReader(Reader):
@@ -48,9 +48,11 @@ class _JsonWalk(Walk):
     """Collector for JSON values: a list of samples, each an object of numbers or texts, gives a column for each key."""
 
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
-        """Collect a list; a list of samples gives a column for each key. Numbers of samples may be in quotes.
+        """Collect a list; a list of samples (objects) gives a column for each key.
 
-        Samples without a number for a key are NaN in its column. path, run, depth: as in `Walk.add`.
+        The numbers in a sample may be in quotes. A sample without a number for a key is NaN in the key's column. path:
+        path of the list in the file, with dots; run: run to which it belongs, "" for none; depth: number of levels
+        above it.
         """
         if len(items) < 2 or not all(isinstance(row, dict) for row in items):
             return super().add_list(path, items, run, depth)

@@ -22,9 +22,11 @@ from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_f
 from bayesdamp.types import Fact, InputError
 
 LARGEST_TEXT = 2**29
-"""Largest size of a text file in bytes; split into lines it needs about ten times that memory (conventional)."""
+"""Largest size of a text file in bytes; larger files are refused, because reading needs about ten times that memory
+(conventional)."""
 MOST_COLUMNS = 5000
-"""Largest number of columns of a table (conventional)."""
+"""Largest number of columns of a table; a table with more is refused, because it is probably transposed
+(conventional)."""
 _CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
 """Control characters that do not occur in text files."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
@@ -36,7 +38,7 @@ _FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
 _MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
 """The time of day that a serial monitor writes before each line."""
 BLANKS = " "
-"""Separator that stands for any number of blanks."""
+"""Value of `Layout.separator` which means that any number of blanks separates the cells."""
 _GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
 """Separators of names that contain blanks: wide gaps, or any blanks except those before a unit in brackets."""
 EXAMINED_LINES = 100
@@ -491,8 +493,8 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     warnings: list[str] = []
     most = max((names for _, names in head), default=0)
     if most > layout.columns and layout.separator != BLANKS:
-        what = f"its head names {most} columns and its rows have {layout.columns}"
-        warnings.append(f"{what}: names are taken from the left.")
+        what = f"its header names {most} columns, but its rows have {layout.columns}"
+        warnings.append(f"{what}: the first {layout.columns} names are used.")
     units = [unit.strip("()[] -") for unit in layout.units] or [""] * layout.columns
     groups = layout.groups or [""] * layout.columns
     names = [f"{g}.{n}" if g and n else n for g, n in zip(groups, layout.names, strict=True)]
@@ -518,7 +520,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     last = next((line for line, _ in reversed(head) if line.strip()), "").lstrip("#% ")
     named = split_cells(last, layout.separator)
     if layout.separator != BLANKS and 1 < len(named) < len(columns) and all(map(_has_letters, named)):
-        what = f"its head names {len(named)} columns and its rows have {len(columns)}"
+        what = f"its header names {len(named)} columns, but its rows have {len(columns)}"
         warnings.append(f"{what}: check which column is which, and whether decimal commas separate cells.")
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
@@ -541,7 +543,7 @@ def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> t
         return ()
     first = f"line {lines[odd[0]]} has {many[odd[0]]} cell{'s' if many[odd[0]] != 1 else ''}"
     more = f" (and {len(odd) - 1} more are uneven)" if len(odd) > 1 else ""
-    what = "rows without a cell of the record are left out, and cells beyond the table are not read"
+    what = "rows without a value in the columns of the record are left out, and additional cells are not read"
     return (f"{first} where the table has {columns}{more}: {what}.",)
 
 

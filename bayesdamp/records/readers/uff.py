@@ -59,7 +59,7 @@ class UffReader(Reader):
         ]
         if not timed:
             raise InputError(
-                "none of its data sets 58 is a record in time (spectra?); export the time histories"
+                "none of its data sets 58 is a time record (are they spectra?); export the time histories"
             )
         for data in timed:
             samples, claimed = np.size(data["data"]), int(data["num_pts"])
