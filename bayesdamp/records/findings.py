@@ -116,7 +116,9 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     size = half_swing(raw)
     if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
         turns = size / (2 * math.pi)
-        why = f"no unit is given, and an amplitude of {size:.3g} would be {turns:.2g} turns if it were in radians"
+        why = (
+            f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns if it were in radians"
+        )
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit)))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:

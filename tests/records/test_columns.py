@@ -162,7 +162,7 @@ def test_what_moves_up_and_down_is_answered_where_it_is_named(tmp_path: Path) ->
     """The mean acceleration of a spring's mass is gravity too: whether it is one is for the user to say."""
     head = "acceleration (m/s²)"
     path = write(tmp_path / "a.csv", {"t (s)": T, head: 9.81 + 10 * Y})
-    with pytest.raises(InputError, match="or this one if it moves up and down"):
+    with pytest.raises(InputError, match="or this one if the body moves up and down"):
         read_record(path)
     assert read_record(path, value=head).channel == head
     for name, mean in ((head, 5.0), ("angle", 9.81)):

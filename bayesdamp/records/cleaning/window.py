@@ -370,13 +370,11 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     spans = ", ".join(time_span(d.start, d.stop) for d in others[:LISTED_DECAYS])
     more = len(others) - LISTED_DECAYS
     if len(others) == 1:
-        return (
-            f"Another free decay is in the record and not used: {spans}; to use it, give its start and stop."
-        )
+        return f"Another free decay is in the record and not used: {spans}; give its start and stop if it is wanted."
     tail = f" and {more} more" if more > 0 else ""
     return (
-        f"{len(others)} other free decays are in the record and not used: {spans}{tail}; to use one, give its start "
-        "and stop."
+        f"{len(others)} other free decays are in the record and not used: {spans}{tail}; give the start and stop of "
+        "one if it is wanted."
     )
 
 
