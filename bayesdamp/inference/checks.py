@@ -333,7 +333,7 @@ class Prediction:
 
     @property
     def expected(self) -> float:
-        """Root mean square of `sd`, in the unit of the record: the value of `rms` that is expected."""
+        """Root mean square of the predictive `sd`, in the unit of the record: the expected value of `rms`."""
         return float(np.sqrt(np.mean(self.sd**2)))
 
     @property

@@ -110,7 +110,7 @@ def evidence_by_prior_width(
     coefficients : sequence of str
         Names of the damping coefficients.
     y : ndarray, shape (n, d)
-        Importance draws of the parameters as scores, in the order of `priors`.
+        Importance draws of the parameters as standard normal scores, in the order of `priors`.
     log_weights : ndarray, shape (n,)
         Log importance weights of the draws under the given priors.
     fit_under : callable

@@ -45,7 +45,7 @@ class Expansion(NamedTuple):
 
 
 Expand = Callable[[np.ndarray], Expansion]
-"""A function that returns the expansion at a point, (d,)."""
+"""A function that returns the value, gradient and information of the maximised function at a point, (d,)."""
 
 
 class Step(NamedTuple):

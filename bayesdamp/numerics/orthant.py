@@ -19,7 +19,7 @@ MAX_NESTED, LATTICE_POINTS = 3, 256
 """`MAX_NESTED`: greatest number of coordinates for which `log_probability` uses nested Gauss rules. For more it
 averages over a lattice of `LATTICE_POINTS` points instead (conventional)."""
 SURE_SDS = 7.0
-"""If every coordinate's mean is at least this many of its standard deviations above zero, the probability that all
+"""If the mean of every coordinate is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
 PRIMES = np.array([n for n in range(2, 300) if all(n % m for m in range(2, n))], float)
 """Primes whose square roots generate the lattice of `_log_probability_by_lattice`, one for each coordinate."""

@@ -18,13 +18,15 @@ from bayesdamp.numerics.orthant import draw
 from bayesdamp.types import Refusal
 
 GRADIENT_STEP = 0.01
-"""Step of the finite differences of gradients that give the Hessian in `laplace`, in posterior sds."""
+"""Step of the finite differences of gradients that give the full Hessian of the log posterior in `laplace`, in
+posterior sds."""
 LEAST_INSIDE = 0.02
 """`TruncatedNormal.draw` draws from a normal distribution and rejects draws with negative values where these are not
 allowed. If less than this fraction of the draws is accepted, it uses the approximate sampler of `numerics.orthant`
 instead."""
 MOMENT_DRAWS = 20_000
-"""Number of draws from which moments of a truncated distribution are computed."""
+"""Number of draws from which the mean and covariance of a normal distribution with values restricted to ≥ 0 are
+computed."""
 FAR_WALL_SDS = 8.0
 """The restriction of a standard normal score to values ≥ 0 is ignored if its mean is at least this many sds above
 zero."""

@@ -89,11 +89,12 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map for the posterior of a target, computed along the ridge through its mode.
+        """Return the map for the posterior of a target.
 
-        It is the identity if the noise model has no `tied` parameters or not both of them are inferred, if one of them
+        It is computed from maxima of the posterior at many values of the second of the two tied noise parameters. The
+        map is the identity if the noise model has no `tied` parameters or not both of them are inferred, if one of them
         is a reflected score (half-normal prior), if the model allows for deviations from its laws, or if at most
-        `LEAST_STEPS` points of the ridge can be computed.
+        `LEAST_STEPS` maxima can be computed.
         """
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
@@ -196,7 +197,7 @@ class NoiseMap:
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        """Scores of the second noise parameter at the knots of `table`, a vector."""
+        """Standard normal scores of the second noise parameter at the points of `table`, in increasing order, (m,)."""
         assert self.table is not None
         return self.table(self.table.x)[:, 0]
 
@@ -255,7 +256,7 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
 def _profile(
     target: Target, mode: Mode, first: int, second: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the marginal posterior of the second noise parameter at points in steps to both sides of the mode.
+    """Compute the marginal posterior of the second of two tied noise parameters, in steps to both sides of the mode.
 
     At each of m values the log posterior is maximised over all other parameters. Returns the standard normal scores of
     the second parameter, increasing, their marginal log density by Laplace's approximation, up to a constant, and the

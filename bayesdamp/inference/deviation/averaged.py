@@ -25,7 +25,7 @@ MOST_CYCLES = 1200.0
 """Largest number of cycles for which the equation of motion is solved over the whole record if averaged motions are not
 accurate: the Jacobian then takes 1 GB (measured)."""
 FEWEST_CYCLES = 400.0
-"""A record with at least this many cycles is reduced to amplitudes and phases (conventional)."""
+"""A record with at least this many cycles is reduced to amplitudes and phases of blocks of cycles (conventional)."""
 BLOCKS = 64
 """Number of blocks into which a record of very many cycles is divided. In its place an oscillation is solved that
 decays through the same amplitudes in fewer cycles, `TURNS` per block. For a record of 400 cycles the damping of this
@@ -43,7 +43,8 @@ SHORTEST = 0.25
 """A piece of the record between two holes (long gaps) is left out if it is shorter than this fraction of a block's
 length (conventional)."""
 WINDOW = 4.0
-"""Length in cycles of the windows whose demodulation gives the first estimates of phase and amplitude."""
+"""Length in cycles of the windows in which a record is demodulated for the first estimates of its phase and
+amplitude."""
 FULL = 0.7
 """A short window in which the record is demodulated is used only if it has enough samples: the sum of their taper
 weights must be larger than this fraction of the median sum over all windows (conventional)."""
@@ -65,7 +66,7 @@ FOLLOWED = 8
 """Number of windows (`WINDOW`) in each piece of the spline that follows a randomly wandering phase; the noise of so
 many windows hardly shifts the spline."""
 OVERTONES = 3
-"""Highest harmonic of the oscillation that is fitted in each block together with the fundamental."""
+"""Highest harmonic of the oscillation that is fitted in each block of cycles together with the fundamental."""
 BENT = 3.0
 """Smooth curves of amplitude and phase against time are accepted if the roughness of the blocks' deviations from them
 (`_scatter`) is at most this. For white noise alone it is 1; at 3, the mean over a block differs from the value in its
@@ -80,7 +81,8 @@ SETTLED = 0.05
 """The refits for noise that is not Gaussian (`ROUNDS`) end when the last one changed the motion by less than this: norm
 of the change over all samples, in sds of the noise of a sample."""
 MOST_SHIFT = 0.1
-"""Averaged motions are used if averaging shifts no parameter by more than this, in posterior sds."""
+"""Motions that are averaged over cycles are used if averaging shifts no parameter by more than this, in posterior sds;
+otherwise the equation of motion is solved, unless the record has more than `MOST_CYCLES` cycles."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ class _Curves:
     """Splines of the phase in rad and of the log amplitude against time in s.
 
     phase, log_size: the splines. steps: pairs of a time in s and a step in rad; after this time the step is added to
-    the spline of the phase, because the number of cycles in a hole of the record is not known.
+    the spline of the phase, because the number of cycles in a long gap of the record is not known.
     """
 
     phase: BSpline
@@ -155,7 +157,7 @@ class _Curves:
     steps: tuple[tuple[float, float], ...] = ()
 
     def phase_at(self, t: np.ndarray) -> np.ndarray:
-        """Return the phase in rad, (n,), with the steps before each time, at times t in s, (n,)."""
+        """Return the phase in rad, (n,), at times t in s, (n,), with all steps before each time."""
         return self.phase(t) + sum((size * (t > at) for at, size in self.steps), np.zeros(1))
 
 

@@ -22,12 +22,13 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, candidate_name
 
 START = ("theta0", "omega0")
-"""Names of the displacement and the velocity at the first sample."""
+"""Names of the parameters for the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
 """Fits start at these standard normal scores of a parameter that a damping term has besides its coefficient, such as an
 exponent: low, middle and high in its prior. For two or more such parameters only low and high are combined."""
 MOST_STEPS = 8
-"""Largest number of Gauss–Newton steps to the mode of parameters and deviations."""
+"""Largest number of Gauss–Newton steps to the joint mode of a candidate's parameters and its deviations from the
+laws."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
 """Steps that `linearise_at_mode` tries in turn. Each is the fraction of the full Gauss–Newton step, and Marquardt's
 parameter for the standard normal scores, which turns the step. Where a record determines only a combination of

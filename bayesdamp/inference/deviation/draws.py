@@ -27,7 +27,7 @@ from bayesdamp.priors import odds
 from bayesdamp.types import Ratio
 
 POWER_TIMES = 4000
-"""Number of equidistant times in a motion at which `shares_of` computes the dissipated power."""
+"""Number of equidistant times in a motion at which `shares_of` computes the power that each damping term dissipates."""
 TOTAL_DRAWS = 4000
 """Number of draws that `draw_candidates` makes from all candidates together."""
 COVERED_PROBABILITY = 0.99
@@ -40,7 +40,8 @@ DRIFT_SDS = 5.0
 """A drift of the midline is significant if it exceeds this many of its standard deviations: one false alarm in 400
 records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
-"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles."""
+"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles; with fewer
+the drift is taken as 0."""
 UNNAMED_DRAWS = 400
 """Number of draws, from all candidates together, from which `unnamed_share` computes the fraction of the energy loss
 that no sum of the compared terms explains."""

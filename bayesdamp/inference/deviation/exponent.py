@@ -29,7 +29,7 @@ from bayesdamp.machine import at_once
 from bayesdamp.physics.kernel import Solver
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
-"""Ends of the uniform prior of the exponent."""
+"""Ends of the uniform prior of the exponent p of a damping force c |v|^p."""
 ROUNDED = 0.002
 """Width of the smoothing of a power p < 1 near zero velocity, at most this fraction of the peak velocity. A larger
 width would change the power at small amplitudes."""
@@ -61,7 +61,8 @@ this."""
 ENOUGH = 20
 """No more exponents are tried once this number of them has been fitted; the posterior is interpolated between them."""
 LEVELS = (np.arange(400) + 0.5) / 400
-"""Equidistant probabilities at which quantiles of the exponent are returned; the 400 quantiles serve as draws."""
+"""Equidistant probabilities at which quantiles of the exponent of a power law are returned; the 400 quantiles serve as
+draws."""
 POINTS = 3001
 """Number of exponents at which the posterior, interpolated between the exponents that were tried, is computed."""
 

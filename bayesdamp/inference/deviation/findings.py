@@ -48,7 +48,7 @@ SENSOR = 0.002
 """Relative standard deviation of every damping ratio because of the sensor's linearity and clock, which the record does
 not show; posterior draws include it (conventional)."""
 CURVE_AMPLITUDES = 12
-"""Number of amplitudes of a record at which its damping ratio is computed for a curve."""
+"""Number of amplitudes, from a record's first to its last, at which its damping ratio is computed for a curve."""
 PROBABLE_RIVALS = 1e-3
 """Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
 together more probable than this."""

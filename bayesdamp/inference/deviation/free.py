@@ -30,9 +30,9 @@ KNOT_LIMITS, CYCLES_PER_KNOT = (6, 24), 1.5
 """The damping is a viscous force times exp g(t), where g is interpolated between knots in time. These are the smallest
 and largest number of knots, and the number of cycles between two knots."""
 CURVE_POINTS = 40
-"""Number of amplitudes in the damping curve."""
+"""Number of amplitudes in the curve of damping ratio against amplitude without a damping law."""
 CURVE_DRAWS = 1000
-"""Number of draws from which the intervals of the curve are computed."""
+"""Number of posterior draws from which the intervals of the damping curve without a law are computed."""
 LARGEST_G = 50.0
 """`free_curve` returns None if |g| (the log factor of the damping) is larger than this in any draw: then the linear
 model about the mode has failed, because prior sds of g are at most 3."""

@@ -31,7 +31,8 @@ LARGEST = 1e100
 """A fit fails if a derivative of the motion by a standard normal score of a parameter is larger than this: the motion
 depends chaotically on its start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
-"""Length in cycles of the first part of the record that is fitted; each further part is twice as long."""
+"""Length in cycles of the first part of the record that is fitted; each further part is twice as long, and the last is
+the whole record."""
 SEARCHED = 1e-7
 """Error of an integration step, as a fraction of the amplitude, in rough searches and for Jacobians. Larger errors miss
 the corners of the motion where friction changes its sign (measured: at 1e-6 an upper limit of another form of damping

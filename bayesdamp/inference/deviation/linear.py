@@ -25,9 +25,11 @@ MEAN_G, MEAN_H = 0.03, 0.01
 the log deviation of the damping, h the relative deviation of the frequency."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
-"""`SIZES_G` and `SIZES_H`: sizes (prior standard deviations, dimensionless) of the deviations g and h in the grid."""
+"""`SIZES_G` and `SIZES_H`: grid values of the sizes (prior standard deviations, dimensionless) of the deviations from
+the laws, g (log damping) and h (relative frequency)."""
 LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths of the deviations g and h in the grid, as fractions of the record's duration."""
+"""Grid values of the correlation lengths of the deviations from the laws, g (log damping) and h (relative frequency),
+as fractions of the record's duration."""
 WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
 """Sizes (prior standard deviations) of the log damping g for the damping curve without a law: at the largest the
 damping may change by a factor of 20 either way."""
@@ -35,7 +37,8 @@ WIDE_LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths of the log damping g for the damping curve without a law, as fractions of the record's
 duration."""
 JITTER = 1e-6
-"""Variance added to the diagonal of a covariance with variance 1, so that it has a Cholesky factor (conventional)."""
+"""Variance that is added to the diagonal of the prior covariance of a deviation, whose variance is 1, so that it has a
+Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
 """Smallest and largest number of knots in time between which the deviation of the damping, or of the frequency, from
 its law is interpolated."""
@@ -266,7 +269,7 @@ class LinearModel:
     damping: np.ndarray
 
     def squares(self, u: np.ndarray) -> np.ndarray:
-        """Return the sum of squared residuals, in the record's unit squared, of each draw u, (n, K): (n,)."""
+        """Return the sum of squared residuals, (n,), in the record's unit squared, at n points u, (n, K)."""
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
     def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
@@ -303,7 +306,10 @@ class DampingLikelihood:
     information: np.ndarray
 
     def transform(self, offset: np.ndarray, matrix: np.ndarray) -> DampingLikelihood:
-        """Return the likelihood of y for x = offset + matrix y; offset (k,), matrix (k, k)."""
+        """Return the likelihood as a function of y, where x = offset + matrix y are the present parameters.
+
+        offset: (k,). matrix: (k, k).
+        """
         pull = self.slope - self.information @ offset
         log = self.log + self.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, self.information, offset)
         return DampingLikelihood(log, pull @ matrix, matrix.T @ self.information @ matrix)
@@ -362,12 +368,15 @@ class LinearPosterior:
 
     @property
     def means(self) -> np.ndarray:
-        """Return the mean of every component, without the cut-off at zero, (m, K)."""
+        """Return the mean of every component of the mixture, (m, K), before the cut-off of coefficients at zero."""
         return self._every[0]
 
     @property
     def factors(self) -> np.ndarray:
-        """Return a factor F of the covariance F Fᵀ of every component before the cut-off at zero, (m, K, K)."""
+        """Return a factor F of the covariance F Fᵀ of every component of the mixture, (m, K, K).
+
+        The covariances are those before the cut-off of coefficients at zero.
+        """
         return self._every[1]
 
     def only(self, which: np.ndarray) -> LinearPosterior:
@@ -389,7 +398,7 @@ class LinearPosterior:
 
     @property
     def weights(self) -> np.ndarray:
-        """Return the posterior probability of each component, (m,); their sum is 1."""
+        """Return the posterior probability of each component of the mixture, (m,); their sum is 1."""
         return np.exp(self.log_each - self.log_evidence)
 
     def sds(self, combinations: np.ndarray) -> np.ndarray:

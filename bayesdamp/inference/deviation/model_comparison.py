@@ -65,7 +65,7 @@ SHARPER = 0.25
 width ε of friction is chosen again under this model, because least squares do not determine ε from values that are
 rounded to coarse steps."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
-"""Known values of parameters by name, or a function that returns them for a restoring law."""
+"""Known values of parameters by name, or a function that returns them for the name of a restoring law."""
 ROUNDS = 2
 """Number of times that averaged motions are corrected by the full equation of motion and all candidates are fitted
 again."""
@@ -74,7 +74,8 @@ REACH = 20.0
 (`ModelComparison.expected_evidence`), is more than this many nats below the best (of 385 candidates on 22 simulated
 records this left out 135, none of which was closer than 18 nats)."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
-"""Reason in `ModelComparison.refused` of a candidate that is not fitted because of `REACH`."""
+"""Reason, in `ModelComparison.refused`, why a candidate is not fitted: its log evidence is expected to be too small
+(`REACH`)."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class CandidateResult:
 
     @property
     def model(self) -> LinearModel:
-        """Return the linear model behind `posterior`."""
+        """Return the linear model about the mode, from which `posterior` is computed."""
         return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
@@ -133,7 +134,11 @@ class CandidateResult:
 
     @property
     def log_evidence(self) -> float:
-        """Return the log evidence in nats: that of trusted draws of `sampled` if there are any, else of `posterior`."""
+        """Return the log evidence in nats.
+
+        It is from sampling, with the motion of each draw solved, if `sampled` has draws that can be trusted; else it is
+        that of the linear model in `posterior`.
+        """
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
         return self.posterior.log_evidence
@@ -571,7 +576,7 @@ class _CandidateFits:
 
     @property
     def epsilon(self) -> float:
-        """Return the width ε of the velocity in which dry friction changes its sign, in rad/s or m/s."""
+        """Return the width ε of the velocity range in which dry friction changes its sign, in rad/s or m/s."""
         return self.solvers[self.laws[0]].epsilon
 
     def known_under(self, law: str) -> Mapping[str, float]:
@@ -681,7 +686,10 @@ class _CandidateFits:
         return other
 
     def with_width(self, epsilon: float) -> _CandidateFits:
-        """Return a copy with all fits repeated with the width `epsilon` of dry friction; self if it has this width."""
+        """Return a copy with all fits repeated with another width of dry friction; self if it has this width already.
+
+        epsilon: width of the velocity range in which friction changes its sign, in rad/s or m/s.
+        """
         if epsilon == self.epsilon:
             return self
         fits = self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})

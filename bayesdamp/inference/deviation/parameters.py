@@ -57,7 +57,7 @@ class Parameters(Scores):
 
     @property
     def positive(self) -> np.ndarray:
-        """Return which scores must not be negative, booleans (d,): those of half-normal priors."""
+        """Return which parameters must not be negative, booleans (d,): those with half-normal priors."""
         return self.reflected
 
     @cached_property
@@ -205,7 +205,11 @@ class StraightParameters(Parameters):
         return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Convert derivatives of n values by all k parameters, (n, k), to those by the d coordinates at z, (n, d)."""
+        """Convert derivatives of n values by all k parameters, (n, k), to those by the d coordinates, (n, d).
+
+        z: coordinates of the inferred parameters at which the derivatives are taken, (d,): standard normal scores or,
+        for θ₀ and the restoring law, straight coordinates (see the class).
+        """
         columns = super().by_scores(tangents, z)
         columns[:, self.places] = tangents[:, self.free[self.places]] @ self.slopes(z)
         return columns
@@ -220,7 +224,10 @@ class StraightParameters(Parameters):
         return scores
 
     def _law_scores(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores of the parameters `at`, (..., b), at coordinates z, (..., d)."""
+        """Return the standard normal scores, (..., b), of the parameters that have straight coordinates (`at`).
+
+        z: coordinates of all d inferred parameters, (..., d).
+        """
         values = self._law_values(z[..., self.places])
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
@@ -247,7 +254,10 @@ class StraightParameters(Parameters):
         return ratios
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the parameters `at` by v, (..., b, b), at coordinates z, (..., d)."""
+        """Return the derivatives of the parameters `at` by their straight coordinates v (see the class), (..., b, b).
+
+        z: coordinates of all d inferred parameters, (..., d).
+        """
         v, steps = z[..., self.places], DERIVATIVE_STEP * np.eye(self.places.size)
         changes = [self._law_values(v + step) - self._law_values(v - step) for step in steps]
         return np.stack(changes, axis=-1) / (2 * DERIVATIVE_STEP)

@@ -143,8 +143,8 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
     """Return the error that averaging over cycles causes in the best candidate's parameters; None without averaging.
 
-    Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved, and
-    None also if there are no results.
+    Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved. The
+    result is None also if the comparison has no results.
     """
     if comparison.data.averaged is None or not comparison.results:
         return None

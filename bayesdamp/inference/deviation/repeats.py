@@ -29,9 +29,10 @@ SPREADS = np.geomspace(5e-4, 0.45, 27)
 is below 1e-5. With half as many values the upper end of a wide interval of s was a tenth to a fifth too large
 (measured)."""
 SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-"""Boundaries of the cells around the grid values of the spread: geometric means of neighbours, 0 and ∞."""
+"""Boundaries of the cells around the grid values of the spread between records (sd of log coefficients): geometric
+means of neighbours, 0 and ∞."""
 JOINT_DRAWS = 4000
-"""Number of draws from the joint posterior."""
+"""Number of draws from the joint posterior of a specimen's damping, given all its records."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
 """Largest number of Gauss–Newton steps to the joint mode of the specimen's parameters and the records' factors. The
 steps end earlier if the predicted gain of the log posterior is below the second value, in nats."""

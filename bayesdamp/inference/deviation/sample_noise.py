@@ -32,7 +32,8 @@ LEAD_NATS = 5.0
 AUTOREGRESSION_ORDER = 8
 """Number of preceding residuals from which `predictable_nats` predicts each residual (conventional)."""
 OSCILLATION_BAND = (0.3, 2.0)
-"""Limits of the frequency band that counts as near the oscillation, in units of the oscillation's frequency."""
+"""Limits of the frequency band that counts as near the oscillation, where residuals affect the damping, in units of the
+oscillation's frequency."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
 """The noise model of a long record is chosen from part of its samples: from this number of stretches along the record,
 with this number of samples in all, which determine its parameters to one per cent (conventional)."""

@@ -44,7 +44,7 @@ LARGEST_ERROR = 0.05
 """Largest allowed error of a draw's motion: norm of the error over all samples, in standard deviations of the noise. It
 shifts no parameter by more than this fraction of the parameter's sd."""
 TRIED_DRAWS = 4
-"""Number of draws for which `draw_solver` checks the error of the motions."""
+"""Number of draws for which `draw_solver` compares the motion with a more accurate one."""
 T = TypeVar("T")
 
 
@@ -166,7 +166,7 @@ class LinearProposal:
         return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return u itself, because the draws of this proposal are in the coordinates of `parameters`."""
+        """Return u itself: draws of this proposal are already in the coordinates of `parameters`."""
         return u
 
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:

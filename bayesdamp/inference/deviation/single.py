@@ -243,7 +243,7 @@ class Single:
 
     @property
     def oscillator(self) -> Oscillator:
-        """Return the oscillator with the candidate's exact laws."""
+        """Return the oscillator with the candidate's damping terms and restoring law, which hold exactly."""
         candidate = self.result.candidate
         return Oscillator(candidate.damping, candidate.restoring)
 
@@ -264,7 +264,10 @@ class Single:
         return {**known, "noise_sd": float(np.sqrt(variance))}
 
     def values(self, u: Array) -> Array:
-        """Return the inferred parameters, (..., p), in the order of `names`, at draws of u, (..., K)."""
+        """Return the inferred parameters in their units, (..., p), in the order of `names`.
+
+        u: draws of all unknowns, (..., K), of which the first p are the parameters as standard normal scores.
+        """
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
@@ -303,7 +306,7 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """Return the sd that noise alone causes in each inferred parameter (in its unit) if laws are exact, by name."""
+        """Return the sd of each inferred parameter, in its unit, that noise alone would cause, by name."""
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
@@ -316,7 +319,7 @@ class Single:
 
     @property
     def knots(self) -> Array:
-        """Return the times of the deviations' knots in the record, in s from the first sample, (k,)."""
+        """Return the times at which the deviations from the laws have their knots, in s from the start, (k,)."""
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:

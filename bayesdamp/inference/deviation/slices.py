@@ -37,7 +37,7 @@ LAST_NATS = 8.0
 """On each side of the mode, slices are added until the log evidence of one, with its prior, is this many nats below the
 best slice (conventional)."""
 MOST_SLICES = 12
-"""Largest number of slices on either side of the mode (conventional)."""
+"""Largest number of slices of a damping parameter's range on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
 """Largest change, across a slice, of the logarithm of t, the standard normal score that stands for the size of the
 damping term with the sliced parameter (`SlicedProposal`). Slopes are reduced to this where the record determines only a
@@ -121,7 +121,7 @@ class SlicedProposal:
 
     @property
     def _logs(self) -> np.ndarray:
-        """Return the log evidence of each slice plus the log prior probability of the slice, in nats, (k,)."""
+        """Return the log evidence of each of k slices plus its log prior probability, in nats, (k,)."""
         prior = -0.5 * self._middles**2 - 0.5 * np.log(2 * np.pi)
         return np.array([s.posterior.log_evidence for s in self.slices]) + prior + np.log(self.width)
 

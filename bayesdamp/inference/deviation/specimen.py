@@ -28,7 +28,7 @@ NATS_BEHIND = 25.0
 """A candidate is not fitted jointly to all records if even the product of its maximum likelihoods on the single records
 is this many nats behind the best."""
 Model = tuple[str, str]
-"""A damping sum (names joined by +) and a restoring law, by name."""
+"""Names of a damping sum (its terms joined by +) and of a restoring law."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class RatioLikelihood(RecordLikelihood):
         return (1 - share) * ends[0] + share * ends[1]
 
     def with_order(self, names: tuple[str, ...]) -> RatioLikelihood:
-        """Return a copy with its parameters in the order of `names`, without those that are not in `names`."""
+        """Return a copy whose parameters are those in `names`, in this order."""
         at, x = [self.names.index(n) for n in names], self.likelihood
         likelihood = DampingLikelihood(x.log, x.slope[:, at], x.information[:, at][:, :, at])
         per_unit, growth = self.per_unit[:, at], self.growth[:, at]
@@ -355,7 +355,7 @@ def compare_runs(
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:
-    """Return a `Reference` with the geometric means of amplitude and frequency of the records' references."""
+    """Return the geometric means of the records' reference amplitudes and frequencies, as a `Reference`."""
     amplitude, frequency = (
         float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
         for n in ("amplitude", "frequency")

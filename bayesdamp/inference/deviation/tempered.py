@@ -39,14 +39,14 @@ grows from 0 to 1. These are the number of moves of every draw at each β < 1, a
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
 """Initial and smallest size of a Crank–Nicolson move of a draw, in posterior standard deviations."""
 WANTED_ACCEPTANCE = 0.35
-"""Acceptance rate of the moves to which their step is adapted."""
+"""Acceptance rate of the Crank–Nicolson moves; their step is changed after each move to approach it."""
 MOST_TEMPERATURES = 30
 """Largest number of increases of β, the exponent of the exact likelihood, from 0; if β has not reached 1 by then, the
 draws are not trusted."""
 LEAST_RISE = 1e-6
 """Smallest increase of β, the exponent of the exact likelihood, from one distribution to the next."""
 LEAST_ACCEPTANCE = 0.05
-"""Draws are not trusted if fewer than this fraction of them accepted the last move."""
+"""Draws of sequential Monte Carlo are not trusted if fewer than this fraction of them accepted the last move."""
 
 
 @dataclass(frozen=True)

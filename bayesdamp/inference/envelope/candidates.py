@@ -53,7 +53,8 @@ NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
 """Factors that are used instead of `NOISE_SCALES` for at least `MANY_READINGS` blocks, which determine the noise
 better."""
 MANY_READINGS = 40
-"""Number of blocks of readings from which `NOISE_SCALES_MANY` is used (conventional)."""
+"""Number of blocks of readings from which the narrower range `NOISE_SCALES_MANY` of noise scales is used
+(conventional)."""
 MOST_POWER = 3.0
 """Largest exponent p of the power law dA/dt = -c A^p (the smallest is 0)."""
 IMPROBABLE_EXACT = 0.1
@@ -160,7 +161,7 @@ class EnvelopeCandidate:
 
     @cached_property
     def posterior(self) -> LinearPosterior:
-        """The mixture of the posteriors in `about`, with half-normal priors of the rates (no rate is negative)."""
+        """The mixture of the posteriors in `about`, with half-normal priors of the rates (none is negative)."""
         return self.about.apply_priors()
 
     @cached_property

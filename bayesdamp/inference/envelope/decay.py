@@ -35,7 +35,8 @@ LEAST_SHORTENING = 0.05
 """If the scatter of the readings shows a noise floor, the decay is shortened to end where it comes close to the floor,
 but only if at least this fraction of its readings is then left out."""
 FEW_READINGS = 40
-"""With fewer readings than this, the window of the decay is only changed because of a constant level at the start."""
+"""With fewer readings than this, the window of the decay is only changed because of a constant level at the start, not
+because of readings that do not belong to the decay or are close to the noise floor."""
 LEAST_BLOCKS_HELD = 12
 """A constant level at the start (the oscillation is still driven) is searched only if there are at least this many
 blocks."""
@@ -49,7 +50,8 @@ LEAST_SCATTER = 0.02
 """Smallest standard deviation of ln A (A is the amplitude) of a block of readings that the search for a constant level
 at the start assumes. It allows for errors of the damping laws and of the detector (conventional)."""
 EARLY_FRACTION = 0.1
-"""Fraction of the blocks, at the start of the decay, that are tested for whether the later blocks predict them."""
+"""Fraction of the blocks of readings, at the start of the decay, that are compared with their prediction by the later
+blocks. Blocks that do not agree are left out of the decay."""
 SURPRISE_SDS = 4.5
 """A block of readings early in a decay does not belong to the decay if it, or a sum of up to eight neighbouring blocks,
 differs by more than this many standard deviations from its prediction by the later blocks. By chance this occurs once
@@ -107,7 +109,7 @@ class Decay:
 
     @property
     def fall(self) -> float:
-        """Decrease of the level in dB from the first to the last thirtieth of the blocks."""
+        """Decrease of the level in dB from the first to the last thirtieth of the decay."""
         top, bottom = self.blocks.ends
         return (top - bottom) * NEPER
 
@@ -120,7 +122,10 @@ class Decay:
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return this decay and a fit of it in dB; fit, sd: ln(A/A_ref) at the blocks and its sd, (n,) each."""
+        """Return this decay and a fit of it in dB, for figures.
+
+        fit, sd: fitted ln(A/A_ref) at the n blocks of readings, and its standard deviation, (n,) each.
+        """
         b, t = self.blocks, self.record.t[self.window.start : self.window.stop]
         # The times of the blocks start at the middle of the first block.
         start = float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1)

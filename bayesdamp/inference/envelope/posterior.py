@@ -29,7 +29,8 @@ POINTS_ALONG = 257
 """Number of points along a fitted decay, evenly spaced in ln A (A is the amplitude), over which averages over the decay
 are computed."""
 LOSS_POINTS = 33
-"""Number of amplitudes, evenly spaced in ln A, at which `RateLikelihood.log_losses` is tabulated."""
+"""Number of amplitudes, evenly spaced in their logarithm, at which the decay rate of each term is tabulated
+(`RateLikelihood.log_losses`)."""
 WIDE_PRIOR = 3.0
 """Standard deviation of a wide normal prior of the rates, in units of the sum of the fitted rates. Under it the
 likelihoods for several noises are merged into one Gaussian; the prior is divided out afterwards."""
@@ -198,7 +199,7 @@ class RateLikelihood:
 def likelihood_of(
     candidate: EnvelopeCandidate, blocks: Blocks, reference: float, unit: str
 ) -> RateLikelihood:
-    """Compute the likelihood of the rates of a candidate.
+    """Compute the likelihood of the decay rates of a sum of damping terms, given an envelope.
 
     Parameters
     ----------

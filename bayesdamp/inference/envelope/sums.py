@@ -98,7 +98,7 @@ ASSUMPTIONS = (
     "averaged over the first half of the fall in dB; the values at three amplitudes include the deviation.",
 )
 COMPARED_AMPLITUDES = 65
-"""Number of amplitudes, evenly spaced in their logarithm, at which two laws are compared."""
+"""Number of amplitudes, evenly spaced in their logarithm, at which two decay laws are compared."""
 SAME_LAW_RMS = 1e-4
 """Two decay laws count as equal if the root mean square of the relative difference of their rates is at most this."""
 EXCLUDED_NATS = 7.0
@@ -133,7 +133,7 @@ class Sum:
 
     @property
     def name(self) -> str:
-        """Names of the terms, joined by +, such as `viscous+coulomb`."""
+        """Name of the sum: its terms, joined by +, such as `viscous+coulomb`."""
         return "+".join(self.terms)
 
     @property
@@ -483,7 +483,10 @@ class Ranking:
 
     @property
     def fitted(self) -> EnvelopeCandidate:
-        """The most probable candidate of the most probable sum."""
+        """The most probable candidate of the most probable sum.
+
+        A sum has several candidates if a term has a parameter such as an exponent: one for each of several values.
+        """
         of_best = (c for c in self.candidates if c.name == self.best.name)
         return max(of_best, key=lambda c: c.total + c.log_share)
 

@@ -35,7 +35,10 @@ errors (conventional)."""
 
 @dataclass(frozen=True)
 class BridgeEstimate:
-    """Log evidence by one bridge (nats), its standard error, and the overlap of the two densities (1 if equal)."""
+    """Log evidence (nats) by bridge sampling from one half of the draws, its standard error, and an overlap.
+
+    The overlap is that of the posterior and the fitted distribution, 1 if they are equal.
+    """
 
     log_evidence: float
     stderr: float

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 LIVE_POINTS = 500
 """Number of live points of nested sampling (conventional)."""
 EFFECTIVE_DRAWS = 2500
-"""Effective number of posterior draws at which a run ends; the log evidence then has a standard error of 0.02 nats."""
+"""Effective number of posterior draws at which a run of nested sampling ends; the log evidence then has a standard
+error of 0.02 nats."""
 MAX_LIKELIHOODS = 400_000
-"""Number of evaluations of the likelihood at which a run ends without a reliable result."""
+"""Number of evaluations of the likelihood at which a run of nested sampling ends without a reliable result."""
 LIKELIHOODS_PER_CHECK = 20_000
 """After each of this many evaluations of the likelihood, it is estimated whether a run that starts from the prior can
 finish within `MAX_LIKELIHOODS`; if not, the run ends."""

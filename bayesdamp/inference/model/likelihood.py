@@ -19,7 +19,7 @@ from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import shared_log_density
 
 NOISE_STEP = 1e-2
-"""Step of the second differences by the scores of the noise parameters, in units of these scores."""
+"""Step of the second differences by the noise parameters, in units of their standard normal scores (prior sds)."""
 HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
@@ -109,7 +109,7 @@ class Likelihood:
     def motions(self) -> Trajectories:
         """Solver of the motion at the times of the samples, from the first of the record to the last one that is used.
 
-        If the target has deviations, it is `Deviation.motions`.
+        If the model allows for deviations from its laws, it is a solver with these deviations fixed at the mode.
         """
         if self.target.deviation is not None:
             return self.target.deviation.motions

@@ -189,7 +189,7 @@ class Target(Scores):
 
     @cached_property
     def noise_model(self) -> NoiseModel:
-        """The distribution of the residuals: `deviation` if there is one, else the noise model `noise`."""
+        """The distribution of the residuals: the noise model `noise` or, with deviations from the laws, `deviation`."""
         return NOISES.get(self.noise) if self.deviation is None else self.deviation
 
     @property

@@ -23,7 +23,10 @@ class QuantisedNoise(IndependentNoise):
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the recording step of the signal, in its unit, as `noise_step`. Raises Refusal if it has none."""
+        """Return the recording step of the signal, in its unit, as `noise_step`.
+
+        Its values are rounded to multiples of this step. Raises Refusal if the values are not rounded to such a step.
+        """
         if not signal.step > 0:
             raise Refusal(
                 "the record's values are not rounded to multiples of a recording step; use noise gaussian instead of "

@@ -16,13 +16,14 @@ from bayesdamp.numerics.orthant import ReflectedT
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
-"""Number of independent ensembles of walkers."""
+"""Number of independent ensembles of walkers; their comparison shows whether they have converged."""
 STEPS_PER_BLOCK = 200
-"""Number of steps of each walker between checks of whether there are enough draws."""
+"""Number of steps of each emcee walker between checks of whether there are enough draws."""
 OUTSIDE_LOG_DENSITY = -1e300
-"""Log density outside the support of the posterior. It is finite, because emcee computes differences."""
+"""Log density that emcee gets outside the support of the posterior. It is finite, because emcee computes
+differences."""
 MOST_BLOCKS = 40
-"""Greatest number of blocks of `STEPS_PER_BLOCK` steps."""
+"""Greatest number of blocks of `STEPS_PER_BLOCK` steps of emcee; the outcome says so if the draws are still too few."""
 
 
 class Emcee(Sampler):

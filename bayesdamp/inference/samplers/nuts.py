@@ -29,7 +29,7 @@ from bayesdamp.types import OK, ChainStart, Posterior
 MOST_DOUBLINGS = 7
 """Greatest number of times that NUTS doubles a trajectory, which then has at most 2⁷ points."""
 DIVERGENCE_NATS = 1000.0
-"""A trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
+"""A NUTS trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
 MOST_REFLECTIONS = 4
 """Greatest number of reflections in a leapfrog step for each wall (a bound where a coefficient is zero), 4 k in total
 for k walls; a step with more is rejected."""
@@ -348,7 +348,7 @@ class ChainRun:
         )
 
     def continue_chains(self, count: int) -> ChainRun:
-        """Return a run with the earlier draws, after which each chain has `count` more, made from its last one."""
+        """Return a run with the earlier draws and, for each chain, `count` more that continue from its last draw."""
         more = [
             chain.sample(u[-1], float(log_density[-1]), count)
             for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)

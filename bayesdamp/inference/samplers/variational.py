@@ -17,19 +17,19 @@ from bayesdamp.types import Posterior, Refusal
 FIRST_DECAY, SECOND_DECAY = 0.9, 0.999
 """Decay rates of the running means of the gradient and of its square in Adam (the values of its authors)."""
 GRADIENT_DRAWS = 8
-"""Number of draws from which each gradient is estimated."""
+"""Number of draws from the fitted normal distribution from which each gradient of the evidence bound is estimated."""
 STEPS_PER_BLOCK = 50
-"""Number of Adam steps in a block; after each block convergence is checked."""
+"""Number of steps of the optimiser Adam in a block; after each block convergence is checked."""
 MOST_BLOCKS = 60
-"""Greatest number of blocks of Adam steps."""
+"""Greatest number of blocks of Adam steps; if the optimisation has not converged by then, it is refused."""
 FIRST_RATE = 0.04
-"""Adam's first learning rate."""
+"""First learning rate of the optimiser Adam; it is halved when the parameters settle."""
 SETTLED_CHANGE = 0.1
 """If, from one block to the next, the mean values of all parameters of the normal distribution change by less than
 this, the learning rate is halved. The parameters are its mean, in standard deviations of Laplace's approximation, and
 its Cholesky factor, whose diagonal is logarithmic."""
 MOST_HALVINGS = 3
-"""Number of times that the learning rate is halved; at the next convergence the optimisation ends."""
+"""Number of times that Adam's learning rate is halved; at the next convergence the optimisation ends."""
 
 
 @dataclass(frozen=True)
