@@ -389,7 +389,7 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: TemperedDraws
 ) -> tuple[dict[str, Any], np.ndarray]:
-    """Summarise the draws of a candidate that `sampling` has made with exact motions.
+    """Summarise the draws of a candidate for which `sampling` has solved the equation of motion.
 
     Returns
     -------

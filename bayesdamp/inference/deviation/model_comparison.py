@@ -96,12 +96,12 @@ class CandidateResult:
         Variance of the noise behind `posterior`, and behind `exact_posterior`, in the record's unit squared. They are
         equal without a linearisation with deviations.
     exact_posterior : LinearPosterior
-        The linear posterior under exact laws.
+        The posterior of the linear model about the fit under exact laws.
     linearisation, approximate_posterior : optional
-        The linearisation about the mode with deviations, and its linear posterior; None where laws are assumed to be
-        exact, or no motion with deviations stays close to the record.
+        The linearisation about the mode with deviations, and its posterior; None where laws are assumed to be exact, or
+        no motion with deviations stays close to the record.
     sampled : TemperedDraws, optional
-        Draws by sequential Monte Carlo, with the exact motions in place of the linear model.
+        Draws by sequential Monte Carlo, in which the equation of motion is solved for each draw.
     """
 
     candidate: MotionCandidate
@@ -472,7 +472,7 @@ class NoiseChoice:
     modes : mapping of str to tuple of Linearisation and float
         For each restoring law, the largest sum linearised about its mode, and the variance of its noise.
     frictions : tuple of Friction
-        Values of the width ε of dry friction and their probabilities.
+        Values of the width ε of the velocity range in which dry friction changes its sign, and their probabilities.
     noise : SampleNoise
         Noise model of the samples.
     variance, inflation : float
@@ -616,7 +616,7 @@ class _CandidateFits:
 
     @property
     def fullest(self) -> list[MotionCandidate]:
-        """Return the candidate with all terms for each restoring law.
+        """Return, for each restoring law, the candidate with all damping terms.
 
         If it could not be fitted, it is the candidate with all terms whose only parameter is the coefficient.
         """

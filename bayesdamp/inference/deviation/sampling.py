@@ -181,11 +181,11 @@ class LinearProposal:
 
 
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
-    """Return the linear posterior from which the sampling of a candidate starts.
+    """Return the posterior of a linear model from which the sampling of a candidate starts.
 
     It is in straight coordinates, in which motions are more nearly linear (`StraightParameters`), if these exist, and a
     mixture over slices (`SlicedProposal`) if a damping term has a parameter of its own that the record determines
-    poorly (see `slice_proposal`). Otherwise it is the candidate's linear posterior.
+    poorly (see `slice_proposal`). Otherwise it is the posterior of the candidate's linear model about its mode.
     """
     start = _straighten(comparison, result)
     if start is None:
@@ -251,11 +251,12 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
 def sampled_result(
     comparison: ModelComparison, result: CandidateResult, seed: int = 0, draws: int = SMC_DRAWS
 ) -> CandidateResult:
-    """Return a copy of a candidate's result with draws from its posterior, with exact motions, in `sampled`.
+    """Return a copy of a candidate's result with draws from its posterior in `sampled`.
 
-    `sampled.draws` contain the parameters as standard normal scores, then the deviations g (log damping) and h
-    (relative frequency), also if the sampling used other coordinates. draws: number of draws. Equal seeds give equal
-    draws of the same candidate; different candidates have different random streams.
+    The equation of motion is solved for each draw.     `sampled.draws` contain the parameters as standard normal
+    scores, then the deviations g (log damping) and h (relative frequency), also if the sampling used other coordinates.
+    draws: number of draws. Equal seeds give equal draws of the same candidate; different candidates have different
+    random streams.
     """
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)

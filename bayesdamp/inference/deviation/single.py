@@ -333,9 +333,9 @@ class Single:
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
         """Return median, 95 % interval and parts of the sd (`Quantity`) of the damping ratio at each amplitude.
 
-        Amplitudes are in rad or m. The numbers are from draws u, (n, K), and include the deviations. sensor: relative
-        sd of the sensor's linearity and clock, which is added. All numbers but the amplitude are nan where no orbit has
-        it.
+        Amplitudes are in rad or m. The numbers are from draws u of all unknowns, (n, K), and include the deviations.
+        sensor: relative sd of the sensor's linearity and clock; each draw is multiplied by a random factor with this
+        sd. All numbers but the amplitude are nan where no orbit has it.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
@@ -344,14 +344,14 @@ class Single:
         """Return draws of the equivalent damping ratio, (n, m), at m amplitudes in rad or m.
 
         They are NaN where no orbit has the amplitude. u: draws of the unknowns, (n, K). sensor: relative sd of the
-        sensor's linearity and clock, which is added.
+        sensor's linearity and clock; each draw is multiplied by a random factor with this sd.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         columns = [draw_ratios(self.comparison, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
         return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Return the motions, (n, m), of draws u, (n, K), at times t, (m,); NaN where a motion is unbounded.
+        """Return the motions, (n, m), of draws u of all unknowns, (n, K), at times t, (m,); NaN if unbounded.
 
         t: in s from the first sample, between the first and the last of `knots`. The motions are in the record's unit.
         quantity: angle, velocity or acceleration. By default they have the times, the quantity and the form of the
@@ -528,7 +528,7 @@ def first_half(single: Single) -> Single:
     count, inferred = data.t.size // 2, single.state.u.size
     if count <= inferred:
         raise Refusal(
-            f"half the record has {count} samples for {inferred} parameters and deviations, which is too few"
+            f"half the record has {count} values for {inferred} parameters and deviations, which is too few"
         )
     return _rebuild(data.first(count), single.result.candidate, single.state, knots)
 

@@ -79,12 +79,12 @@ class Slice:
 
 @dataclass(frozen=True)
 class SlicedProposal:
-    """The mixture of the linear posteriors of all slices of a damping parameter's range, from which sampling starts.
+    """The distribution from which sampling starts: a mixture of posteriors of linear models, one for each slice.
 
-    u, (K,), are a candidate's standard normal scores and deviations; a is the score of the sliced parameter, which
-    belongs to one damping term. Draws are made in other coordinates w, (K,), in which the motion is more nearly linear.
-    w contains a too, at the middle of a slice; `redraw_within_slice` moves it within the slice. Two transformations
-    lead from w to u:
+    A slice is a part of the range of one damping parameter, such as an exponent. u, (K,), are a candidate's standard
+    normal scores and deviations; a is the score of the sliced parameter, which belongs to one damping term. Draws are
+    made in other coordinates w, (K,), in which the motion is more nearly linear. w contains a too, at the middle of a
+    slice; `redraw_within_slice` moves it within the slice. Two transformations lead from w to u:
 
     - c and t instead of c and s. c is the score of the coefficient of the term with the parameter a. If the term has a
       further parameter with the score s that multiplies c (such as the static excess of friction), the force is linear
@@ -267,7 +267,7 @@ def slice_proposal(
     base : Parameters
         Priors and names of the scores.
     posterior : LinearPosterior
-        The linear posterior about the mode, in the coordinates of `base`.
+        The posterior of the linear model about the mode, in the coordinates of `base`.
     """
     d = base.free.size
     own = np.array([name in result.solver.inferred for name in base.free_names])

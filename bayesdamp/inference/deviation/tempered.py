@@ -1,10 +1,10 @@
-"""Sequential Monte Carlo from the linear posterior to the posterior with exact motions.
+"""Sequential Monte Carlo from the posterior of a linear model to that with exact motions.
 
-The draws pass through posteriors with the likelihoods L_linear^(1−β) L^β, β from 0 to 1 (P. Del Moral, A. Doucet and A.
-Jasra, J. R. Stat. Soc. B 68, 2006, 411). Prior and noise are the same at both ends, so that weights depend only on the
-ratio of the likelihoods. Crank–Nicolson moves leave the linear posterior unchanged (S. L. Cotter, G. O. Roberts, A. M.
-Stuart and D. White, Stat. Sci. 28, 2013, 424), so that their acceptance depends only on this ratio too, in any number
-of dimensions.
+Exact motions are solutions of the equation of motion, one for each draw. The draws pass through posteriors with the
+likelihoods L_linear^(1−β) L^β, β from 0 to 1 (P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411).
+Prior and noise are the same at both ends, so that weights depend only on the ratio of the likelihoods. Crank–Nicolson
+moves leave the posterior of the linear model unchanged (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat.
+Sci. 28, 2013, 424), so that their acceptance depends only on this ratio too, in any number of dimensions.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from bayesdamp.numerics.weights import effective_size, pareto_k, resample
 SMC_DRAWS = 300
 """Default number of draws of sequential Monte Carlo (conventional)."""
 EFFECTIVE_FRACTION = 0.5
-"""β, the exponent of the exact likelihood, is increased until the effective number of draws is this fraction of their
-number (conventional)."""
+"""In sequential Monte Carlo β, the exponent of the exact likelihood, is increased until the effective number of draws
+is this fraction of their number; the draws are then resampled (conventional)."""
 LEAST_EFFECTIVE = 0.15
 """Sampling begins with draws of a linear model's posterior. If the effective fraction of these draws for the exact
 posterior is at least this, importance sampling with more draws costs less than moving them, and is used instead
 (conventional)."""
 SAFETY_FACTOR = 1.2
-"""For importance sampling, this many times more draws are made than the effective fraction of the first draws
-requires."""
+"""Importance sampling makes this many times more draws than the effective fraction of the first draws requires, so that
+enough of them are effective."""
 LARGEST_PARETO_K = 0.7
 """Importance sampling is not used if the Pareto shape of the largest weights is above this, because it is then not
 reliable (Vehtari et al., 2024)."""
@@ -51,10 +51,10 @@ LEAST_ACCEPTANCE = 0.05
 
 @dataclass(frozen=True)
 class TemperedDraws:
-    """Draws from the posterior with exact motions.
+    """Draws from the posterior with exact motions: the equation of motion is solved for each draw.
 
-    β is the exponent with which the likelihood changes from that of the linear model (β = 0) to that with exact motions
-    (β = 1).
+    β is the exponent with which the likelihood changes from that of a linear model of the motion (β = 0) to that with
+    exact motions (β = 1).
 
     Attributes
     ----------
@@ -130,8 +130,8 @@ def sample_posterior(
 ) -> TemperedDraws:
     """Draw from the posterior with exact motions, starting from that of a linear model, and compute its evidence.
 
-    The draws are in the coordinates of `start`. If the motions of all first draws are unbounded, the log evidence is −∞
-    and the draws are not trusted.
+    For exact motions the equation of motion is solved for each draw. The draws are in the coordinates of `start`. If
+    the motions of all first draws are unbounded, the log evidence is −∞ and the draws are not trusted.
 
     Parameters
     ----------

@@ -21,7 +21,8 @@ HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
 """Mean and standard deviation of the half-normal prior of a score that cannot be negative, with which the filter
 starts."""
 MOST_PASSES = 20
-"""Greatest number of passes of the Kalman filter over the record; if it has not converged by then, it is refused."""
+"""Greatest number of passes of the Kalman filter over the record; if it has not converged by then, sampling ends with a
+Refusal."""
 SETTLED_SDS = 0.01
 """The filter has converged if the mean after the last sample changes from one pass to the next by less than this, in
 posterior standard deviations."""

@@ -21,7 +21,8 @@ GRADIENT_DRAWS = 8
 STEPS_PER_BLOCK = 50
 """Number of steps of the optimiser Adam in a block; after each block convergence is checked."""
 MOST_BLOCKS = 60
-"""Greatest number of blocks of Adam steps; if the optimisation has not converged by then, it is refused."""
+"""Greatest number of blocks of Adam steps; if the optimisation has not converged by then, sampling ends with a
+Refusal."""
 FIRST_RATE = 0.04
 """First learning rate of the optimiser Adam; it is halved when the parameters settle."""
 SETTLED_CHANGE = 0.1
