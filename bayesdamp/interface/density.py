@@ -51,7 +51,6 @@ class Density(ResultView):
 
     Examples
     --------
-
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
     >>> density = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0}).bind(signal)

@@ -328,8 +328,11 @@ class Case:
 
         Parameters
         ----------
-        noise, epsilon
-            As in `target`.
+        noise
+            The noise model.
+        epsilon
+            Velocity in rad/s (m/s for a translation) within which Coulomb friction changes its sign, if it was chosen
+            for this record; None if the model states it or infers it, or has no friction.
         starts
             The starting points.
         draws
@@ -405,7 +408,16 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Mode, tuple[str, ...]]:
-    """Fit a model whose laws hold exactly; `start` and `seed` are as in `fit`.
+    """Fit a model whose laws hold exactly.
+
+    Parameters
+    ----------
+    signal, model
+        The record and the model.
+    start
+        A further starting point: parameter values in natural units by name; or None.
+    seed
+        Seed of the starting points that are drawn from the prior.
 
     Returns
     -------

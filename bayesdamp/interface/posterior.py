@@ -343,7 +343,7 @@ def _definition(name: str, fit: Fit) -> str:
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     """Return the variables of draws whose laws may hold approximately: parameters, deviations and their sizes.
 
-    `u`, (chain, draw, K), contains the draws, as in `Posterior.u`.
+    `u`, (chain, draw, K), contains the draws: scores of the parameters, and deviations at the knots.
     """
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
@@ -500,7 +500,8 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     posterior
         The draws in natural units with their summaries.
     u
-        Parameters and deviations of each draw, shape (chain, draw, K), as in `Posterior`; empty if laws hold exactly.
+        Scores of the parameters and deviations at the knots of each draw, shape (chain, draw, K); empty if laws hold
+        exactly.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class Specimen:
     """One specimen of a study: its records, its candidates, and the joint fit of its records.
 
     specs: its signals. records: by label, which is the signal's name, and for repeats "NAME, 1", "NAME, 2" and so on.
-    candidates: names of the candidates. seed: of its draws; the verdict on the specimen uses the same one.
+    candidates: names of the candidates. seed: of the draws of its joint fit and of its verdict.
     """
 
     def __init__(self, study: Study, name: str, store: Store) -> None:
@@ -162,9 +162,11 @@ def compute_joint(specimen: Specimen) -> Product:
 
 
 def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], Arrays]:
-    """Return the evidence and summaries of each candidate on a specimen, and the draws, named as in `JointContent`.
+    """Return the evidence and summaries of each candidate on a specimen, and arrays of draws, (n,), by name.
 
-    A candidate that no answer compared, or whose coefficients were not inferred, has an outcome and no draws.
+    The arrays are `CANDIDATE/NAME`, the draws of each coefficient; `CANDIDATE/NAME/log_prior`, their log prior density;
+    and `CANDIDATE/spread`, the draws of the spread between records. A candidate that no answer compared, or whose
+    coefficients were not inferred, has an outcome and no draws.
     """
     rows: dict[str, JointCandidate] = {}
     arrays: Arrays = {}
@@ -199,7 +201,8 @@ def compare_candidates(specimen: Specimen) -> tuple[dict[str, JointCandidate], A
 def coefficients_of(arrays: Mapping[str, np.ndarray], candidate: str) -> dict[str, np.ndarray]:
     """Return the draws, (n,), of a candidate's coefficients by name, from the arrays of a joint fit.
 
-    The arrays are named as in `JointContent`. The result is empty if they contain no draws of the candidate.
+    The arrays are `CANDIDATE/NAME` and `CANDIDATE/NAME/log_prior`. The result is empty if they contain no draws of the
+    candidate.
     """
     start, end = f"{candidate}/", "/log_prior"
     names = [

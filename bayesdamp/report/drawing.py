@@ -235,7 +235,8 @@ class Drawings:
     def show(self, name: str, caption: str, png: bytes) -> Markup:
         """Return the HTML that shows a figure that is already a PNG (as bytes); save it if there is a folder.
 
-        The file is `name`.png. name, caption: as in `add`.
+        The file is `name`.png; characters that a file name should not contain are replaced. caption: plain text below
+        the figure, which is also its alternative text.
         """
         name = _file_name(name)
         if self.folder is not None:

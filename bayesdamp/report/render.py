@@ -67,8 +67,9 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the HTML page of a run, and the names of its figures without their endings.
 
-    `pool` is as in `render`; it is not used if the user has added plug-ins, which exist in this process only. Raises
-    OtherVersionError if an incompatible version of bayesdamp wrote the run.
+    `pool` draws the sections in parallel; None to draw them in this process, which is also done if the user has added
+    plug-ins, because these exist in this process only. Raises OtherVersionError if an incompatible version of bayesdamp
+    wrote the run.
     """
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.order)

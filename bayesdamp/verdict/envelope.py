@@ -423,10 +423,11 @@ def at_common_amplitudes(
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two of them have a decay.
 
-    ln Q is pooled over the records (see `pool_records`), or ln of the decay rate if the frequency of a record is
-    unknown. If the damping is not viscous with a probability of at least `thresholds.DECIDED`, Q depends on the
-    amplitude: it is then pooled at three amplitudes that all records have in common, and `quality_factor` or `rate` is
-    that at the middle one. Without common amplitudes, the mean Q of the records are pooled, and a remark says so.
+    ln Q is pooled over the records, whose values may differ by a normal random effect, or ln of the decay rate if the
+    frequency of a record is unknown. If the damping is not viscous with a probability of at least `thresholds.DECIDED`,
+    Q depends on the amplitude: it is then pooled at three amplitudes that all records have in common, and
+    `quality_factor` or `rate` is that at the middle one. Without common amplitudes, the mean Q of the records are
+    pooled, and a remark says so.
 
     Parameters
     ----------

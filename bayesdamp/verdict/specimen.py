@@ -28,7 +28,7 @@ of the records' values, or times their median standard error if that is larger (
 RATIO_DRAWS = 20_000
 """Number of draws of a damping ratio: an end of a 95 % interval is then accurate to 2 % of its width."""
 Curve = Mapping[str, np.ndarray]
-"""Type of a damping curve: arrays by name, such as `amplitude` and `ratio` (see `RecordAnswer`)."""
+"""Type of a damping curve: arrays by name, such as `amplitude` and `ratio`, which have one element for each point."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class PooledMean:
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     """Return mean and spread of values of records that differ by a normal random effect.
 
-    The prior of the spread is half-Cauchy (see `PRIOR_SCATTERS`), that of the mean is flat. For a single value the
-    spread is 0.
+    The spread, the standard deviation of this effect, has a half-Cauchy prior (with the scale by `PRIOR_SCATTERS`), and
+    the mean has a flat prior. For a single value the spread is 0.
 
     Parameters
     ----------

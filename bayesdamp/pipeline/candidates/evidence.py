@@ -60,7 +60,7 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
     """Compute the evidence by one method. Raises Refusal if there is no fit or the method cannot work on it.
 
-    The content is an `EvidenceContent`. The arrays are those of the method, such as its draws, and only kept for the
+    The content is an `EvidenceContent`. The arrays are those of the method, such as its draws, and stored only for the
     first repeat. The referee (nested sampling) is skipped, and its content has no evidence, if the study calls it only
     for a disagreement and the other methods agree.
     """

@@ -74,7 +74,8 @@ def contours(
     x, y
         Finite draws of the two parameters, of the same shape.
     reflected
-        Whether x and y cannot be negative, as in `outline`.
+        Whether x and y cannot be negative. The grids then have no negative points, and the part of the density that the
+        smoothing puts below zero is reflected.
 
     Returns
     -------
@@ -135,8 +136,20 @@ def pairs(
 ) -> Figure:
     """Draw pairs of damping coefficients, with contours that enclose 50 % and 90 % of the posterior.
 
-    The panels on the diagonal have the marginal density of each coefficient. `names` lists the coefficients. For the
-    other arguments see `marginals`.
+    The panels on the diagonal have the marginal density of each coefficient.
+
+    Parameters
+    ----------
+    model
+        Name of the model, which determines the colour.
+    names
+        Names of the coefficients.
+    draws
+        Draws, of any shape, by sampler and parameter; the density and the contours of the first sampler are filled.
+    units
+        Units, by parameter, for the labels of the axes.
+    truth
+        True values, by parameter; missing or nan if not known.
     """
     count = len(names)
     figure = Figure(figsize=(2.5 * count + 0.4, 2.3 * count + 0.4))
@@ -230,7 +243,7 @@ def draw_running_estimates(
         For each coefficient, three arrays (n,). The filter goes over the record several times (passes) until its result
         converges: mean and sd in the last pass, drawn with a ± 2 sd band, and mean in the first pass.
     units, truth
-        As in `marginals`.
+        Units, and true values (missing or nan if not known), by coefficient.
     """
     figure = Figure(figsize=(WIDTH, 1.9 * len(estimates) + 0.4))
     axes = figure.subplots(len(estimates), 1, sharex=True, squeeze=False)[:, 0]

@@ -178,8 +178,8 @@ def draw_raw_record(
 def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Return a line (t, y) thinned to about `points` points, which include its ends and the extremes of each section.
 
-    At each long gap of the samples (see `interrupt_at_gaps`) it has a point with y = nan. A line with at most `points`
-    samples is not thinned.
+    At each gap of the samples that is longer than `GAP_INTERVALS` median sampling intervals it has a point with
+    y = nan. A line with at most `points` samples is not thinned.
     """
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:

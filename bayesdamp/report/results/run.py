@@ -374,7 +374,8 @@ def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent
 def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the names of all models of a signal: first the ranked ones, the most probable first, then the others.
 
-    The others are in the study's order. A name is as in the column `model` of the tables (see `RunFolder`).
+    The others are in the study's order. A name is the damping sum, with "@" and the restoring law added if the signal
+    is compared under several restoring laws.
     """
     ranked = rank_models(run, signal, repeat)
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
